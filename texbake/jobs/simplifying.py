@@ -12,10 +12,10 @@ from texbake.jobs.outputs import (
     check_distinct,
     check_mesh,
     check_report,
-    given,
     write_report,
 )
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_materials
+from texbake.mesh.files import read_mesh
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
@@ -32,6 +32,7 @@ def simplify_file(
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
     report: PathLike | None = None,
+    mtl: bool = True,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[SimplifyReport]:
@@ -48,6 +49,13 @@ def simplify_file(
         `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
     report
         File for the figures as JSON.
+    mtl
+        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
+
+    Returns
+    -------
+    JobResult of SimplifyReport
+        A warning names what the output cannot hold of the materials of `mesh`.
     """
     check_distinct([output, report])
     check_distinct([report], [mesh])  # the output may replace the mesh
@@ -59,6 +67,7 @@ def simplify_file(
         quality=quality,
         seams=seams,
         orientation=orientation,
+        mtl=mtl,
         threads=threads,
         progress=progress,
     )
@@ -76,6 +85,7 @@ def simplify_levels(
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
+    mtl: bool = True,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> list[JobResult[SimplifyReport]]:
@@ -89,7 +99,7 @@ def simplify_levels(
     mesh
     levels
         Number of triangles and file of each level; without a number, as few as `error` allows.
-    error, quality, seams, orientation, threads, progress
+    error, quality, seams, orientation, mtl, threads, progress
         As for `simplify_file`.
     """
     from texbake.raycast.orient import oriented
@@ -97,12 +107,17 @@ def simplify_levels(
     for n_faces, output in levels:
         check_target(n_faces, error)
         check_mesh(output)
-    high, turned = oriented(read_mesh(mesh, progress=progress), orientation, threads=threads)
+    read = read_mesh(mesh, progress=progress)
+    materials = SourceMaterials.read(mesh, read)
+    high, turned = oriented(read, orientation, threads=threads)
     done = []
     for n_faces, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
+        bordered = None
+        if materials.fit(output, mtl=mtl):
+            bordered = MaterialBorders.of(high, materials)
         low, figures = simplify_with_report(
-            high,
+            high if bordered is None else bordered.mesh,
             n_faces,
             error=error,
             quality=quality,
@@ -110,7 +125,10 @@ def simplify_levels(
             threads=threads,
             progress=progress,
         )
-        write_mesh(low, output)
+        of_low = materials
+        if bordered is not None:
+            low, of_low = bordered.taken_from(low, high)
+        files, warnings = write_with_materials(low, output, of_low, mtl=mtl)
         figures = replace(figures, notes=(*turned.notes, *figures.notes))
-        done.append(JobResult(files=given(output), report=figures, warnings=figures.notes))
+        done.append(JobResult(files=files, report=figures, warnings=(*figures.notes, *warnings)))
     return done

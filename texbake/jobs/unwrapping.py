@@ -20,10 +20,12 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.jobs.written import SourceMaterials, write_with_materials
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import UnwrapReport, unwrap_together
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.texture.image import write_image
 
@@ -47,6 +49,7 @@ def unwrap_files(
     heat: bool = False,
     checker: PathLike | None = None,
     report: PathLike | None = None,
+    mtl: bool = True,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> UnwrapFiles:
@@ -67,8 +70,16 @@ def unwrap_files(
         A picture file: the meshes under a numbered checker, from four sides.
     report
         File for the figures as JSON.
+    mtl
+        Whether an OBJ file gets a .mtl file with its materials beside it.
     threads, progress
         As for `unwrap`.
+
+    Returns
+    -------
+    UnwrapFiles
+        Materials without images are kept. A warning names what is lost: images do not fit the new
+        texture coordinates.
     """
     if layout is not None or checker is not None:  # they import the renderer
         from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
@@ -88,8 +99,10 @@ def unwrap_files(
     results = unwrap_together(read, options, threads=threads, progress=progress)
     if len(paths) > 1:
         make_folder(output)
-    for (mesh, _), path in zip(results, outputs, strict=True):
-        write_mesh(mesh, path)
+    written = [
+        _written(source, high, mesh, path, mtl=mtl)
+        for source, high, (mesh, _), path in zip(paths, read, results, outputs, strict=True)
+    ]
     unwrapped = [mesh for mesh, _ in results]
     if layout is not None:
         write_layout(join_meshes(unwrapped), layout, options.size, heat=heat, threads=threads)
@@ -98,21 +111,35 @@ def unwrap_files(
         write_image(picture, checker, color=True)
     reports = tuple(figures for _, figures in results)
     done = UnwrapFiles(
-        files=(*outputs, *given(layout, checker, report)),
+        files=(*(file for files, _ in written for file in files), *given(layout, checker, report)),
         report=reports,
         warnings=(
             *(f"{made.mesh}: {note}" for made in reports for note in made.notes),
-            *(
-                f"{path}: {path.suffix} files are written without texture coordinates; "
-                "use .obj, .ply or .glb"
-                for path in outputs
-                if path.suffix.lower() in BARE_MESH_SUFFIXES
-            ),
+            *(line for _, lines in written for line in lines),
         ),
     )
     if report is not None:
         write_report(report, done.to_json())
     return done
+
+
+def _written(
+    source: Path, read: Mesh, mesh: Mesh, output: Path, *, mtl: bool
+) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Write a mesh with new texture coordinates and its materials, which lose their images."""
+    found = SourceMaterials.read(source, read)
+    if found.materials is None or not found.materials.has_images:
+        return write_with_materials(mesh, output, found, mtl=mtl)
+    # A .mtl file that names images is not written over by one without them.
+    is_over = os.path.realpath(output.with_suffix("")) == os.path.realpath(source.with_suffix(""))
+    files, lines = write_with_materials(
+        mesh, output, found.without_images(), mtl=mtl and not is_over
+    )
+    line = (
+        f"{output}: written without the images of {source}, which do not fit its new texture "
+        f"coordinates; to bake them onto new ones: texbake lighten {source} -o OUT.glb"
+    )
+    return files, (*lines, line)
 
 
 def _unwrap_outputs(meshes: Sequence[Path], output: Path) -> list[Path]:

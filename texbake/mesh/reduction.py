@@ -217,7 +217,7 @@ def _seams(stream: VertexStream) -> str:
     names = {
         "texture coordinates": stream.uv_ids,
         "hard edges": stream.normal_ids,
-        "group borders": stream.group_ids,
+        "borders of groups or materials": stream.group_ids,
     }
     return " and ".join(name for name, ids in names.items() if ids is not None)
 

@@ -256,6 +256,7 @@ def _simplify(job: Job) -> dict[str, Any]:
         quality=options.quality,
         seams=options.seams,
         orientation=options.orientation,
+        mtl=False,
         threads=job.threads,
     )
     return {
@@ -264,7 +265,7 @@ def _simplify(job: Job) -> dict[str, Any]:
                 "faces": level.report.n_faces,
                 "distance_rms_relative": level.report.distance.rms_relative,
                 "distance_max_relative": level.report.distance.max_relative,
-                "notes": list(level.report.notes),
+                "notes": list(level.warnings),
             }
             for level in done
         ]
@@ -298,9 +299,14 @@ class UnwrapStep(UnwrapOptions):
 def _unwrap(job: Job) -> dict[str, Any]:
     from texbake.jobs.unwrapping import unwrap_files
 
-    (report,) = unwrap_files(
-        job.file("mesh"), job.outputs["mesh"], UNWRAP.made(job.settings), threads=job.threads
-    ).report
+    done = unwrap_files(
+        job.file("mesh"),
+        job.outputs["mesh"],
+        UNWRAP.made(job.settings),
+        mtl=False,
+        threads=job.threads,
+    )
+    (report,) = done.report
     measured = report.distortion
     return {
         "faces": report.n_faces,

@@ -1,0 +1,184 @@
+"""A mesh written with the materials of the file that it comes from.
+
+GLB files keep materials whole, OBJ files what .mtl files have of them. Other formats, as texbake
+writes them, hold none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from texbake.errors import TexbakeError
+from texbake.files import PathLike
+from texbake.jobs.outputs import BARE_MESH_SUFFIXES, given
+from texbake.mesh.files import write_mesh
+from texbake.mesh.files.mtl_write import write_obj_materials
+from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.materials import Materials, read_materials
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.texture.gltf_images import gltf_images
+from texbake.texture.mtl_images import mtl_images
+
+_TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SourceMaterials:
+    """The materials of a mesh file, for meshes that are made from it.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    materials : Materials or None
+        Those of the faces; None where the file has none, or what it has is damaged.
+    lost : tuple of str
+        What of them could not be read or kept.
+    passed_over : tuple of str
+        What else is in the file that a mesh has no place for.
+    """
+
+    path: Path
+    materials: Materials | None
+    lost: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, path: PathLike, mesh: Mesh) -> SourceMaterials:
+        """Read the materials of the file that a mesh was read from."""
+        lost: tuple[str, ...] = ()
+        try:
+            materials = read_materials(path, mesh)
+        except TexbakeError:  # it is damaged
+            materials, lost = None, ("materials",)
+        if materials is not None and not any(item.channels for item in materials.materials):
+            lost = ("materials",) if materials.missing else ()
+            materials = None
+        return cls(
+            path=Path(path), materials=materials, lost=lost, passed_over=passed_over(path)
+        )
+
+    def fit(self, output: PathLike, *, mtl: bool) -> bool:
+        """Whether there are materials, and a file of the format of `output` holds them."""
+        suffixes = (".glb", ".obj") if mtl else (".glb",)
+        return self.materials is not None and Path(output).suffix.lower() in suffixes
+
+    def without_images(self) -> SourceMaterials:
+        """Return the materials with their factors alone, for other texture coordinates."""
+        if self.materials is None:
+            return self
+        return replace(self, materials=self.materials.without_images())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialBorders:
+    """A mesh whose groups tell its materials apart as well, and what they stand for.
+
+    What is made from such a mesh keeps the borders between materials where it keeps those of
+    groups.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    source : SourceMaterials
+    parts : (G, 2) int32, optional
+        Group and material of each group of `mesh`; None where there is one material at most.
+    """
+
+    mesh: Mesh
+    source: SourceMaterials
+    parts: IntArray | None
+
+    @classmethod
+    def of(cls, mesh: Mesh, source: SourceMaterials) -> MaterialBorders:
+        """Divide the groups of a mesh by its materials."""
+        materials = source.materials
+        if materials is None or len(np.unique(materials.face_materials)) < 2:
+            return cls(mesh=mesh, source=source, parts=None)
+        groups = mesh.face_groups
+        if groups is None:
+            groups = np.zeros(mesh.n_faces, dtype=np.int32)
+        pairs = np.stack([groups, materials.face_materials], axis=1)
+        parts, part_of = np.unique(pairs, axis=0, return_inverse=True)
+        divided = mesh.replace(
+            face_groups=part_of.ravel().astype(np.int32),
+            group_names=tuple(map(str, range(len(parts)))),
+        )
+        return cls(mesh=divided, source=source, parts=parts.astype(np.int32))
+
+    def taken_from(self, made: Mesh, mesh: Mesh) -> tuple[Mesh, SourceMaterials]:
+        """Return what was made of the divided mesh, with the groups of `mesh`, and its materials.
+
+        Images on further sets of texture coordinates are left out: what was made has one set.
+        """
+        materials = self.source.materials
+        if materials is None:
+            return made, self.source
+        if self.parts is None or made.face_groups is None:
+            one = materials.face_materials[:1]
+            of_faces = np.repeat(one, made.n_faces)
+        else:
+            parts = self.parts[made.face_groups]
+            of_faces = parts[:, 1]
+            groups = None if mesh.face_groups is None else parts[:, 0]
+            made = made.replace(face_groups=groups, group_names=mesh.group_names)
+        lost = self.source.lost
+        if materials.image_uv_sets - {0}:
+            lost = (*lost, "images on further texture coordinates")
+        items = tuple(item.on_uv_sets((0,)) for item in materials.materials)
+        kept = replace(materials, face_materials=of_faces, materials=items, uv_sets={})
+        return made, replace(self.source, materials=kept, lost=lost)
+
+
+def write_with_materials(
+    mesh: Mesh, output: PathLike, source: SourceMaterials, *, mtl: bool
+) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Write a mesh with materials, one for each of its faces; return files and warnings.
+
+    `mtl` says whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
+    A warning names what the output cannot hold, or what of the source was lost on the way.
+    """
+    lost = list(source.lost)
+    if Path(output).suffix.lower() in BARE_MESH_SUFFIXES:
+        lost += [title for name, title in _TITLES.items() if getattr(mesh, name) is not None]
+    materials = source.materials
+    files, notes = given(output), []
+    if materials is None:
+        write_mesh(mesh, output)
+    elif not source.fit(output, mtl=mtl) or mesh.n_faces != len(materials.face_materials):
+        lost.append("materials")
+        write_mesh(mesh, output)
+    elif Path(output).suffix.lower() == ".glb":
+        materials = gltf_images(_of_colors(mesh, _of_uvs(mesh, materials, lost), lost))
+        notes += [line for _, line in materials.missing]
+        write_mesh(mesh, output, materials=materials)
+    else:
+        notes += [line for _, line in materials.missing]
+        materials, without = mtl_images(_of_uvs(mesh, materials, lost))
+        lost += without
+        files = write_obj_materials(mesh, output, materials)
+    lost += source.passed_over
+    if lost:
+        notes.append(f"{output}: written without {', '.join(lost)}")
+    return files, tuple(notes)
+
+
+def _of_uvs(mesh: Mesh, materials: Materials, lost: list[str]) -> Materials:
+    """Materials without images, if a mesh has no texture coordinates."""
+    if mesh.uvs is not None or not materials.has_images:
+        return materials
+    lost.append("images, for which there are no texture coordinates")
+    return materials.without_images()
+
+
+def _of_colors(mesh: Mesh, materials: Materials, lost: list[str]) -> Materials:
+    """Materials that are multiplied by vertex colors, if they have no colors of their own."""
+    if mesh.colors is None or materials.has_vertex_colors:
+        return materials
+    if not any(materials.sources("base-color")):
+        return replace(materials, has_vertex_colors=True)
+    lost.append("vertex colors")
+    return materials
