@@ -1,5 +1,7 @@
 """Pairs that fit once one is scaled, rotated or moved stop a bake; other pairs do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,5 +86,8 @@ def test_a_low_poly_mesh_that_faces_inwards(tmp_path):
     write_mesh(high(), tmp_path / "high.ply")
     write_mesh(low().replace(faces=low().faces[:, ::-1]), tmp_path / "low.obj")
     options = BakeOptions(size=16, front=0.1, back=0.1)
-    done = bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", options)
+    with pytest.raises(MeshError, match=r"low\.obj: Most of the low-poly mesh faces against"):
+        bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", options)
+    kept = replace(options, orientation="keep")
+    done = bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", kept)
     assert any("Most of the low-poly mesh faces against" in warning for warning in done.warnings)

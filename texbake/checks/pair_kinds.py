@@ -12,7 +12,8 @@ PAIR_KINDS = (
         low="error",
         problem="The high-poly mesh is {ratio:.4g} times as large as the low-poly mesh: rays do "
         "not reach it.",
-        remedy="Scale the low-poly mesh by {ratio:.4g}, or export both in the same unit.",
+        remedy="Scale the low-poly mesh by {ratio:.4g}: texbake transform --scale {ratio:.4g}. Or "
+        "export both in the same unit.",
     ),
     Kind(
         name="differing-place",
@@ -21,7 +22,8 @@ PAIR_KINDS = (
         low="error",
         problem="The centers of the two meshes are {distance} apart: rays do not reach the "
         "high-poly mesh.",
-        remedy="Move the low-poly mesh by {offset}, or export both from the same scene.",
+        remedy="Move the low-poly mesh by {offset}: texbake transform --move. Or export both from the "
+        "same scene.",
     ),
     Kind(
         name="differing-axes",
@@ -30,7 +32,8 @@ PAIR_KINDS = (
         low="error",
         problem="The meshes fit if in the low-poly mesh {axes}: one of them lies on its side or is "
         "rotated.",
-        remedy="Export both with the same up axis.",
+        remedy="Export both with the same up axis, or turn one of them: texbake transform --up or "
+        "--rotate.",
     ),
     Kind(
         name="far-from-high",
@@ -76,7 +79,8 @@ PAIR_KINDS = (
         low="error",
         problem="Most of the low-poly mesh faces against the high-poly surface next to it: rays "
         "pass through what they should hit.",
-        remedy="Flip the faces of the mesh that is inside out.",
+        remedy="Turn over the mesh that is inside out: texbake repair if it is closed, texbake "
+        "transform --flip if it is open.",
     ),
     Kind(
         name="high-is-coarser",

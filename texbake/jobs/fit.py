@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.baking.report import BakeReport
+from texbake.errors import MeshError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 
@@ -31,9 +32,23 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
 
 
 def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
-    """Say why most rays of a bake missed, in the words of `check`; nothing if they did not."""
+    """Say why most rays of a bake missed, in the words of `check`; nothing if they did not.
+
+    By then, what faced inwards of the high-poly mesh is turned over. The low-poly mesh is not: the
+    maps would be those of another mesh than the one in its file, with other normals and mirrored
+    charts, and a bake writes no meshes.
+
+    Raises
+    ------
+    MeshError
+        The meshes face opposite ways, and `orientation` is not `keep`, which bakes them as they
+        are.
+    """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _MOST_MISSED:
         return ()
     from texbake.checks.misfit import why_rays_pass
 
-    return why_rays_pass(high, low, threads=report.options.threads)
+    why = why_rays_pass(high, low, threads=report.options.threads)
+    if why and report.options.orientation != "keep":
+        raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
+    return why

@@ -156,6 +156,7 @@ def bake_files(
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(files)),
     )
+    why = why_missed(high_mesh, low_mesh, baked.report)
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
         written = _written(result, files, folder)
@@ -167,7 +168,6 @@ def bake_files(
     if figures.budget is not None:
         figures = replace(figures, budget=finished(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
-    why = why_missed(high_mesh, low_mesh, figures)
     notes = () if materials is None else materials.notes(files)
     done = replace(done, warnings=(*done.warnings, *why, *notes))
     if report is not None:
