@@ -18,6 +18,7 @@ PLAIN = AREAS | {"flat"}
 
 UNMEASURABLE = "areas cannot be computed"
 BEYOND_MAPS = "float32 numbers of maps cannot hold"
+MERGED = "would leave"
 NO_AREA = dict.fromkeys(("atlas", "study"), "none of its 2 faces has an area")
 
 
@@ -221,15 +222,17 @@ GEOMETRY: tuple[Case[Mesh], ...] = (
          make=lambda: moved(icosphere(1), 1e12), traits=SOLID | PLAIN),
     Case(name="offset 1e7 sizes",
          wrong="float32 leaves one bit per coordinate, and the surface becomes a staircase",
-         make=lambda: moved(icosphere(1), 1.0, (1e7, -1e7, 1e7)), traits=SOLID),
+         make=lambda: moved(icosphere(1), 1.0, (1e7, -1e7, 1e7)), traits=SOLID,
+         refused={"stl": MERGED}),
     Case(name="subnormal coordinates",
          wrong="squares become 0 and 1 / size becomes infinite",
          make=lambda: moved(icosphere(1), 1e-310), traits=SOLID,
-         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "bake": BEYOND_MAPS}),
+         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "bake": BEYOND_MAPS,
+                  "stl": MERGED, "glb": MERGED}),
     Case(name="coordinates of 1e300",
          wrong="squares overflow, and areas become infinite",
          make=lambda: moved(icosphere(1), 1e300), traits=CLOSED,
-         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "stl": "too large for the float32",
+         refused={"unwrap": UNMEASURABLE, "atlas": UNMEASURABLE, "stl": "beyond float32",
                   "glb": "beyond float32", "preview": "too large to render", "bake": BEYOND_MAPS}),
     Case(name="sizes 1 to 1e-9 in one",
          wrong="an epsilon relative to the whole mesh swallows its small parts",

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from texbake.errors import FileError, MeshError, OptionError
 from texbake.files import PathLike
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SPACE, from_description
 from texbake.png import SIGNATURE, png_description
 
@@ -102,6 +103,36 @@ def far_origin(mesh: Mesh) -> FloatArray:
         return np.zeros(3)
     center: FloatArray = (0.5 * bounds).sum(axis=0)
     return center
+
+
+# Rounding up to this share of the diagonal joins no vertices of a mesh worth the name.
+_HARMLESS = 1e-7
+
+
+def float32_positions(mesh: Mesh, origin: FloatArray) -> npt.NDArray[np.float32]:
+    """Positions about an origin, as formats hold them.
+
+    Raises
+    ------
+    MeshError
+        One is beyond float32, or most of those that differ fall together in it.
+    """
+    exact = mesh.positions - origin
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        points = exact.astype(np.float32)
+    if not np.isfinite(points).all():
+        raise MeshError(f"{mesh.name}: a coordinate is beyond float32; scale it down first")
+    if np.abs(points - exact).max(initial=0.0) <= _HARMLESS * mesh.diagonal:
+        return points
+    n_before, n_after = (len(np.unique(weld_rows(rows))) for rows in (exact, points))
+    if 2 * n_after < n_before:
+        raise MeshError(
+            f"{mesh.name}: float32, which this format holds, would leave {n_after:,} of its "
+            f"{n_before:,} vertices: it is {mesh.diagonal:.3g} model units across and up to "
+            f"{np.abs(exact).max():.3g} from the origin; scale or move it first, or write a PLY or "
+            "OBJ file"
+        )
+    return points
 
 
 _MEDIA_TYPES = (

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import far_origin
+from texbake.mesh.files.conversion import far_origin, float32_positions
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
 from texbake.mesh.files.gltf_quantization import EXTENSION, Quantization
@@ -101,7 +101,7 @@ def write_glb(
         another space or convention, a factor is out of range, or the coverages do not fit the
         levels.
     MeshError
-        A coordinate is beyond the float32 that the format holds.
+        A coordinate is beyond the float32 that the format holds, or the mesh too small for it.
     FileError
         A texture cannot be read, or the file cannot be written.
     FileFormatError
@@ -185,7 +185,9 @@ def _add_groups(
     quantization: Quantization | None,
 ) -> list[int]:
     """Add each group as a mesh and a node, with a primitive for each material; return the nodes."""
-    vertices = CornerVertices(mesh, far_origin(mesh), materials, quantization)
+    origin = far_origin(mesh)
+    float32_positions(mesh, origin)  # raises where it does not hold them
+    vertices = CornerVertices(mesh, origin, materials, quantization)
     place: dict[str, Any] = {}
     if quantization is not None:
         place = quantization.place()

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
+from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.source import ByteArray, decode_name, map_file, require_text
 from texbake.mesh.mesh import Mesh
@@ -121,14 +122,11 @@ def write_stl(mesh: Mesh, path: PathLike) -> None:
     Raises
     ------
     MeshError
-        A coordinate is too large for float32.
+        A coordinate is too large for float32, or the mesh too small or too far away for it.
     FileError
         The file cannot be written; one that stood there is left as it was.
     """
-    with np.errstate(over="ignore", under="ignore"):
-        points = mesh.positions.astype(np.float32)
-    if not np.isfinite(points).all():
-        raise MeshError(f"{path}: a position is too large for the float32 of STL; write a PLY file")
+    points = float32_positions(mesh, np.zeros(3))
     records = np.zeros(mesh.n_faces, dtype=RECORD)
     records["normal"] = face_normals(mesh)
     records["corners"] = points[mesh.faces]

@@ -23,13 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from texbake.errors import MeshError, UvError
+from texbake.errors import UvError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
     color_factors,
     far_origin,
+    float32_positions,
     image_file,
 )
 from texbake.mesh.files.usd_stage import require_usd
@@ -156,10 +157,7 @@ def _stage(
 def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray) -> None:
     from pxr import UsdGeom, Vt
 
-    with np.errstate(over="ignore"):
-        points = (mesh.positions - origin).astype(np.float32)
-    if not np.isfinite(points).all():
-        raise MeshError(f"{mesh.name}: a coordinate is beyond float32; scale it down first")
+    points = float32_positions(mesh, origin)
     usd_mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
     usd_mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(mesh.n_faces, 3, np.int32)))
     usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.array(mesh.faces).ravel()))
