@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.errors import UvError
+from texbake.errors import OptionError, UvError
 from texbake.jobs.export.export import export_asset, export_files
 from texbake.jobs.export.levels import share_elsewhere
 from texbake.jobs.export.options import ExportOptions
@@ -71,6 +71,22 @@ def test_an_export_takes_levels_of_one_layout_and_no_others(tmp_path, finest, ba
     assert export_asset(
         bare, {}, tmp_path / "bare", WEB, levels=[simplify(bare, 300)]
     ).mesh.exists()
+
+
+def test_levels_become_coarser(tmp_path, finest):
+    one, two = (
+        simplify(finest, n, seams="keep").replace(name=f"lod{i}.obj")
+        for i, n in ((1, 400), (2, 200))
+    )
+    for levels, line in (
+        ([two, one], r"levels: lod1\.obj has \d+ triangles, no fewer than lod2\.obj before it"),
+        ([one, one], r"levels: lod1\.obj has .* no fewer than lod1\.obj before it.* each once"),
+        ([finest], r"levels: lod0\.obj has .* no fewer than lod0\.obj before it"),
+    ):
+        with pytest.raises(OptionError, match=line):
+            export_asset(finest, {}, tmp_path / "bad", WEB, levels=levels)
+    assert not (tmp_path / "bad").exists()
+    assert export_asset(finest, {}, tmp_path / "good", WEB, levels=[one, two]).mesh.exists()
 
 
 def test_level_files_of_an_unwrapped_mesh_go_into_one_export(tmp_path, finest):

@@ -158,7 +158,8 @@ def export_asset(
     ------
     OptionError
         The target does not support an option, a normal map is not in tangent space, maps that are
-        packed into one differ in size, or a file would overwrite an input.
+        packed into one differ in size, a level of detail has no fewer triangles than the one
+        before, or a file would overwrite an input.
     UvError
         There are maps, and the mesh has no texture coordinates; or the maps of one level would not
         fit another: some have texture coordinates and others do not, or they are laid out

@@ -1,12 +1,13 @@
-"""Levels of detail share one set of texture coordinates, so that one set of maps fits them all."""
+"""Levels of detail become coarser, and share one set of texture coordinates for one set of maps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from texbake.errors import UvError
+from texbake.errors import OptionError, UvError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -19,7 +20,7 @@ _FAR, _MOST_FAR = 0.1, 0.5
 
 
 def check_levels(levels: Sequence[Mesh], *, threads: int | None = None) -> None:
-    """Check that one set of maps fits all levels of detail.
+    """Check that levels of detail become coarser, and that one set of maps fits all of them.
 
     Parameters
     ----------
@@ -31,7 +32,20 @@ def check_levels(levels: Sequence[Mesh], *, threads: int | None = None) -> None:
     UvError
         Some have texture coordinates and others do not, or a level is laid out differently from
         the finest.
+    OptionError
+        A level has no fewer triangles than the one before.
     """
+    _check_layouts(levels, threads)
+    for fine, coarse in pairwise(levels):
+        if coarse.n_faces >= fine.n_faces:
+            raise OptionError(
+                f"levels: {coarse.name} has {coarse.n_faces:,} triangles, no fewer than "
+                f"{fine.name} before it, which has {fine.n_faces:,}; give the levels from the "
+                "finest to the coarsest, each once"
+            )
+
+
+def _check_layouts(levels: Sequence[Mesh], threads: int | None) -> None:
     mapped = next((level for level in levels if level.uvs is not None), None)
     bare = next((level for level in levels if level.uvs is None), None)
     if mapped is None:
