@@ -9,6 +9,8 @@ import pytest
 from texbake.errors import FileFormatError, OptionError
 from texbake.jobs.lighten import lighten_file
 from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.options import RunOptions
+from texbake.jobs.run import run_files
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
@@ -192,8 +194,15 @@ def test_a_missing_image_is_a_warning(model, tmp_path):
         "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl skin\n"
         "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     )
-    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", OPTIONS)
-    assert any("gone.png" in warning for warning in done.warnings)
+    options = replace(OPTIONS, views=2)
+    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", options)
+    assert any("gone.png: there is no such file" in warning for warning in done.warnings)
+    compared = f"{tmp_path / 'a.obj'}: compared without its missing images: gone.png"
+    assert compared in done.warnings
+    assert done.report.missing_images == ("gone.png",)
+    assert any(label == "PSNR in 2 views without missing images" for label, _ in done.report.table())
+    ran = run_files(tmp_path / "a.obj", tmp_path / "run", RunOptions(n_faces=4, size=64))
+    assert compared in ran.warnings
     # The shape is as it was, so there is nothing to bake.
     assert done.report.images == ()
     assert done.report.baked is None

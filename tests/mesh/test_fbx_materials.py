@@ -273,6 +273,14 @@ def test_a_layered_texture_without_layers_has_no_image(tmp_path):
     assert "red: an image of it is missing" in found.notes(["base-color"])[0]
 
 
+@pytest.mark.parametrize("name", [r"C:\\work\\bark 1.png", "textures/bark 1.png"])
+def test_a_missing_image_is_named(read, name):
+    found = read([("RelativeFilename", [name], [])])
+    (line,) = found.notes(["base-color"])
+    assert "its image 'bark 1.png' is missing; the material keeps its factors" in line
+    assert found.missing_images == ("bark 1.png",)
+
+
 @pytest.mark.parametrize("name", ["b.png", r"C:\work\b.png", "../b.png", "textures/b.png"])
 def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     (tmp_path / "b.png").write_bytes(b"outside")

@@ -84,7 +84,16 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         materials=(MeshMaterial(name=mesh.name),),
         has_vertex_colors=True,
         missing=() if found is None else found.missing,
+        missing_images=() if found is None else found.missing_images,
     )
+
+
+def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, ...]:
+    """Return a sentence about images that are missing in both pictures; none for nothing."""
+    if materials is None or not materials.missing_images:
+        return ()
+    names = ", ".join(materials.missing_images)
+    return (f"{path}: compared without its missing images: {names}",)
 
 
 def left_out(path: PathLike) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, check_writable
 from texbake.jobs.carried import (
     carried_channels,
+    compared_without,
     encoded_channels,
     left_out,
     model_materials,
@@ -79,6 +80,8 @@ class LightenReport:
     stages : tuple of StageRecord
     comparison : ModelComparison, optional
         In pictures; None without views.
+    missing_images : tuple of str
+        Images of the model that are not there, and so in no picture.
     """
 
     n_faces_before: int
@@ -94,6 +97,7 @@ class LightenReport:
     baked: BakeReport | None
     stages: tuple[StageRecord, ...]
     comparison: ModelComparison | None = None
+    missing_images: tuple[str, ...] = ()
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure."""
@@ -120,7 +124,9 @@ class LightenReport:
             )
         if self.comparison is not None:
             mean, worst = decibels(self.comparison.mean_db), decibels(self.comparison.worst_db)
-            rows.append((f"PSNR in {len(self.comparison.views)} views", f"{mean}, worst {worst}"))
+            without = " without missing images" if self.missing_images else ""
+            label = f"PSNR in {len(self.comparison.views)} views{without}"
+            rows.append((label, f"{mean}, worst {worst}"))
         return [*rows, ("time", f"{sum(stage.seconds for stage in self.stages):.2f} s")]
 
     def to_json(self) -> dict[str, Any]:
@@ -134,6 +140,7 @@ class LightenReport:
             "unwrap": None if self.unwrapped is None else self.unwrapped.to_json(),
             "bake": None if self.baked is None else self.baked.to_json(),
             "compare": None if self.comparison is None else _pictures(self.comparison),
+            "missing_images": list(self.missing_images),
             "stages": [asdict(stage) for stage in self.stages],
         }
 
@@ -214,6 +221,8 @@ def lighten_file(
             quantize=options.quantize,
         )
     comparison = None
+    if options.views:
+        warnings += compared_without(model, materials)
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
         warnings.append(_too_many_parts(model))
@@ -237,6 +246,7 @@ def lighten_file(
         unwrapped=made.unwrapped,
         baked=made.baked,
         comparison=comparison,
+        missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
     done = JobResult(

@@ -22,6 +22,7 @@ from texbake.baking.result import BakeResult
 from texbake.files import PathLike, check_folder, check_writable, make_folder, replacing
 from texbake.jobs.carried import (
     carried_channels,
+    compared_without,
     encoded_channels,
     image_names,
     image_of,
@@ -353,7 +354,11 @@ def run_files(
     mesh = read_mesh(high, progress=progress)
     materials = model_materials(high, mesh)
     result = run(mesh, folder, options, materials=materials, progress=progress)
-    missing = (*left_out(high), *(() if materials is None else materials.notes(CHANNELS)))
+    missing = (
+        *left_out(high),
+        *(() if materials is None else materials.notes(CHANNELS)),
+        *compared_without(high, materials),
+    )
     result = replace(result, missing=missing)
     if html is None:
         return result

@@ -184,6 +184,8 @@ class Materials:
     missing : tuple of (str, str)
         What the file asks for and could not be read: a channel, or "" for all of them, and a line
         that says so.
+    missing_images : tuple of str
+        Names of the images among that, as the file has them.
 
     Raises
     ------
@@ -196,6 +198,7 @@ class Materials:
     uv_sets: Mapping[int, FloatArray] = field(default_factory=dict)
     has_vertex_colors: bool = False
     missing: tuple[tuple[str, str], ...] = ()
+    missing_images: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         ids = self.face_materials
@@ -283,6 +286,28 @@ class Materials:
             face_materials=np.zeros(mesh.n_faces, dtype=np.int32),
             materials=(material,),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class MissingParts:
+    """What a reader of materials does not find; appended to.
+
+    Attributes
+    ----------
+    lines : list of (str, str)
+        As `Materials.missing`.
+    images : list of str
+        As `Materials.missing_images`.
+    """
+
+    lines: list[tuple[str, str]] = field(default_factory=list)
+    images: list[str] = field(default_factory=list)
+
+    def add(self, channel: str, line: str, *, image: str | None = None) -> None:
+        """Add a line about a channel, and the name of an image that is not there."""
+        self.lines.append((channel, line))
+        if image is not None and image not in self.images:
+            self.images.append(image)
 
 
 _READERS = {

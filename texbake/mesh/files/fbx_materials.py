@@ -18,7 +18,7 @@ import numpy as np
 from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
-from texbake.mesh.files.fbx_textures import base_layer, fbx_images, has_alpha, placing, wraps
+from texbake.mesh.files.fbx_textures import base_layer, fbx_image_name, fbx_images, has_alpha, placing, wraps
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
@@ -26,6 +26,7 @@ from texbake.mesh.materials import (
     ChannelSource,
     Materials,
     MeshMaterial,
+    MissingParts,
     Placing,
     is_sheared,
 )
@@ -71,7 +72,8 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         face_materials=np.concatenate(of_faces),
         materials=_without_shear(materials, mesh, uv_sets),
         uv_sets=uv_sets,
-        missing=tuple(reader.missing),
+        missing=tuple(reader.missing.lines),
+        missing_images=tuple(reader.missing.images),
     )
 
 
@@ -146,13 +148,13 @@ class _MaterialReader:
     scene : FbxScene
     uv_numbers : dict of str to int
         Sets of texture coordinates by their names, but for the first.
-    missing : list of (str, str)
-        What could not be read, as in `Materials`; appended to.
+    missing : MissingParts
+        What could not be read.
     """
 
     scene: FbxScene
     uv_numbers: dict[str, int]
-    missing: list[tuple[str, str]] = field(default_factory=list)
+    missing: MissingParts = field(default_factory=MissingParts)
 
     def material(self, material: FbxObject | None) -> MeshMaterial:
         """Read a material; the default one where there is none."""
@@ -179,11 +181,13 @@ class _MaterialReader:
         """Read the image of a texture; None, and a note, where it is missing."""
         base = base_layer(self.scene, texture)
         if base is not texture:
-            self.missing.append((channel, "of layered textures only the base layer is read"))
+            self.missing.add(channel, "of layered textures only the base layer is read")
         data, label = next(fbx_images(self.scene, base), (b"", ""))
         if not data:
-            line = f"{material.name}: an image of it is missing; the material keeps its factors"
-            self.missing.append((channel, line))
+            name = fbx_image_name(self.scene, base)
+            which = "an image of it" if name is None else f"its image {name!r}"
+            line = f"{material.name}: {which} is missing; the material keeps its factors"
+            self.missing.add(channel, line, image=name)
             return None
         components = _RED if len(CHANNELS[channel].default) == 1 else (0, 1, 2)
         if channel == "alpha" and has_alpha(data):

@@ -55,6 +55,16 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
                     yield map_file(place).tobytes(), str(place)
 
 
+def fbx_image_name(scene: FbxScene, texture: FbxObject) -> str | None:
+    """File name of the image that a texture asks for; None where it names none."""
+    for holder in (*scene.members_of(texture.key, "Video"), texture):
+        for entry in _FILES:
+            name = PurePosixPath(holder.node.child_text(entry).replace("\\", "/")).name
+            if name:
+                return name
+    return None
+
+
 def _unwrapped(content: bytes) -> bytes:
     """Return the bytes of an image, which text files hold in base64."""
     try:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from texbake.mesh.materials import (
     ChannelSource,
     Materials,
     MeshMaterial,
+    MissingParts,
     Placing,
 )
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -73,7 +75,8 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
         uv_sets=uv_sets,
         has_vertex_colors=mesh.colors is not None,
-        missing=tuple(reader.missing),
+        missing=tuple(reader.missing.lines),
+        missing_images=tuple(reader.missing.images),
     )
 
 
@@ -84,12 +87,12 @@ class _MaterialReader:
     Attributes
     ----------
     document : Document
-    missing : list of (str, str)
-        What could not be read, as in `Materials`; appended to.
+    missing : MissingParts
+        What could not be read.
     """
 
     document: Document
-    missing: list[tuple[str, str]] = field(default_factory=list)
+    missing: MissingParts = field(default_factory=MissingParts)
     _images: dict[int | None, bytes | str] = field(default_factory=dict)
 
     def material(self, index: int | None) -> MeshMaterial:
@@ -130,7 +133,7 @@ class _MaterialReader:
             lengths = [1 if first is None else len(first) for first in firsts]
             if mesh.uvs is None or sum(lengths) != len(mesh.uvs):
                 line = f"images lie on TEXCOORD_{number}, and the mesh has no TEXCOORD_0"
-                self.missing.append(("", f"{line}; they are left out"))
+                self.missing.add("", f"{line}; they are left out")
                 continue
             sets[number] = np.concatenate(
                 [
@@ -168,7 +171,7 @@ class _MaterialReader:
         data = self._images[index]
         if isinstance(data, str):
             line = f"{material}: {data}; the material keeps its factors"
-            self.missing.append((where.name, line))
+            self.missing.add(where.name, line, image=self._image_name(index))
             return None
         return ChannelImage(
             data=data,
@@ -179,6 +182,11 @@ class _MaterialReader:
             uv_set=texture.uv_set,
             is_nearest=texture.is_nearest,
         )
+
+    def _image_name(self, index: int | None) -> str | None:
+        """Name of the file of an image; None where it has none of its own."""
+        uri = None if index is None else self.document.items("images")[index].get("uri")
+        return unquote(uri) if isinstance(uri, str) and not uri.startswith("data:") else None
 
     def _bytes(self, index: int | None) -> bytes | str:
         """Content of an image, or why there is none."""

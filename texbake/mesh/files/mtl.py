@@ -30,6 +30,7 @@ from texbake.mesh.materials import (
     ChannelSource,
     Materials,
     MeshMaterial,
+    MissingParts,
 )
 from texbake.mesh.mesh import Mesh
 
@@ -87,17 +88,18 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     if n_polygons != mesh.n_faces:
         sizes, _ = read_corners(path, data, lines)
         faces = polygons[fan_corners(sizes)[1]]
-    missing: list[tuple[str, str]] = []
+    missing = MissingParts()
     known = _read_libraries(Path(path), data.data, missing)
     return Materials(
         face_materials=faces,
         materials=tuple(known.get(name, MeshMaterial(name=name)) for name in ids),
-        missing=tuple(missing),
+        missing=tuple(missing.lines),
+        missing_images=tuple(missing.images),
     )
 
 
 def _read_libraries(
-    path: Path, data: memoryview, missing: list[tuple[str, str]]
+    path: Path, data: memoryview, missing: MissingParts
 ) -> dict[str, MeshMaterial]:
     """Materials by their names; the first library that has a name counts."""
     known: dict[str, MeshMaterial] = {}
@@ -107,7 +109,7 @@ def _read_libraries(
         except FileFormatError:
             raise
         except FileError as error:
-            missing.append(("", f"{error}; its materials are left out"))
+            missing.add("", f"{error}; its materials are left out")
     return known
 
 
@@ -120,7 +122,7 @@ def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
         yield from (path.parent / library for library in names)
 
 
-def _read_library(path: Path, missing: list[tuple[str, str]]) -> dict[str, MeshMaterial]:
+def _read_library(path: Path, missing: MissingParts) -> dict[str, MeshMaterial]:
     known: dict[str, MeshMaterial] = {}
     name = "default"
     for match in _STATEMENT.finditer(map_file(path).data):
@@ -135,7 +137,7 @@ def _read_library(path: Path, missing: list[tuple[str, str]]) -> dict[str, MeshM
 
 
 def _with_statement(
-    material: MeshMaterial, path: Path, statement: str, words: str, missing: list[tuple[str, str]]
+    material: MeshMaterial, path: Path, statement: str, words: str, missing: MissingParts
 ) -> MeshMaterial:
     """Return a material with what a statement says of it."""
     channels = dict(material.channels)
@@ -147,7 +149,7 @@ def _with_statement(
             raise
         except FileError as error:
             line = f"{material.name}: {error}; the material keeps its factors"
-            missing.append((channel, line))
+            missing.add(channel, line, image=map_path(path, words)[0].name)
     else:
         channel = VALUES[statement.lower()]
         known = channels.get(channel)

@@ -27,6 +27,7 @@ from texbake.mesh.materials import (
     ChannelSource,
     Materials,
     MeshMaterial,
+    MissingParts,
     Placing,
 )
 from texbake.mesh.mesh import Mesh
@@ -90,7 +91,8 @@ def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     return Materials(
         face_materials=of_groups[mesh.face_groups],
         materials=materials,
-        missing=tuple(reader.missing),
+        missing=tuple(reader.missing.lines),
+        missing_images=tuple(reader.missing.images),
     )
 
 
@@ -135,13 +137,13 @@ class _MaterialReader:
     path : path-like
     coordinates : set of str
         Primvars of the texture coordinates of the mesh.
-    missing : list of (str, str)
-        What could not be read, as in `Materials`; appended to.
+    missing : MissingParts
+        What could not be read.
     """
 
     path: PathLike
     coordinates: set[str]
-    missing: list[tuple[str, str]] = field(default_factory=list)
+    missing: MissingParts = field(default_factory=MissingParts)
 
     def material(self, material: Any) -> MeshMaterial:
         """Read a material; one without channels where there is none, or no preview surface."""
@@ -153,7 +155,7 @@ class _MaterialReader:
         kind = surface.GetIdAttr().Get() if surface else None
         if kind != "UsdPreviewSurface":
             shader = f"its shader {kind} is not" if kind else "it has no shader that is"
-            self.missing.append(("", f"{name}: {shader} read"))
+            self.missing.add("", f"{name}: {shader} read")
             return MeshMaterial(name=name)
         channels = {}
         for channel, (input_name, default) in _INPUTS.items():
@@ -188,7 +190,7 @@ class _MaterialReader:
         image = self._image(channel, shader, output)
         if isinstance(image, str):
             fallback = _numbers(_value(shader.GetInput("fallback")), (*default, 1.0, 1.0, 1.0)[:4])
-            self.missing.append((channel, f"{material}: {image}"))
+            self.missing.add(channel, f"{material}: {image}")
             return ChannelSource(fallback[: len(default)])
         scale = _numbers(_value(shader.GetInput("scale")), (1.0,) * 4)
         factor = tuple(scale[i] for i in image.components)
@@ -200,7 +202,7 @@ class _MaterialReader:
             factor = tuple(0.5 * value for value in factor) if is_coded else (1.0, 1.0, 1.0)
         elif any(added):
             line = f"{material}: what is added to the image of its {channel} is left out"
-            self.missing.append((channel, line))
+            self.missing.add(channel, line)
         return ChannelSource(factor, image)
 
     def _image(self, channel: str, shader: Any, output: str) -> ChannelImage | str:
@@ -216,6 +218,7 @@ class _MaterialReader:
             return f"its image lies on {primvar!r}, and the mesh has other texture coordinates"
         named, resolved, data = _image_file(shader)
         if data is None:
+            self.missing.images.append(named)
             return f"its image {named!r} is missing"
         u, v = (
             _WRAPS.get(str(_value(shader.GetInput(axis))), "repeat") for axis in ("wrapS", "wrapT")
