@@ -20,6 +20,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from .printable import printable
 from .progress_lines import TimedStage
 
 
@@ -58,7 +59,7 @@ class Bars:
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Draw a bar, or a pulsing one if the amount of work is unknown."""
-        self._tasks[stage] = self._progress.add_task(stage, total=total, unit=unit)
+        self._tasks[stage] = self._progress.add_task(printable(stage), total=total, unit=unit)
         self._timed[stage] = TimedStage(stage, total, time.perf_counter())
 
     def advanced(self, stage: str, done: int) -> None:
@@ -84,7 +85,7 @@ class Bars:
 
     def _print(self, line: str) -> None:
         self._progress.console.print(
-            line, style="dim", markup=False, highlight=False, soft_wrap=True
+            printable(line), style="dim", markup=False, highlight=False, soft_wrap=True
         )
 
 

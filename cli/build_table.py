@@ -12,6 +12,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from .printable import printable
+
 if TYPE_CHECKING:
     from texbake import BuildEvent
 
@@ -65,14 +67,14 @@ class BuildTable:
             self._print(f"{event.asset}: {event.step}: {event.message}", "red")
 
     def _print(self, text: str, style: str) -> None:
-        self._console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(printable(text), style=style, markup=False, highlight=False, soft_wrap=True)
 
     def _table(self) -> Table:
         now = time.perf_counter()
         table = Table.grid(padding=(0, 2))
         shown = list(self._running.items())[: max(4, self._console.height - 4)]
         for (asset, step), start in shown:
-            table.add_row(Text(asset, overflow="ellipsis"), step, f"{now - start:.1f} s")
+            table.add_row(Text(printable(asset), overflow="ellipsis"), step, f"{now - start:.1f} s")
         counts = ", ".join(f"{n:,} {state}" for state, n in sorted(self._counts.items()))
         left = "" if self._left is None else _left(self._left - (now - self._left_at))
         table.add_row(

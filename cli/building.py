@@ -8,9 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import click
-
-from .terminal import Terminal
+from .terminal import Terminal, complain
 
 if TYPE_CHECKING:
     from texbake import BuildEvent, BuildListener, BuildResult
@@ -39,7 +37,7 @@ def _print_json(event: BuildEvent) -> None:
 
 def _print_note(event: BuildEvent, terminal: Terminal) -> None:
     if event.event == "note" and event.message and not terminal.quiet:
-        click.echo(f"texbake: {event.message}", err=True)
+        complain(event.message)
 
 
 def print_result(result: BuildResult, terminal: Terminal) -> None:
@@ -49,8 +47,8 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
             for note in step.notes:
                 terminal.warn(f"{asset.name}: {step.step}: {note}")
     for asset in result.failed[:_MOST_SHOWN]:
-        click.echo(f"texbake: {asset.name}: {asset.error}", err=True)
+        complain(f"{asset.name}: {asset.error}")
     if (n_more := len(result.failed) - _MOST_SHOWN) > 0:
-        click.echo(f"texbake: {n_more:,} more assets failed; build.json lists them", err=True)
+        complain(f"{n_more:,} more assets failed; build.json lists them")
     terminal.summary(result.table())
     terminal.wrote([result.folder / "build.json"])

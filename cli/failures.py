@@ -23,6 +23,7 @@ import click
 from texbake import OptionError, TexbakeError
 
 from .flags import with_flags
+from .printable import printable
 
 
 class Failure(click.ClickException):
@@ -34,7 +35,7 @@ class Failure(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the line on stderr."""
-        click.echo(self.message, file=file, err=file is None)
+        click.echo(printable(self.message), file=file, err=file is None)
 
 
 class Terminated(KeyboardInterrupt):

@@ -43,10 +43,26 @@ def texbake(ctx: click.Context) -> None:
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     end_cleanly_on_signals()
+    _open_closed_streams()
     try:
         texbake(prog_name="texbake")
     finally:
         _close_stdout()
+
+
+def _open_closed_streams() -> None:
+    """Give closed standard streams the null device.
+
+    Otherwise the next file that is opened takes the number of stderr, and messages go into it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The null device takes the lowest number that is free, which is this one.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115, PTH123
 
 
 def _close_stdout() -> None:

@@ -17,6 +17,7 @@ import click
 from texbake import FileError
 
 from .flags import with_flags
+from .printable import printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -79,19 +80,27 @@ class Terminal:
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
-        click.echo(f"texbake: warning: {with_flags(text)}", err=True)
+        complain(f"warning: {with_flags(text)}")
+
+
+def complain(text: str) -> None:
+    """Print a line on stderr, with control characters as escapes."""
+    click.echo(f"texbake: {printable(text)}", err=True)
 
 
 def _progress_line(text: str) -> None:
     """Print on stderr; progress that cannot be printed does not stop the work."""
     with suppress(OSError):
-        click.echo(f"texbake: {text}", err=True)
+        complain(text)
 
 
-def say(text: str) -> None:
-    """Print on stdout; raise `FileError` if it cannot be written, such as on a full disk."""
+def say(text: str, **style: Any) -> None:
+    """Print on stdout; raise `FileError` if it cannot be written, such as on a full disk.
+
+    Control characters are printed as escapes. `style` is what `click.style` takes.
+    """
     try:
-        click.echo(text)
+        click.echo(click.style(printable(text), **style) if style else printable(text))
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         raise
     except OSError as error:
@@ -105,7 +114,7 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
         if value:
             say(f"{label:<{width}}  {with_flags(value)}")
         else:
-            say(click.style(label, bold=True))
+            say(label, bold=True)
 
 
 def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
@@ -114,6 +123,7 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
     The last `numbers` columns are aligned to the right. On a terminal, the widest column is cut off
     if a row does not fit on a line.
     """
+    rows = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     if sys.stdout is not None and sys.stdout.isatty():
         room = shutil.get_terminal_size().columns - 2 * (len(widths) - 1)
@@ -125,7 +135,7 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         line = "  ".join(cells).rstrip()
-        say(click.style(line, bold=True) if i == 0 else line)
+        say(line, **({"bold": True} if i == 0 else {}))
 
 
 def _cut(text: str, width: int) -> str:

@@ -65,6 +65,12 @@ def check_writable(path: PathLike) -> None:
 def _target_of(path: PathLike) -> Path:
     """Resolve the symbolic links of a path; raise `FileError` if no file can be written there."""
     target = Path(os.path.realpath(path))
+    try:
+        target.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except OSError as error:  # such as a name that is too long
+        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if target.is_symlink():
@@ -83,8 +89,11 @@ def check_folder(folder: PathLike) -> None:
     The folder need not exist if it can be created.
     """
     there = Path(os.path.realpath(folder))
-    while not there.exists():
-        there = there.parent
+    try:
+        while not there.exists():
+            there = there.parent
+    except OSError as error:  # such as a name that is too long
+        raise FileError(f"{folder}: cannot be made: {error.strerror}") from error
     if not there.is_dir():
         raise FileError(f"{folder}: {there} is a file; give the name of a folder")
     if not os.access(there, os.W_OK):

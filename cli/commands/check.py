@@ -130,8 +130,7 @@ def _explain(findings: list[Finding]) -> None:
     width = max(40, min(shutil.get_terminal_size((100, 0)).columns, 100))
     for finding in findings:
         say("")
-        title = click.style(finding.kind.title, fg=_COLORS[finding.severity], bold=True)
-        say(f"{title} ({finding.mesh})")
+        say(f"{finding.kind.title} ({finding.mesh})", fg=_COLORS[finding.severity], bold=True)
         for text in (finding.problem, finding.remedy):
             say(textwrap.fill(text, width, initial_indent="  ", subsequent_indent="  "))
 

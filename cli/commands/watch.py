@@ -15,7 +15,7 @@ from ..building import print_result, shown
 from ..options import (
     build_options,
 )
-from ..terminal import Terminal, say, terminal_options
+from ..terminal import Terminal, complain, say, terminal_options
 from ..types import FileOf
 
 
@@ -38,7 +38,7 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
 
     def built(result: texbake.BuildResult | texbake.TexbakeError) -> None:
         if isinstance(result, texbake.TexbakeError):
-            click.echo(f"texbake: {result}", err=True)
+            complain(str(result))
         else:
             print_result(result, terminal)
         if not terminal.quiet:

@@ -8,7 +8,6 @@ of them.
 from __future__ import annotations
 
 import json
-import mmap
 import re
 import struct
 from collections.abc import Iterator
@@ -16,6 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 from urllib.parse import unquote
+
+from texbake.errors import TexbakeError
+from texbake.mesh.files.source import read_bytes
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
@@ -30,7 +32,9 @@ def companions(path: Path) -> list[Path]:
     it reports the error.
     """
     found: dict[Path, None] = {}
-    with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, struct.error):
+    with suppress(
+        OSError, ValueError, AttributeError, TypeError, KeyError, struct.error, TexbakeError
+    ):
         found.update(dict.fromkeys(_READERS[path.suffix.lower()](path)))
     return [name for name in found if "\0" not in str(name)]
 
@@ -62,8 +66,7 @@ def _of_document(path: Path, content: bytes) -> Iterator[Path]:
 
 
 def _of_obj(path: Path) -> Iterator[Path]:
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        names = [_text(name) for name in _LIBRARY.findall(data)]
+    names = [_text(name) for name in _LIBRARY.findall(read_bytes(path))]
     for name in names:
         # One name with blanks in it, or several without.
         for library in dict.fromkeys([name, *name.split()]):

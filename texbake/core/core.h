@@ -491,6 +491,11 @@ int64_t convert_from_cube(
     const float texels[n_texels][n_channels], int64_t size, int64_t n_lookups,
     float out[height][width][n_channels], int64_t start, int64_t stop);
 
+/* mapped_files.c */
+int64_t guard_mapping(int64_t n, const uint8_t data[n]);
+void release_mapping(int64_t slot);
+int64_t count_lost_mappings(void);
+
 /* mean_curvature.c */
 void add_curvatures(
     int64_t n_vertices, int64_t n_faces, const double points[n_vertices][3],

@@ -275,11 +275,11 @@ class Materials:
         FileError
             The file is missing or cannot be read.
         """
-        from texbake.mesh.files.source import map_file
+        from texbake.mesh.files.source import read_bytes
 
         width = len(CHANNELS[channel].default)
         components = tuple(range(width))
-        image = ChannelImage(map_file(path).tobytes(), name=str(path), components=components)
+        image = ChannelImage(read_bytes(path), name=str(path), components=components)
         source = ChannelSource(factor=(1.0,) * width, image=image)
         material = MeshMaterial(name=Path(path).name, channels={channel: source})
         return cls(

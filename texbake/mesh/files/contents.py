@@ -20,7 +20,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
 from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.passed_over import passed_over
-from texbake.mesh.files.source import decode_name, is_file, map_file
+from texbake.mesh.files.source import decode_name, is_file, read_bytes
 from texbake.mesh.files.usd_materials import usd_channels
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage
 
@@ -153,12 +153,12 @@ _VALUES = ("kd", "ks", "ke", "d", "tr", "ns", "pr", "pm")
 
 
 def _of_obj(path: Path) -> FileContents:
-    data = map_file(path).data
+    data = read_bytes(path)
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
     for library in library_paths(path, data):
         if is_file(library):
-            for match in _STATEMENT.finditer(map_file(library).data):
+            for match in _STATEMENT.finditer(read_bytes(library)):
                 _add_statement(library, match[1], match[2], materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
@@ -184,7 +184,7 @@ def _add_statement(
             return
         image = map_path(library, words)[0]
         channels[channel] = image.name
-        images[image.name] = map_file(image).tobytes() if is_file(image) else None
+        images[image.name] = read_bytes(image) if is_file(image) else None
 
 
 # Channels of FBX, by the properties that textures are connected to.

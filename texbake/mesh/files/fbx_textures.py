@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_bytes
 from texbake.mesh.materials import UNPLACED, Placing
 from texbake.mesh.mesh import FloatArray
 
@@ -52,7 +52,7 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
                 except (OSError, ValueError):
                     continue
                 if is_there:
-                    yield map_file(place).tobytes(), str(place)
+                    yield read_bytes(place), str(place)
 
 
 def fbx_image_name(scene: FbxScene, texture: FbxObject) -> str | None:

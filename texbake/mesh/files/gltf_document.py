@@ -22,7 +22,7 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
-from texbake.mesh.files.source import ByteArray, map_file
+from texbake.mesh.files.source import ByteArray, read_array
 
 _MAGIC = b"glTF"
 _JSON_CHUNK = 0x4E4F534A
@@ -224,7 +224,7 @@ class Document:
         elif "://" in uri:
             self.fail(f"buffers[{index}] is at {uri[:60]!r}, and only local files are read")
         else:
-            data = map_file(self.path.parent / unquote(uri))
+            data = read_array(self.path.parent / unquote(uri))
         if len(data) < n_bytes:
             self.fail(f"it is cut short: buffers[{index}] has {len(data)} of {n_bytes} bytes")
         return data[:n_bytes]
@@ -274,7 +274,7 @@ def read_document(path: PathLike) -> Document:
     FileFormatError
         It is not glTF 2.0, it is damaged, or it requires an extension that is not read.
     """
-    data = map_file(path)
+    data = read_array(path)
     binary = data[:0]
     text = data
     if data[:4].tobytes() == _MAGIC:

@@ -19,7 +19,7 @@ from urllib.parse import unquote
 
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_bytes
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
@@ -240,7 +240,7 @@ def image_bytes(document: Document, index: int) -> bytes:
     """
     path = image_path(document, index)
     if path is not None:
-        return map_file(path).tobytes()
+        return read_bytes(path)
     image = document.item("images", index)
     uri = image.get("uri")
     if not isinstance(uri, str):

@@ -23,7 +23,7 @@ from texbake.errors import FileError, FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
-from texbake.mesh.files.source import decode_name, is_file, map_file
+from texbake.mesh.files.source import decode_name, is_file, read_array, read_bytes
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -65,7 +65,7 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     FileFormatError
         A color or a factor is not a number, or not as many as it needs.
     """
-    data = map_file(path)
+    data = read_array(path)
     if re.search(rb"usemtl", data.data) is None:
         return None
     lines = find_lines(data)
@@ -113,7 +113,7 @@ def _read_libraries(
     return known
 
 
-def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
+def library_paths(path: Path, data: bytes | memoryview) -> Iterator[Path]:
     """Yield the paths of the .mtl files that an OBJ file names."""
     for match in _LIBRARY.finditer(data):
         name = decode_name(match[1].strip())
@@ -125,7 +125,7 @@ def library_paths(path: Path, data: memoryview) -> Iterator[Path]:
 def _read_library(path: Path, missing: MissingParts) -> dict[str, MeshMaterial]:
     known: dict[str, MeshMaterial] = {}
     name = "default"
-    for match in _STATEMENT.finditer(map_file(path).data):
+    for match in _STATEMENT.finditer(read_bytes(path)):
         statement, words = match[1].decode(), decode_name(match[2].strip())
         if statement == "newmtl":
             name = words
@@ -180,7 +180,7 @@ def _mapped(path: Path, channel: str, words: str) -> ChannelSource:
     file, wrap = map_path(path, words)
     kind = CHANNELS[channel]
     image = ChannelImage(
-        data=map_file(file).tobytes(),
+        data=read_bytes(file),
         name=str(file),
         components=_RED if len(kind.default) == 1 else (0, 1, 2),
         wraps=(wrap, wrap),

@@ -36,7 +36,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
-from texbake.mesh.files.source import ByteArray, decode_name, line_number, map_file, require_text
+from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, require_text
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
@@ -60,7 +60,7 @@ def read_obj(path: PathLike) -> Mesh:
     MeshError
         There are no faces, or a coordinate is not finite.
     """
-    data = map_file(path)
+    data = read_array(path)
     require_text(path, data, "an OBJ file")
     lines = find_lines(data)
     if len(lines[V]) == 0:

@@ -23,7 +23,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
 from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
-from texbake.mesh.files.source import map_file, require_text
+from texbake.mesh.files.source import read_array, require_text
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 # Comments and blank lines before the first word are skipped.
@@ -45,7 +45,7 @@ def read_off(path: PathLike) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
-    data = map_file(path)
+    data = read_array(path)
     require_text(path, data, "an ASCII OFF file")
     first_word = _FIRST_WORD.match(data[:65536].data)
     textured, colored, shaded, *extra = first_word.groups() if first_word else (None,) * 5

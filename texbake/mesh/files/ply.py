@@ -29,7 +29,7 @@ from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
@@ -54,7 +54,7 @@ def read_ply(path: PathLike) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
-    data = map_file(path)
+    data = read_array(path)
     header = read_header(path, data)
     body: npt.NDArray[Any] = data[header.end :]
     if header.order == "":

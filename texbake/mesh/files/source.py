@@ -1,10 +1,8 @@
-"""The bytes of a mesh file, mapped into memory instead of read, and lines of text in them."""
+"""The bytes of a mesh file, and lines of text in them."""
 
 from __future__ import annotations
 
 import math
-import mmap
-import os
 import stat
 from pathlib import Path
 from typing import NamedTuple
@@ -18,8 +16,8 @@ from texbake.files import PathLike
 ByteArray = npt.NDArray[np.uint8]
 
 
-def map_file(path: PathLike) -> ByteArray:
-    """Bytes of a file, read-only; pages come in as they are touched, and none is copied.
+def read_bytes(path: PathLike) -> bytes:
+    """Read the bytes of a file.
 
     Raises
     ------
@@ -30,16 +28,21 @@ def map_file(path: PathLike) -> ByteArray:
     """
     require_file(path)
     try:
-        with Path(path).open("rb") as file:
-            if os.fstat(file.fileno()).st_size == 0:
-                raise FileFormatError(f"{path}: the file is empty; write it again")
-            return np.frombuffer(
-                mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8
-            )
+        content = Path(path).read_bytes()
     except OSError as error:
-        if isinstance(error, FileError):
-            raise
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if not content:
+        raise FileFormatError(f"{path}: the file is empty; write it again")
+    return content
+
+
+def read_array(path: PathLike) -> ByteArray:
+    """Read the bytes of a file as a read-only array; raises what `read_bytes` raises.
+
+    Parsers in the core go over a file several times, and its content must not change meanwhile. So
+    it is not mapped, except by `texbake.mesh.streamed`.
+    """
+    return np.frombuffer(read_bytes(path), dtype=np.uint8)
 
 
 def is_file(path: PathLike) -> bool:
@@ -112,10 +115,10 @@ def read_lines(path: PathLike, kind: str) -> list[TextLine]:
     FileFormatError
         It is empty, or no text.
     """
-    data = map_file(path)
-    require_text(path, data, kind)
+    content = read_bytes(path)
+    require_text(path, np.frombuffer(content, np.uint8), kind)
     try:
-        text = data.tobytes().decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not {kind}; it is not text in UTF-8") from error
     words = (line.partition("#")[0].replace(",", " ").split() for line in text.splitlines())

@@ -19,7 +19,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
-from texbake.mesh.files.source import ByteArray, decode_name, map_file, require_text
+from texbake.mesh.files.source import ByteArray, decode_name, read_array, require_text
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
@@ -40,7 +40,7 @@ def read_stl(path: PathLike) -> Mesh:
     MeshError
         There are no triangles, or a coordinate is not finite.
     """
-    data = map_file(path)
+    data = read_array(path)
     groups: npt.NDArray[np.int32] | None = None
     names: tuple[str, ...] = ()
     n_triangles = binary_count(data)

@@ -18,7 +18,7 @@ import numpy as np
 
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_array
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -48,7 +48,7 @@ def read_with_trimesh(path: PathLike) -> Mesh:
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
     suffix = Path(path).suffix.lower()
-    map_file(path)  # raises where it is missing or empty
+    read_array(path)  # raises where it is missing or empty
     missing = [name for name in _NEEDED[suffix] if importlib.util.find_spec(name) is None]
     if missing:
         raise DependencyError(

@@ -17,7 +17,7 @@ import numpy as np
 
 from texbake.errors import FileError
 from texbake.files import PathLike
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_bytes
 from texbake.mesh.files.usd import UsdPart, read_parts
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
 from texbake.mesh.materials import (
@@ -293,7 +293,7 @@ def _asset_bytes(resolved: str) -> bytes | None:
 
     try:
         if not Ar.IsPackageRelativePath(resolved):
-            return map_file(resolved).tobytes()
+            return read_bytes(resolved)
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
         if not asset:
             return None

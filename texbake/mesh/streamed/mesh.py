@@ -99,7 +99,7 @@ class StreamedMesh:
         for faces in source.blocks(threads):
             n_faces += len(faces)
             boxes.append(_bounds(*source.vertices.of_faces(faces, threads), threads))
-            source.vertices.release()
+            source.vertices.file.release()
         if n_faces == 0:
             raise MeshError(f"{source.path}: it has no faces; a mesh needs at least one triangle")
         if n_faces > np.iinfo(np.int32).max:
@@ -114,7 +114,7 @@ class StreamedMesh:
         threads = self._threads
         for faces in _regrouped(self._source.blocks(threads), n_faces):
             positions, faces = vertices.of_faces(faces, threads)
-            vertices.release()
+            vertices.file.release()
             yield Chunk(first, positions, faces, _bounds(positions, faces, threads))
             first += len(faces)
 
@@ -125,7 +125,7 @@ class StreamedMesh:
             chosen = faces.reshape(-1) if step == 1 else faces[-first % step :: step, 0].copy()
             points.append(self._source.vertices.read(chosen))
             first += len(faces)
-            self._source.vertices.release()
+            self._source.vertices.file.release()
         return np.concatenate(points)
 
     def spread_corners(self, step: int) -> FloatArray:
@@ -135,7 +135,7 @@ class StreamedMesh:
             chosen = faces[-first % step :: step].reshape(-1)
             points.append(self._source.vertices.read(chosen))
             first += len(faces)
-            self._source.vertices.release()
+            self._source.vertices.file.release()
         return np.concatenate(points)
 
     def part(self, face_ids: IntArray) -> MeshPart:
@@ -158,7 +158,7 @@ class StreamedMesh:
             if missing.any():
                 fields["normals"][missing] = self.smooth_normals(chosen[missing])
         positions = vertices.read(chosen, self._threads)
-        vertices.release()
+        vertices.file.release()
         return MeshPart(Mesh(positions=positions, faces=faces, name=self.name, **fields), chosen)
 
     def _chosen(self, face_ids: IntArray) -> IntArray:
@@ -168,7 +168,7 @@ class StreamedMesh:
             start, stop = np.searchsorted(face_ids, (first, first + len(faces)))
             pieces.append(faces[face_ids[start:stop] - first])
             first += len(faces)
-            self._source.vertices.release()
+            self._source.vertices.file.release()
             if len(face_ids) == 0 or first > face_ids[-1]:
                 break
         return np.concatenate(pieces)
@@ -190,7 +190,7 @@ class StreamedMesh:
         source, threads = self._source, self._threads
         marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
         positions = source.vertices.read(marks.vertices, threads)
-        source.vertices.release()
+        source.vertices.file.release()
         firsts = weld_rows(positions, threads=threads)
         del positions
         normals = np.zeros((len(firsts), 3))
@@ -230,7 +230,7 @@ class StreamedMesh:
                 rows = marks_of[np.concatenate([rows for _, rows in kept])]
                 some = np.concatenate([some for some, _ in kept])
                 yield *vertices.of_faces(some, threads), rows
-            vertices.release()
+            vertices.file.release()
 
 
 def open_streamed(path: PathLike, *, threads: int | None = None) -> StreamedMesh | None:

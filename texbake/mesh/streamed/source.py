@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.files import ply, stl
 from texbake.mesh.files.ply_tables import (
@@ -26,7 +26,7 @@ from texbake.mesh.files.ply_tables import (
     read_header,
     require_rows,
 )
-from texbake.mesh.files.source import ByteArray, map_file
+from texbake.mesh.streamed.mapped_file import MappedFile, map_file
 from texbake.mesh.mesh import IntArray
 from texbake.mesh.streamed.vertices import FileVertices
 from texbake.parallel import run_bands
@@ -45,9 +45,8 @@ class MeshSource:
     vertices : FileVertices
     n_rows : int
         Polygons, at least.
-    blocks : callable
-        Returns an iterator over all triangles in blocks of (n, 3) int32 vertices, checked; takes
-        the number of threads.
+    read_blocks : callable
+        As `blocks`, for a file that stays as it is.
     attributes : callable
         Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
     """
@@ -55,8 +54,23 @@ class MeshSource:
     path: Path
     vertices: FileVertices
     n_rows: int
-    blocks: Callable[[int | None], Iterator[IntArray]]
+    read_blocks: Callable[[int | None], Iterator[IntArray]]
     attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
+
+    def blocks(self, threads: int | None) -> Iterator[IntArray]:
+        """Yield all triangles in blocks of (n, 3) int32 vertices, checked.
+
+        Raises
+        ------
+        FileError
+            The file has become shorter since it was opened.
+        """
+        try:
+            yield from self.read_blocks(threads)
+        except TexbakeError:
+            self.vertices.file.require_whole()  # lost rows may count as damaged
+            raise
+        self.vertices.file.require_whole()  # or as rows without triangles
 
 
 def open_source(path: PathLike) -> MeshSource | None:
@@ -72,7 +86,8 @@ def open_source(path: PathLike) -> MeshSource | None:
 
 
 def _open_ply(path: Path) -> MeshSource | None:
-    data = map_file(path)
+    file = map_file(path)
+    data = file.data
     header = read_header(path, data)
     if header.order == "":
         return None
@@ -91,7 +106,7 @@ def _open_ply(path: Path) -> MeshSource | None:
         return None
     columns, end = read_element(path, data, start, element, header.order)
     layout = [start, element.least_row_size, 1, 0, *offsets, header.order == ">"]
-    vertices = FileVertices(path, data, element.n_rows, np.array(layout, dtype=np.int64))
+    vertices = FileVertices(file, element.n_rows, np.array(layout, dtype=np.int64))
     require_rows(path, data, end, faces[0])
     return MeshSource(
         path,
@@ -132,7 +147,7 @@ def _has_plain_faces(element: Element) -> bool:
 def _ply_blocks(
     vertices: FileVertices, start: int, element: Element, header: Header, threads: int | None
 ) -> Iterator[IntArray]:
-    path, n_before = vertices.path, 0
+    path, n_before = vertices.file.path, 0
     name = next(prop.name for prop in element.properties if prop.name in ply.POLYGON_NAMES)
     layout = _triangle_layout(element)
     for first in range(0, element.n_rows, ROWS_PER_BLOCK):
@@ -221,17 +236,17 @@ def _ply_attributes(
 
 
 def _open_stl(path: Path) -> MeshSource | None:
-    data = map_file(path)
-    n_triangles = stl.binary_count(data)
+    file = map_file(path)
+    n_triangles = stl.binary_count(file.data)
     if n_triangles is None or n_triangles == 0:
         return None
     size = stl.RECORD.itemsize
-    if len(data) != stl.HEADER_SIZE + 4 + n_triangles * size:
+    if len(file.data) != stl.HEADER_SIZE + 4 + n_triangles * size:
         return None
-    return _stl_source(path, data, n_triangles)
+    return _stl_source(path, file, n_triangles)
 
 
-def _stl_source(path: Path, data: ByteArray, n_triangles: int) -> MeshSource | None:
+def _stl_source(path: Path, file: MappedFile, n_triangles: int) -> MeshSource | None:
     if 3 * n_triangles > np.iinfo(np.int32).max:
         raise FileFormatError(f"{path}: it has {n_triangles} triangles, more than can be numbered")
     fields = stl.RECORD.fields
@@ -244,5 +259,5 @@ def _stl_source(path: Path, data: ByteArray, n_triangles: int) -> MeshSource | N
             stop = min(start + ROWS_PER_BLOCK, n_triangles)
             yield np.arange(3 * start, 3 * stop, dtype=np.int32).reshape(-1, 3)
 
-    vertices = FileVertices(path, data, 3 * n_triangles, layout)
+    vertices = FileVertices(file, 3 * n_triangles, layout)
     return MeshSource(path, vertices, n_triangles, blocks, lambda _: {})

@@ -5,7 +5,6 @@ Kernel: `core/streamed_vertices.c`.
 
 from __future__ import annotations
 
-import mmap
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +13,9 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import MeshError
-from texbake.files import PathLike
 from texbake.mesh.files.source import ByteArray
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.streamed.mapped_file import MappedFile
 from texbake.parallel import run_bands
 
 _VERTICES_PER_BAND = 1 << 18  # a multiple of 64: a word of bits is written by one band
@@ -36,20 +35,21 @@ class FileVertices:
 
     Attributes
     ----------
-    path
-        For messages.
-    data : (n_bytes,) uint8
-        The mapped file.
+    file
     n : int
         Number of vertices.
     layout : (9,) int64
         Where they are; see `core/streamed_vertices.c`.
     """
 
-    path: PathLike
-    data: ByteArray
+    file: MappedFile
     n: int
     layout: npt.NDArray[np.int64]
+
+    @property
+    def data(self) -> ByteArray:
+        """(n_bytes,) uint8: the bytes of the file."""
+        return self.file.data
 
     def read(self, vertices: IntArray, threads: int | None = None) -> FloatArray:
         """Positions of some vertices: (n, 3) float64."""
@@ -65,7 +65,7 @@ class FileVertices:
 
             run_bands(read, len(some), band=1 << 16, threads=threads)
             if len(some) == _AT_ONCE:
-                self.release()
+                self.file.release()
         return positions
 
     def of_faces(self, faces: IntArray, threads: int | None = None) -> tuple[FloatArray, IntArray]:
@@ -98,17 +98,9 @@ class FileVertices:
                 bad.append(found)
 
         run_bands(find, self.n, band=_VERTICES_PER_BAND, threads=threads)
-        self.release()
+        self.file.release()
         if bad:
-            raise MeshError(f"{self.path}: a position is not finite (the first at {min(bad)})")
-
-    def release(self) -> None:
-        """Let the pages of the file that were read count no longer as memory of this process."""
-        base: Any = self.data.base
-        while base is not None and not isinstance(base, mmap.mmap):
-            base = base.obj if isinstance(base, memoryview) else getattr(base, "base", None)
-        if base is not None and hasattr(mmap, "MADV_DONTNEED"):
-            base.madvise(mmap.MADV_DONTNEED)
+            raise MeshError(f"{self.file.path}: a position is not finite (the first at {min(bad)})")
 
     def at(self, positions: FloatArray, threads: int | None) -> VertexMarks:
         """Mark all vertices that lie at some positions, and a few others."""
@@ -123,7 +115,7 @@ class FileVertices:
             core.mark_by_hash(self.data, self.layout, table, start, stop, bits)
 
         run_bands(mark, self.n, band=_VERTICES_PER_BAND, threads=threads)
-        self.release()
+        self.file.release()
         return VertexMarks.of_bits(bits)
 
 

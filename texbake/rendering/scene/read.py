@@ -6,7 +6,7 @@ from pathlib import Path
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
-from texbake.mesh.files.source import map_file
+from texbake.mesh.files.source import read_bytes, require_file
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.scene import Scene
 
@@ -43,12 +43,12 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
             f"{path}: {suffix!r} is not a suffix of scene files; "
             f"the known ones are {', '.join(SCENE_SUFFIXES)}"
         )
-    data = map_file(path)
+    require_file(path)
     # pydantic, which validates scene files, is slow to import.
     if suffix == ".toml":
         from texbake.rendering.scene.file.parse import parse_scene
 
-        return parse_scene(path, data.tobytes(), progress=progress)
+        return parse_scene(path, read_bytes(path), progress=progress)
     from texbake.rendering.scene.gltf import read_gltf_scene
 
     return read_gltf_scene(path, progress=progress)
