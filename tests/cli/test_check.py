@@ -130,3 +130,20 @@ def test_as_a_process(run: Callable, overlapping: str) -> None:
     done = run(f"check {overlapping}")
     assert (done.returncode, done.stderr) == (1, "")
     assert "overlapping coordinates" in done.stdout
+
+
+def test_remedies_name_the_commands_that_there_are():
+    from texbake.checks.kinds import KINDS
+    from texbake_cli.lazy import COMMANDS
+
+    named = {
+        name: re.findall(r"texbake ([a-z-]+)", kind.remedy)
+        for name, kind in KINDS.items()
+        if "texbake " in kind.remedy
+    }
+    assert all(command in COMMANDS for commands in named.values() for command in commands)
+    repairs = ("zero-area-faces", "duplicate-faces", "duplicate-vertices", "unused-vertices",
+               "inconsistent-winding", "inside-out-shells", "opposite-sides")  # fmt: skip
+    assert all("repair" in named[name] for name in repairs)
+    # Whatever another unwrap, a transform or a new surface mends.
+    assert {"no-coordinates", "mirrored-coordinates", "far-from-origin", "cracks"} <= set(named)

@@ -77,3 +77,21 @@ def test_turned_faces_take_their_normals_and_coordinates_with_them() -> None:
     assert np.array_equal(repaired.corner_uvs(), ball.corner_uvs())
     assert repaired.normals is not None
     assert np.array_equal(repaired.normals[repaired.normal_faces], ball.normals[ball.normal_faces])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_second_repair_changes_nothing(seed: int) -> None:
+    """Vertices that only removed faces used go as well."""
+    mesh = spoiled(icosphere(1), seed)
+    far = np.array([[2.0, 0.0, 0.0], [3.0, 0.0, 0.0], [4.0, 0.0, 0.0]])  # on one line
+    n = mesh.n_vertices
+    line = mesh.replace(
+        positions=np.concatenate([mesh.positions, far]),
+        faces=np.concatenate([mesh.faces, [[n, n + 1, n + 2]]]),
+    )
+    once, _ = repair(line)
+    twice, report = repair(once)
+    assert set(report.counts.values()) == {0}
+    np.testing.assert_array_equal(twice.positions, once.positions)
+    np.testing.assert_array_equal(twice.faces, once.faces)
+    assert once.n_vertices == icosphere(1).n_vertices

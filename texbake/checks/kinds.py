@@ -36,7 +36,7 @@ _SURFACE = (
         low="warning",
         high="note",
         problem="They have no normal: rays from them have no direction, and no ray can hit them.",
-        remedy="Delete them, or merge the vertices that make them so thin.",
+        remedy="Remove them: texbake repair. Or merge the vertices that make them so thin.",
     ),
     Kind(
         name="duplicate-faces",
@@ -45,7 +45,8 @@ _SURFACE = (
         high="note",
         problem="They repeat the three vertices of an earlier face. Which of the two is baked, hit "
         "or drawn depends on the order of the faces.",
-        remedy="Delete one of each pair. To draw a surface from both sides, show back faces.",
+        remedy="Remove one of each pair: texbake repair. To draw a surface from both sides, show back "
+        "faces.",
     ),
     Kind(
         name="duplicate-vertices",
@@ -55,7 +56,8 @@ _SURFACE = (
         high="note",
         problem="They repeat an earlier vertex with all its attributes. texbake treats them as one "
         "vertex; other programs may shade a crease there or open a gap.",
-        remedy="Merge them by distance, or use a format that shares vertices (OBJ, PLY, GLB).",
+        remedy="Merge them: texbake repair. Where groups or materials meet, GLB files repeat vertices "
+        "all the same, and programs that read them expect that.",
     ),
     Kind(
         name="unused-vertices",
@@ -65,7 +67,7 @@ _SURFACE = (
         high="note",
         problem="No face uses them. texbake ignores them; in other programs they may enlarge the "
         "bounding box.",
-        remedy="Delete loose vertices.",
+        remedy="Remove them: texbake repair.",
     ),
     Kind(
         name="non-manifold-edges",
@@ -75,7 +77,8 @@ _SURFACE = (
         high="note",
         problem="More than two faces share each of these edges. Normals are averaged over sheets "
         "that do not belong together, so rays lean the wrong way, and charts end there.",
-        remedy="Separate the sheets, or delete faces inside the model.",
+        remedy="Separate the sheets, delete faces inside the model, or wrap it in a new surface: "
+        "texbake remesh.",
     ),
     Kind(
         name="pinched-vertices",
@@ -85,7 +88,8 @@ _SURFACE = (
         high="note",
         problem="Several fans of faces touch in a single vertex (a bow tie). Its normal is the "
         "mean of all of them and fits none.",
-        remedy="Split the vertex, and move the parts of the mesh slightly apart.",
+        remedy="Split the vertex, and move the parts of the mesh slightly apart; or wrap it in a new "
+        "surface: texbake remesh.",
     ),
     Kind(
         name="cracks",
@@ -95,7 +99,8 @@ _SURFACE = (
         high="warning",
         problem="Vertices of open edges lie almost at the same place, within a millionth of the "
         "size of the mesh, but not exactly. Rays slip through, and the shading shows a crease.",
-        remedy="Merge vertices by distance ({distance:.2g} model units).",
+        remedy="Merge vertices by distance ({distance:.2g} model units), or wrap the mesh in a new "
+        "surface: texbake remesh.",
     ),
     Kind(
         name="self-intersections",
@@ -105,7 +110,8 @@ _SURFACE = (
         problem="Face {one} passes through face {other}, for example. On a low-poly mesh, the part "
         "inside the model takes up texels that nobody sees, and rays that start inside it hit the "
         "surface of the other part. On a high-poly mesh, the part inside is never hit.{unsure}",
-        remedy="Cut the parts along their intersection, or bake them separately, as groups.",
+        remedy="Cut the parts along their intersection, bake them separately, as groups, or wrap them "
+        "in one surface: texbake remesh.",
     ),
     Kind(
         name="undecided-intersections",
@@ -126,7 +132,7 @@ _SURFACE = (
         problem="The two faces at each of these edges disagree about which side is outside. "
         "Flipped faces of a low-poly mesh cast rays the wrong way; rays pass through flipped faces "
         "of a high-poly mesh.",
-        remedy="Recalculate the normals to point outside. The faces named are the minority.",
+        remedy="Turn over the minority, which are the faces named: texbake repair.",
     ),
     Kind(
         name="inside-out-shells",
@@ -136,7 +142,7 @@ _SURFACE = (
         high="error",
         problem="The faces of a closed shell point inward. Rays from a low-poly mesh go the wrong "
         "way; rays pass through such a shell of a high-poly mesh.",
-        remedy="Flip the faces of the shell.",
+        remedy="Turn the shell over: texbake repair.",
     ),
     Kind(
         name="far-from-origin",
@@ -146,7 +152,7 @@ _SURFACE = (
         high="warning",
         problem="It lies {times:,.0f} times its own size away from the origin. File formats and "
         "programs with 32-bit floats round its vertices to steps of {step:.2g} of its size.",
-        remedy="Move both meshes to the origin, by the same offset.",
+        remedy="Move both meshes to the origin, by the same offset: texbake transform --move.",
     ),
     Kind(
         name="extreme-size",
@@ -156,7 +162,7 @@ _SURFACE = (
         high="note",
         problem="It is {size:.3g} model units across. texbake works at any size, but programs that "
         "treat lengths below 1e-6 as zero or store distances in 16 bits do not.",
-        remedy="Choose a unit of length in which it is about 1 across.",
+        remedy="Choose a unit of length in which it is about 1 across: texbake transform --scale.",
     ),
     Kind(
         name="unmeasurable-size",
@@ -234,7 +240,7 @@ _COORDINATES = (
         title="coordinates outside the UV tile",
         low="error",
         problem="Only what lies inside the unit square is baked.",
-        remedy="Move the charts into the unit square. To bake several tiles, move each of them "
+        remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. To bake several tiles, move each of them "
         "there in turn.",
     ),
     Kind(
@@ -261,7 +267,7 @@ _COORDINATES = (
         low="warning",
         problem="These faces run clockwise in the texture: text reads backward, and programs that "
         "ignore the sign of the bitangent shade the detail as if lit from the wrong side.",
-        remedy="Flip the charts, unless they are mirrored on purpose.",
+        remedy="Unwrap it again, unless they are mirrored on purpose: texbake unwrap.",
     ),
     Kind(
         name="collapsed-coordinates",
@@ -269,7 +275,7 @@ _COORDINATES = (
         low="warning",
         problem="These faces have an area in space but none in the texture: they own no texel, and "
         "no tangent can be computed.",
-        remedy="Unwrap these faces again.",
+        remedy="Unwrap it again: texbake unwrap.",
     ),
 )
 
@@ -282,7 +288,8 @@ _TEXELS = (
         problem="At this texture size they are less than {padding} texels wide, the thinnest "
         "{least:.2g}. Filtering reads more padding than chart, and they vanish in the first mip "
         "levels.",
-        remedy="Join them to neighboring charts, or use a larger texture.",
+        remedy="Join them to neighboring charts, or unwrap for a larger texture: texbake unwrap "
+        "--size.",
     ),
     Kind(
         name="close-charts",
@@ -300,7 +307,7 @@ _TEXELS = (
         low="note",
         problem="At this texture size they cover the center of no texel, so they show what is "
         "baked for their neighbors.",
-        remedy="Use a larger texture, or fewer faces where they are this small.",
+        remedy="Use a larger texture, or fewer faces: texbake simplify.",
     ),
     Kind(
         name="low-texel-density",

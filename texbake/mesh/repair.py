@@ -1,9 +1,10 @@
 """Safe repairs of a mesh: those that move nothing on its surface.
 
-Vertices at one position are joined; faces without area and duplicate faces are removed; neighbors
-are turned over so that they wind alike, and closed parts so that they face outwards. What cannot be
-repaired without changing the surface (holes, edges with three faces, parts that intersect) is left
-as it is; `texbake.check` names it.
+Vertices at one position are joined, and those that no face uses removed; faces without area and
+duplicate faces are removed; neighbors are turned over so that they wind alike, and closed parts so
+that they face outwards. What cannot be repaired without changing the surface (holes, edges with
+three faces, parts that intersect) is left as it is; `texbake.check` names it. A mesh that was
+repaired is not changed by another repair.
 
 Based on: Herbert Edelsbrunner, John Harer, "Computational Topology", American Mathematical Society,
 2010 (the orientable double cover, by which all faces are oriented at once).
@@ -78,6 +79,9 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
         twice = duplicate_faces(mesh.faces)
         counts["duplicate faces"] = int(twice.sum())
         mesh = _kept(mesh, ~twice)
+    if options.merge:  # those of the faces that were removed, which nothing uses any more
+        mesh, n_unused = _merged(mesh)
+        counts["vertices merged"] += n_unused
     if options.winding:
         turned = _misoriented(mesh)
         counts["faces turned"] = int(turned.sum())
