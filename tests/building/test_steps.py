@@ -172,8 +172,9 @@ def test_a_picture(do: Do, ball: Path) -> None:
 
 def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
     maps, _ = do("bake", {"size": 32, "padding": 1}, high=ball, low=ball)
+    far, _ = do("simplify", {"faces": [150, 80], "seams": "keep"}, mesh=ball)
     files, figures = do(
-        "export", {"to": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(ball, ball),
+        "export", {"to": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(far["lod0"], far["lod1"]),
         normal=maps["normal"],
     )  # fmt: skip
     made = {path.name: path for path in files["folder"].iterdir()}

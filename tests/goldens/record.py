@@ -53,7 +53,7 @@ simplify low_uv.obj -o level.glb --faces 150 --seams keep
 unwrap low.obj -o fast.glb --size 256 --quality fast --layout layout.svg
 unwrap prism.obj sphere.obj -o tiles --tiles 2 --size 256 --by-group
 unwrap sphere.obj -o planar.obj --method planar --fit pca --sides
-unwrap sphere.obj -o cylindrical.off --method cylindrical --caps --warp twirl
+unwrap sphere.obj -o cylindrical.ply --method cylindrical --caps --warp twirl
 unwrap torus.obj -o box.obj --method box --overlap --rotate 30 --scale 2
 unwrap torus.obj -o two_part.obj --method two-part --surface sphere --via object-normal
 unwrap torus.obj -o projector.obj --method projector --camera 20,10

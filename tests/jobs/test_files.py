@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake import BakeOptions, OptionError
+from texbake import BakeOptions, FileFormatError, OptionError
 from texbake.mesh.shapes import uv_sphere
 
 OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, samples=1)
@@ -54,10 +54,11 @@ def test_meshes_one_after_another(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["mapped.stl", "mapped.OFF"])
-def test_a_file_without_room_for_coordinates_is_a_warning(folder: Path, name: str) -> None:
-    (warning,) = texbake.unwrap_files("bare.ply", name).warnings
-    assert f"{name}: " in warning
-    assert "written without texture coordinates" in warning
+def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str) -> None:
+    with pytest.raises(FileFormatError, match=f"{name}: .* hold no texture coordinates"):
+        texbake.unwrap_files("no such file.ply", name)  # before anything is read
+    with pytest.raises(FileFormatError, match="hold no texture coordinates"):
+        texbake.unwrap_files([name, "bare.ply"], "folder")
     assert not texbake.unwrap_files("bare.ply", "mapped.ply").warnings
 
 

@@ -617,6 +617,13 @@ def test_an_error_gives_up_neither_seams_nor_parts():
     assert report.method == "unchanged"
 
 
+@pytest.mark.parametrize("error", [5.0, "51%"])
+def test_an_error_that_would_leave_nothing_is_refused(error):
+    """A sphere of radius 1 has a diagonal of about 3.4."""
+    with pytest.raises(OptionError, match=r"error: .* is 3\.\d+ model units across.*nothing of it"):
+        simplify(icosphere(2), error=error)
+
+
 def test_an_error_does_not_depend_on_threads():
     mesh = orange(20_000)
     assert_same(simplify(mesh, error="0.3%", threads=1), simplify(mesh, error="0.3%", threads=3))

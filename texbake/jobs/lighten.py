@@ -239,9 +239,7 @@ def lighten_file(
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
         size=made.size,
-        images=tuple(
-            dict.fromkeys(s.image.name for s in made.channels.values() if s.image is not None)
-        ),
+        images=made.images,
         simplified=made.simplified,
         unwrapped=made.unwrapped,
         baked=made.baked,
@@ -304,6 +302,12 @@ class _Lightened:
     size: tuple[int, int] | None = None
     unwrapped: UnwrapReport | None = None
     baked: BakeReport | None = None
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        """Names of the images."""
+        sources = self.channels.values()
+        return tuple(dict.fromkeys(s.image.name for s in sources if s.image is not None))
 
 
 def _lightened(

@@ -12,7 +12,6 @@ from texbake.baking.bake import bake
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
-from texbake.baking.map_names import MATERIAL_MAPS
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
@@ -21,6 +20,7 @@ from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, make_folder
 from texbake.jobs.fit import check_fit, why_missed
+from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -31,7 +31,6 @@ from texbake.jobs.outputs import (
     write_report,
 )
 from texbake.mesh.files import read_mesh
-from texbake.mesh.materials import CHANNELS, Materials, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
@@ -129,6 +128,8 @@ def bake_files(
         files = _named(Path(output), name_pattern, Path(low).stem, options.maps, format)
     if hits is not None:
         options = replace(options, keep_hits=True)
+    if hits is None:  # other maps can be made from hits
+        check_high_texture(high_texture, files)
     inputs = (high, low, cage, high_texture, skew_mask, offset_map)
     check_distinct([*files.values(), miss_map, report, html, hits], inputs)
     _check_outputs(files, folder, options, miss_map, html, (report, hits))
@@ -350,33 +351,6 @@ def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
         for file in written
         if file.n_clipped
     )
-
-
-def needs_materials(maps: Iterable[str], options: BakeOptions) -> bool:
-    """Return whether maps are made from the materials of the high-poly mesh."""
-    of_materials = {*MATERIAL_MAPS, *(("normal",) if options.high_normal_maps else ())}
-    return not of_materials.isdisjoint(maps)
-
-
-def materials_of(
-    path: PathLike, mesh: Mesh, image: PathLike | None, maps: Iterable[str] = ()
-) -> Materials | None:
-    """Return the materials of a mesh file if it has any, or one with an image for one of `maps`.
-
-    Raises
-    ------
-    OptionError
-        `maps` are several channels of materials, and one image is given for them.
-    """
-    if image is None:
-        return read_materials(path, mesh)
-    channels = [name for name in maps if name in CHANNELS and name != "normal"]
-    if len(channels) > 1:
-        raise OptionError(
-            f"high_texture, maps: {Path(image).name} is the image of one map, and "
-            f"{', '.join(channels)} are asked for; bake them one after the other"
-        )
-    return Materials.of_image(mesh, image, *channels)
 
 
 def read_ray_image(path: PathLike | None) -> Any:

@@ -26,12 +26,11 @@ from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
 from texbake.jobs.fit import check_fit
+from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.maps import (
     DEFAULT_FORMAT,
     check_map_files,
     clipping_warnings,
-    materials_of,
-    needs_materials,
     read_ray_image,
 )
 from texbake.jobs.outputs import (
@@ -136,6 +135,7 @@ def bake_parts_files(
     asset = name or Path(low[0]).stem
     name_pattern = _pattern_of_sets(name_pattern, parts)
     name_files = _namer(asset, Path(folder), options.maps, format, name_pattern)
+    check_high_texture(high_texture, options.maps)
     inputs = [*high, *low, cage, high_texture]
     check_distinct([miss_map, report], inputs)
     suffix = format or DEFAULT_FORMAT

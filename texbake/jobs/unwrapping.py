@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from texbake.errors import OptionError
+from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
@@ -145,11 +145,21 @@ def _written(
 def _unwrap_outputs(meshes: Sequence[Path], output: Path) -> list[Path]:
     """Return a file for each mesh; raise if one could not be written."""
     if len(meshes) == 1:
+        _check_format(output)
         check_mesh(output)
         return [output]
     check_folder(output)
     files = [output / path.name for path in meshes]
     check_distinct(files)
     for file in files:
+        _check_format(file)
         check_mesh(file, folder_is_made=True)
     return files
+
+
+def _check_format(path: Path) -> None:
+    """Raise if a format holds no texture coordinates."""
+    if path.suffix.lower() in BARE_MESH_SUFFIXES:
+        raise FileFormatError(
+            f"{path}: {path.suffix} files hold no texture coordinates; write .obj, .ply or .glb"
+        )

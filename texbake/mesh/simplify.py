@@ -33,6 +33,8 @@ from texbake.mesh.simplify_options import (
 )
 from texbake.progress import ProgressSink, Stages
 
+# Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
+_MOST_ERROR = 0.5
 _FIRST_FACES = 2_000  # what is tried first for an error
 
 
@@ -150,7 +152,7 @@ def simplify(
     ------
     OptionError
         `n_faces`, `error`, `quality` or `seams` is not possible, or neither of the first two is
-        given.
+        given. An `error` above half the diagonal is not: it would leave nothing of the mesh.
     MeshError
         The mesh has no face with three distinct positions.
 
@@ -217,6 +219,11 @@ def _simplified(
     if seams not in SEAMS:
         raise OptionError(f"seams: {seams} is not one of {', '.join(SEAMS)}")
     limit = error_limit(error, mesh.diagonal)
+    if limit is not None and 0.0 < _MOST_ERROR * mesh.diagonal < limit:
+        raise OptionError(
+            f"error: {mesh.name} is {mesh.diagonal:.4g} model units across, so {limit:.4g} would "
+            "leave nothing of it; give a smaller one, such as 0.5% of the diagonal"
+        )
     if limit is not None:
         with stages.stage("simplify"):
             return _within(mesh, n_faces, limit, quality, seams, threads)

@@ -395,6 +395,11 @@ def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     fail(OptionError, "a normal map has three channels", {"normal": tmp_path / "small.png"})
     sizes = {"ao": tmp_path / "small.png", "roughness": maps / "rock_roughness.png"}
     fail(OptionError, r"differ in size \(ao 4 x 4, roughness 32 x 32\)", sizes)
+    slip = {"nromal": maps / "rock_normal.png"}
+    fail(OptionError, "'nromal' is not the name of a map; did you mean 'normal'", slip)
+    for kind in ("roughness", "ao", "displacement"):
+        colored = {kind: maps / "rock_normal.png"}
+        fail(OptionError, f"{kind} is one number per texel, and red, green and blue", colored)
     bare = grid_sphere(4, 6)
     fail(UvError, "no texture coordinates", {"normal": maps / "rock_normal.png"}, of=bare)
     fail(UvError, "levels of detail share one set", {}, levels=[mesh, bare])

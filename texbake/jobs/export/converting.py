@@ -24,6 +24,7 @@ from texbake.jobs.export.sources import (
     normal_vectors,
 )
 from texbake.texture.dds import write_dds
+from texbake.texture.gray import check_gray
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
 
@@ -157,6 +158,7 @@ class Converter:
 
     def _write_heights(self, source: SourceMap) -> ExportedMap:
         image = read_image(source.path, color=False, threads=self.options.threads)
+        check_gray(image, source.kind)
         heights, note = heights_of(image)
         if note:
             self.notes.append(note)
@@ -199,8 +201,16 @@ class Converter:
         return normal_vectors(image, self.options.convention), 8 if image.bits == 8 else 16
 
     def _data(self, source: SourceMap) -> npt.NDArray[np.float32]:
-        """(H, W) values in [0, 1] of a map of one channel."""
+        """(H, W) values in [0, 1] of a map of one channel.
+
+        Raises
+        ------
+        OptionError
+            Red, green and blue of its file differ.
+        """
         image = read_image(source.path, color=False, threads=self.options.threads)
+        if source.channel is None:
+            check_gray(image, source.kind)
         return np.clip(source.of_channel(image).pixels[..., 0], 0.0, 1.0)
 
     def _texture_suffix(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,10 @@ _ALIASES = {
     "rough": "roughness", "nor": "normal", "normals": "normal", "arm": "orm",
     "occlusion_roughness_metallic": "orm", "occlusionroughnessmetallic": "orm",
 }  # fmt: skip
+KNOWN = tuple(dict.fromkeys((*KINDS, *PACKED, *MAP_NAMES, *_ALIASES)))
+"""Every name of a map."""
+# How alike a name that is none must be to one that is to count as a slip, from 0 to 1.
+_CLOSE = 0.75
 SUFFIXES = (".exr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
 _NUMBER = re.compile(r"^(?P<name>.*?)(?:(?P<mark>[._:])(?P<number>[1-9]\d{2,3}))?$")
 # Numbers after `_` or `.` that are a size in pixels; 1024 is also a UDIM tile.
@@ -111,13 +116,14 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
     Raises
     ------
     OptionError
-        Two names are the same map, or a name is empty.
+        Two names are the same map, a name is empty, or it is close to that of a map.
     """
     sources: dict[tuple[str, str], SourceMap] = {}
     for name, path in maps.items():
         kind, tile = kind_of(name, maps)
         if not kind:
             raise OptionError(f"{path}: {name!r} is not the name of a map; use one such as normal")
+        _check_spelling(name, kind, path)
         if (kind, tile) in sources:
             other = sources[kind, tile].path
             raise OptionError(f"{kind}: both {other} and {path} are this map; give one of them")
@@ -127,6 +133,18 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
         for channel, kind in enumerate(PACKED[packed]):
             sources.setdefault((kind, tile), replace(whole, kind=kind, channel=channel))
     return sorted(sources.values())
+
+
+def _check_spelling(name: str, kind: str, path: PathLike) -> None:
+    """Raise if a name is that of a map but for a slip; `color2` is another image on purpose."""
+    if any(word in kind for word in KNOWN):
+        return
+    close = get_close_matches(kind, KNOWN, n=1, cutoff=_CLOSE)
+    if close:
+        raise OptionError(
+            f"{path}: {name!r} is not the name of a map; did you mean {close[0]!r}? An image that "
+            "is to be copied as it is needs another name"
+        )
 
 
 def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> dict[str, PathLike]:
@@ -151,14 +169,13 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
     folder = Path(folder)
     if not folder.is_dir():
         raise FileError(f"{folder}: there is no such folder; give one that bake has written")
-    known = (*KINDS, *PACKED, *MAP_NAMES, *_ALIASES)
     found: dict[str, Path] = {}
     taken = {kind_of(name, named or ()) for name in named or {}}
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     stems = [path.stem for path in images]
     for path in images:
         name, tile = kind_of(path.stem, stems)
-        fits = [word for word in known if name == word or name.endswith(("_" + word, "." + word))]
+        fits = [word for word in KNOWN if name == word or name.endswith(("_" + word, "." + word))]
         if not fits:
             continue
         kind, _ = kind_of(max(fits, key=len))

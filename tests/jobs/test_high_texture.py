@@ -1,0 +1,52 @@
+"""One image in place of the materials of a high-poly mesh: for one map, and of its kind."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.baking.options import BakeOptions
+from texbake.errors import OptionError
+from texbake.jobs.maps import bake_files
+from texbake.jobs.parts import bake_parts_files
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import plane
+from texbake.texture.image import read_image, write_image
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_mesh(plane(4, 4), tmp_path / "high.obj")
+    write_mesh(plane(), tmp_path / "low.obj")
+    write_image(np.full((4, 4, 3), 0.5), tmp_path / "gray.png", bits=8)
+    write_image(np.full((4, 4, 3), (0.1, 0.5, 0.9)), tmp_path / "colored.png", bits=8)
+    return tmp_path
+
+
+def bake_with(folder: Path, image: str, *maps: str) -> Path:
+    options = BakeOptions(maps=maps, size=8, front=0.1, back=0.1)
+    bake_files(
+        folder / "high.obj", folder / "low.obj", folder / "maps", options,
+        high_texture=folder / image,
+    )  # fmt: skip
+    return folder / "maps"
+
+
+def test_an_image_without_a_map_that_takes_it(folder: Path) -> None:
+    with pytest.raises(OptionError, match=r"high_texture, maps: gray\.png is for a map of the mat"):
+        bake_with(folder, "gray.png", "normal")
+    with pytest.raises(OptionError, match="high_texture, maps"):
+        bake_parts_files(
+            [folder / "high.obj"], [folder / "low.obj"], folder / "maps",
+            BakeOptions(maps=("normal",), size=8), high_texture=folder / "gray.png",
+        )  # fmt: skip
+    assert not (folder / "maps").exists()
+
+
+def test_a_map_of_one_number_takes_a_gray_image(folder: Path) -> None:
+    with pytest.raises(OptionError, match=r"colored\.png: roughness is one number per texel"):
+        bake_with(folder, "colored.png", "roughness")
+    bake_with(folder, "colored.png", "base-color")
+    maps = bake_with(folder, "gray.png", "roughness")
+    (written,) = maps.glob("*roughness*")
+    assert np.abs(read_image(written, color=False).pixels - 128 / 255).max() < 0.005
