@@ -379,3 +379,35 @@ def test_wrong_options_and_meshes_are_refused():
 )
 def test_real_meshes_become_closed(name):
     assert wrapped(read_mesh(DATA / name), resolution=96).n_faces > 0
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("keep", [True, False])
+def test_cavities_told_are_those_in_the_result(data_dir, keep):
+    heart = read_mesh(data_dir / "broken" / "VH_M_Heart.glb")
+    options = RemeshOptions(resolution=128, keep_interior=keep)
+    result, report = remesh_with_report(heart, options)
+    volumes = np.array(by_volume(result)) / report.voxel**3
+    assert np.count_nonzero(volumes < 0.0) == report.n_cavities_kept == (4 if keep else 0)
+    assert np.abs(volumes).min() >= 1.0
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("resolution", [48, 64])
+def test_crumbs_are_left_out_and_counted(data_dir, resolution):
+    spot = read_mesh(data_dir / "pairs" / "spot" / "low_uv.obj")
+    result, report = remesh_with_report(spot, RemeshOptions(resolution=resolution))
+    assert len(by_volume(result)) == report.n_components == 1
+    assert report.n_crumbs == 1
+    assert "separate parts smaller than a voxel are left out: 1;" in report.notes[0]
+
+
+@pytest.mark.parametrize(("size", "n_crumbs"), [(0.2, 1), (4.0, 0)])
+def test_a_part_smaller_than_a_voxel_is_a_crumb(size, n_crumbs):
+    """A ball of 48 voxels, and another of a fifth of a voxel, or of four, beside it."""
+    voxel = 2.0 / 48.0
+    crumb = moved(icosphere(1), scale=0.5 * size * voxel, by=(0.9, 0.9, 0.0))
+    result, report = remesh_with_report(joined(BALL, crumb), RemeshOptions(resolution=48))
+    assert report.n_crumbs == n_crumbs
+    assert report.n_components == 2 - n_crumbs
+    assert len(by_volume(result)) == 2 - n_crumbs

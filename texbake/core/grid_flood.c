@@ -42,7 +42,8 @@ static void add_runs(
     }
 }
 
-/* Give a label to what is reached from a point, none of which has the label yet. */
+/* Give a label to what is reached from a point, none of which has the label yet; return how many
+   points that is. */
 int64_t flood_room(
     int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz],
     int64_t start, int64_t label)
@@ -51,6 +52,7 @@ int64_t flood_room(
     struct seeds seeds = {arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16};
     const bool *walls = &blocked[0][0][0];
     const uint8_t mark = (uint8_t)label;
+    int64_t n_points = 0;
     uint8_t *found = &labels[0][0][0];
     add_runs(&seeds, walls, found, mark, start, start);
     while (seeds.count > 0) {
@@ -64,6 +66,7 @@ int64_t flood_room(
         while (last < row * nz + nz - 1 && !walls[last + 1])
             last++;
         memset(found + first, mark, (size_t)(last - first + 1));
+        n_points += last - first + 1;
         if (x > 0)
             add_runs(&seeds, walls, found, mark, first - ny * nz, last - ny * nz);
         if (x < nx - 1)
@@ -74,7 +77,7 @@ int64_t flood_room(
             add_runs(&seeds, walls, found, mark, first + nz, last + nz);
     }
     close_arena(arena);
-    return 0;
+    return n_points;
 }
 
 /* The first free point from a place on that no flood has reached; the number of points if none. */

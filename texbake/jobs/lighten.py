@@ -221,12 +221,11 @@ def lighten_file(
             quantize=options.quantize,
         )
     comparison = None
-    if options.views:
-        warnings += compared_without(model, materials)
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
         warnings.append(_too_many_parts(model))
     elif options.views:
+        warnings += compared_without(model, materials)
         with stages.part("compare"):
             comparison = compare_models(
                 model, output, n_views=options.views, threads=options.threads, progress=progress

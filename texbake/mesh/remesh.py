@@ -29,7 +29,7 @@ from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band
 from texbake.mesh.remeshing.flood import MAX_RADIUS, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
-from texbake.mesh.remeshing.parts import Parts, largest_parts
+from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import with_hard_edges
 from texbake.mesh.remeshing.winding import winding_numbers
@@ -52,8 +52,11 @@ class RemeshReport:
         Faces of the given mesh, and of the result.
     n_components, n_dropped : int
         Separate parts of the result, and those that `components` left out.
+    n_crumbs : int
+        Separate parts smaller than a voxel, which are left out.
     n_cavities_kept, n_cavities_filled : int
-        Closed rooms in the solid that are wider than the gaps that are closed.
+        Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
+        gaps that are closed.
     voxel : float
         Side of a voxel, in model units.
     gap : float
@@ -73,6 +76,7 @@ class RemeshReport:
     n_vertices: int
     n_components: int
     n_dropped: int
+    n_crumbs: int
     n_cavities_kept: int
     n_cavities_filled: int
     voxel: float
@@ -85,9 +89,17 @@ class RemeshReport:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the user should know, a sentence each."""
-        if not self.n_dropped:
-            return ()
-        return (f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them",)
+        notes = []
+        if self.n_crumbs:
+            notes.append(
+                f"separate parts smaller than a voxel are left out: {self.n_crumbs:,}; a greater "
+                "`resolution` keeps more"
+            )
+        if self.n_dropped:
+            notes.append(
+                f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them"
+            )
+        return tuple(notes)
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -159,7 +171,8 @@ def remesh_with_report(
         n_vertices=wrapped.n_vertices,
         n_components=int(np.count_nonzero(~parts.is_wall)),
         n_dropped=counts.n_dropped,
-        n_cavities_kept=counts.n_cavities if options.keep_interior else 0,
+        n_crumbs=counts.n_crumbs,
+        n_cavities_kept=int(np.count_nonzero(parts.is_wall)),
         n_cavities_filled=0 if options.keep_interior else counts.n_cavities,
         voxel=grid.voxel,
         gap=grid.gap * grid.voxel,
@@ -217,6 +230,7 @@ class _Counts:
     """Figures of the report that only the work itself knows, as in `RemeshReport`."""
 
     n_dropped: int
+    n_crumbs: int
     n_cavities: int
     thin_share: float
 
@@ -248,11 +262,16 @@ def _remeshed(
     with stages.stage("project"):
         tree = TriangleTree.build(points, mesh.faces, threads=threads)
         moved, faces = project(nets, tree, sharp_edges=options.sharp_edges, threads=threads)
+    moved, faces, n_crumbs = without_crumbs(
+        moved, faces, keep_cavities=options.keep_interior
+    )
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
     wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
     if options.sharp_edges:
         wrapped = with_hard_edges(wrapped)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-    counts = _Counts(n_dropped=n_dropped, n_cavities=n_cavities, thin_share=thin_share)
+    counts = _Counts(
+        n_dropped=n_dropped, n_crumbs=n_crumbs, n_cavities=n_cavities, thin_share=thin_share
+    )
     return with_nearest_attributes(wrapped, mesh, threads), grid, counts

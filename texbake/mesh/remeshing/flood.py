@@ -24,6 +24,8 @@ MAX_RADIUS = 180  # squares of distances up to this have 16 bits, and so has the
 
 _PLANES = 8
 
+_LEAST_ROOM = 2  # points; of most rooms of a single one, no surface is left
+
 
 Bools = npt.NDArray[np.bool_]
 
@@ -54,7 +56,7 @@ def flood_outside(
     Returns
     -------
     int
-        How many cavities there are.
+        How many cavities of more than a point there are.
     """
     grows = radius >= 1.0  # no two points are closer
     near = np.empty(labels.shape, dtype=np.bool_) if grows else labels == SHELL
@@ -82,15 +84,17 @@ def _flood_cavities(
     keep: bool,
     threads: int | None,
 ) -> int:
-    """Count the cavities among the rooms, and flood them if they are kept."""
+    """Count the cavities of more than a point, and flood all of them if they are kept."""
     rooms: list[int] = []
+    sizes: list[int] = []
     place = 0
     while (place := core.next_room(near, labels, place)) < labels.size:
-        core.flood_room(near, labels, place, ROOM)
+        sizes.append(core.flood_room(near, labels, place, ROOM))
         rooms.append(place)
     places = np.array(rooms, dtype=np.int64)
     points = np.stack(np.unravel_index(places, labels.shape), axis=1).astype(np.float64)
-    cavities = places[is_cavity(points)]
+    found = is_cavity(points)
+    cavities = places[found]
     if keep:
         for place in cavities.tolist():
             core.flood_room(near, labels, place, OUTSIDE)
@@ -100,7 +104,7 @@ def _flood_cavities(
         part[part == ROOM] = CORE
 
     run_bands(forget, len(labels), band=_PLANES, threads=threads)
-    return len(cavities)
+    return int(np.count_nonzero(found & (np.array(sizes, dtype=np.int64) >= _LEAST_ROOM)))
 
 
 def _within(

@@ -11,6 +11,11 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.topology import face_components
 
+# In voxels. The surface around a single point of the grid is a voxel across, unless it is moved.
+_LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5
+# Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as it is long.
+_LEAST_CAVITY = 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -41,6 +46,49 @@ class Parts:
         return self.volumes < 0.0
 
 
+def without_crumbs(
+    points: FloatArray, faces: IntArray, *, keep_cavities: bool
+) -> tuple[FloatArray, IntArray, int]:
+    """Leave out parts that are smaller than a voxel, which the grid alone makes; also count them.
+
+    Walls of so small cavities go as well, and are not counted. The largest part stays.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        In units of a voxel.
+    faces : (F, 3) int32
+    keep_cavities
+        Whether walls of larger cavities stay; if all are filled, what is left of one is a fault of
+        the grid.
+    """
+    parts = Parts.of(points, faces)
+    sizes = np.zeros(len(parts.volumes))
+    for axis in range(3):
+        low, high = np.full(len(sizes), np.inf), np.full(len(sizes), -np.inf)
+        along = points[:, axis][faces]
+        np.minimum.at(low, parts.ids, along.min(axis=1))
+        np.maximum.at(high, parts.ids, along.max(axis=1))
+        np.maximum(sizes, high - low, out=sizes)
+    is_crumb = np.abs(parts.volumes) < _LEAST_VOLUME
+    is_crumb &= sizes < np.where(parts.is_wall, _LEAST_CAVITY, _LEAST_SIZE)
+    if not keep_cavities:
+        is_crumb |= parts.volumes <= -_LEAST_VOLUME
+    is_crumb[np.argmax(sizes)] = False
+    if not is_crumb.any():
+        return points, faces, 0
+    kept_points, kept_faces = _of_parts(points, faces, ~is_crumb[parts.ids])
+    return kept_points, kept_faces, int(np.count_nonzero(is_crumb & ~parts.is_wall))
+
+
+def _of_parts(
+    points: FloatArray, faces: IntArray, kept: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, IntArray]:
+    """Some of the faces, and the points that they use."""
+    used, compact = np.unique(faces[kept], return_inverse=True)
+    return points[used], compact.reshape(-1, 3).astype(np.int32)
+
+
 def largest_parts(
     points: FloatArray, faces: IntArray, n_kept: int | None, *, threads: int | None = None
 ) -> tuple[FloatArray, IntArray, int]:
@@ -67,8 +115,7 @@ def largest_parts(
     kept[order[:n_kept]] = True
     walls = np.flatnonzero(parts.is_wall)
     kept[walls] = kept[_owners(points, faces, parts, walls, order[:n_solid], threads)]
-    used, compact = np.unique(faces[kept[parts.ids]], return_inverse=True)
-    return points[used], compact.reshape(-1, 3).astype(np.int32), n_solid - n_kept
+    return *_of_parts(points, faces, kept[parts.ids]), n_solid - n_kept
 
 
 def _owners(
