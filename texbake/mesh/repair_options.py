@@ -12,8 +12,8 @@ from texbake.schema import CheckedOptions, Option
 class RepairOptions(CheckedOptions):
     """Which repairs `repair` makes.
 
-    If new texture coordinates are made later, `simplify` comes closer to the surface without the
-    seams of the old ones.
+    If new texture coordinates are made later, `simplify` mostly comes closer to the surface
+    without the seams of the old ones.
     """
 
     merge: Annotated[bool, Option("Join vertices at one position.", flag="--merge/--no-merge")] = (

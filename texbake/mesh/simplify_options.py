@@ -68,8 +68,8 @@ class SimplifyOptions(CheckedOptions):
         Option(
             "Seams of texture coordinates: keep them while the number of triangles can be reached "
             "with them (auto), keep them and more triangles if need be (keep), or leave texture "
-            "coordinates out (drop), which brings the result closer to the surface; unwrap then "
-            "makes new charts.",
+            "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
+            "then makes new charts.",
             choices=SEAMS,
         ),
     ] = DEFAULT_SEAMS
