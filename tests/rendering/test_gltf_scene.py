@@ -193,11 +193,12 @@ def test_samplers(asset, tmp_path, pixels, sampler, name, wrap):
     assert (texture.filter, texture.wrap) == (name, wrap)
 
 
-def test_a_sampler_of_two_wraps_is_told(asset, tmp_path, pixels):
+def test_a_sampler_of_two_wraps(asset, tmp_path, pixels):
     image = asset.texture(pixels, {"wrapS": 33071})
     asset.material(pbrMetallicRoughness={"baseColorTexture": image})
-    (note,) = asset.read(tmp_path).notes
-    assert note.startswith("a sampler wraps clamp along s and repeat along t")
+    scene = asset.read(tmp_path)
+    assert scene.notes == ()
+    assert scene.objects[0].material.base_color.wrap == ("clamp", "repeat")
 
 
 def gltf_transformed(uvs, offset=(0, 0), rotation=0.0, scale=(1, 1)):
@@ -322,10 +323,17 @@ def test_another_set_of_coordinates(tmp_path, pixels):
 
     asset.json["materials"][0]["occlusionTexture"] = image
     scene = asset.read(tmp_path)
-    assert scene.objects[0].material.occlusion is None
-    assert scene.notes == (
-        "occlusionTexture of 'material 0' lies on TEXCOORD_0, others on TEXCOORD_1; it is left out",
-    )
+    assert scene.notes == ()
+    # The normal map, which tangents belong to, decides which set is the first.
+    item = scene.objects[0]
+    assert item.material.base_color.uv_set is None
+    assert item.material.occlusion.uv_set == "TEXCOORD_0"
+    np.testing.assert_array_equal(item.mesh.corner_uvs("TEXCOORD_0")[0], [[0, 1], [1, 1], [0, 0]])
+
+    asset.json["materials"][0]["occlusionTexture"] = {**image, "texCoord": 2}
+    scene = asset.read(tmp_path)
+    assert scene.notes == ("'mesh 0' has no TEXCOORD_2; (0, 0) is used",)
+    np.testing.assert_array_equal(scene.objects[0].mesh.corner_uvs("TEXCOORD_2")[0], [[0, 1]] * 3)
 
 
 def test_lights(asset, tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import (
@@ -50,6 +51,7 @@ SMALL = RenderOptions(width=24, height=16, supersampling=2, view=(20.0, 25.0))
 SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
+TWO_SETS = plane().replace(uv_sets={"second": UvSet(plane().uvs, plane().uv_faces)})
 HOOKS = ("needs", "load", "prepare", "shade", "dim", "unneeded", "behind")
 
 
@@ -176,6 +178,10 @@ CASES: dict[str, Case] = {
     "mip maps": FILTERED,
     "images": TEXTURED,
     "texture coordinates": TEXTURED,
+    "further texture coordinates": Case(
+        wanted=scene(unlit(base_color=picture(uv_set="second")), meshes=[TWO_SETS]),
+        unwanted=scene(unlit(base_color=picture()), meshes=[TWO_SETS]),
+    ),
     "procedures": Case(
         wanted=scene(unlit(base_color=ProcedureTexture(procedure="checker"))),
         unwanted=scene(unlit(base_color=(0.5, 0.5, 0.5))),

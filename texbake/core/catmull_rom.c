@@ -43,18 +43,19 @@ static inline float mix_four(const float values[4], const struct cubic_weights *
 void sample_bicubic(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
-    const double uvs[n][2], int64_t wrap, const float border[n_channels],
+    const double uvs[n][2], int64_t wraps, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop)
 {
     const int64_t height = sizes[0][0], width = sizes[0][1];
     for (int64_t i = start; i < stop; i++) {
-        const double x = wrap_to_period(uvs[i][0], wrap) * (double)width - 0.5;
-        const double y = row_of_v(wrap_to_period(uvs[i][1], wrap), (double)height) - 0.5;
+        const double x = wrap_to_period(uvs[i][0], wrap_along_u(wraps)) * (double)width - 0.5;
+        const double v = wrap_to_period(uvs[i][1], wrap_along_v(wraps));
+        const double y = row_of_v(v, (double)height) - 0.5;
         const int64_t left = (int64_t)floor(x) - 1, top = (int64_t)floor(y) - 1;
         const float *sources[4][4];
         for (int row = 0; row < 4; row++)
             for (int column = 0; column < 4; column++) {
-                const int64_t index = texel_at(left + column, top + row, width, height, wrap);
+                const int64_t index = texel_at(left + column, top + row, width, height, wraps);
                 sources[row][column] = index >= 0 ? texels[index] : border;
             }
         const struct cubic_weights across = weigh_neighbors(x - floor(x));

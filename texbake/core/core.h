@@ -81,13 +81,13 @@ void place_in_image(
 /* bilinear_lookup.c */
 void sample_bilinear(
     int64_t height, int64_t width, int64_t n_channels, int64_t n,
-    const float image[height][width][n_channels], const double uvs[n][2], int64_t wrap,
+    const float image[height][width][n_channels], const double uvs[n][2], int64_t wraps,
     const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop);
 
 void sample_nearest(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
-    const double uvs[n][2], int64_t wrap, const float border[n_channels],
+    const double uvs[n][2], int64_t wraps, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
 
 /* bottom_left.c */
@@ -130,7 +130,7 @@ void add_embossed(
 void sample_bicubic(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
-    const double uvs[n][2], int64_t wrap, const float border[n_channels],
+    const double uvs[n][2], int64_t wraps, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
 
 /* cell_differences.c */
@@ -343,7 +343,7 @@ int64_t sample_ellipses(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2], const float derivatives[n][4],
-    double max_anisotropy, int64_t wrap, const float border[n_channels],
+    double max_anisotropy, int64_t wraps, const float border[n_channels],
     const float weights[n_weights], double pixel_radius_squared, float out[n][n_channels],
     int64_t start, int64_t stop);
 
@@ -528,7 +528,7 @@ void sample_trilinear(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2],
-    OPTIONAL const float derivatives[n][4], int64_t wrap, const float border[n_channels],
+    OPTIONAL const float derivatives[n][4], int64_t wraps, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop);
 
 /* morton_tree.c */
@@ -635,7 +635,7 @@ void join_orientations(
 void follow_rays(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
-    const int64_t sizes[n_levels][2], int64_t wrap, float border, float factor,
+    const int64_t sizes[n_levels][2], int64_t wraps, float border, float factor,
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n]);
 
@@ -1048,7 +1048,7 @@ int64_t sample_supersampled(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_samples,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], const float derivatives[n][4], const double samples[n_samples][2],
-    int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,
+    int64_t wraps, const float border[n_channels], float out[n][n_channels], int64_t start,
     int64_t stop);
 
 /* surface_nets.c */

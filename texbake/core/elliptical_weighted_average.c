@@ -26,7 +26,7 @@
 /* What all lookups of a call have in common. */
 struct ellipse_filter {
     const float *texels, *border, *weights; /* weights: over the squared distance, 1 on the ellipse */
-    int64_t n_channels, n_weights, wrap;
+    int64_t n_channels, n_weights, wraps;
     const int64_t (*sizes)[2], *offsets;
     double pixel_radius_squared;
 };
@@ -103,12 +103,12 @@ static void average_ellipse(
     const struct ellipse_filter *filter, int64_t level, double u, double v,
     const struct quadratic_form *form, float *out)
 {
-    const int64_t n_channels = filter->n_channels, wrap = filter->wrap;
+    const int64_t n_channels = filter->n_channels, wraps = filter->wraps;
     const int64_t height = filter->sizes[level][0], width = filter->sizes[level][1];
     const float *texels = filter->texels + filter->offsets[level] * n_channels;
     const double center_x = u * (double)width - 0.5;
     const double center_y = row_of_v(v, (double)height) - 0.5;
-    const int64_t base = texel_at((int64_t)center_x, (int64_t)center_y, width, height, wrap);
+    const int64_t base = texel_at((int64_t)center_x, (int64_t)center_y, width, height, wraps);
     const float *known = base >= 0 ? texels + base * n_channels : filter->border;
     /* Inverse of the form: 1 on the ellipse. */
     const double determinant = form->xx * form->yy - form->xy * form->xy;
@@ -125,7 +125,7 @@ static void average_ellipse(
         const double inside = max_f64(lean * lean - along * (down * dy * dy - 1.0), 0.0);
         const double half = sqrt(inside) / along;
         const int64_t last = (int64_t)floor(center_x + middle + half);
-        const int64_t row_start = wrap_index(row, height, wrap) * width;
+        const int64_t row_start = wrap_index(row, height, wrap_along_v(wraps)) * width;
         for (int64_t column = (int64_t)ceil(center_x + middle - half); column <= last; column++) {
             const double dx = (double)column - center_x;
             const double squared = along * dx * dx + (2.0 * slant * dx + down * dy) * dy;
@@ -134,7 +134,7 @@ static void average_ellipse(
                 continue;
             const float weight = filter->weights[max_i64(place, 0)];
             total += weight;
-            const int64_t at = wrap_index(column, width, wrap);
+            const int64_t at = wrap_index(column, width, wrap_along_u(wraps));
             const float *values =
                 at >= 0 && row_start >= 0 ? texels + (row_start + at) * n_channels : filter->border;
             for (int64_t channel = 0; channel < n_channels; channel++)
@@ -150,7 +150,8 @@ static void average_pixel(
     const struct ellipse_filter *filter, const double uv[2], const struct quadratic_form *pixel,
     double minor, float *mean, float *out)
 {
-    const double u = wrap_to_period(uv[0], filter->wrap), v = wrap_to_period(uv[1], filter->wrap);
+    const double u = wrap_to_period(uv[0], wrap_along_u(filter->wraps));
+    const double v = wrap_to_period(uv[1], wrap_along_v(filter->wraps));
     const double level = minor > 1.0 ? log2(minor) : 0.0;
     const int64_t fine = (int64_t)level;
     const float blend = (float)(level - (double)fine);
@@ -168,11 +169,11 @@ static void average_pixel(
 static void interpolate_pixel(
     const struct ellipse_filter *filter, const double uv[2], float share, float *out)
 {
-    const int64_t n_channels = filter->n_channels, wrap = filter->wrap;
+    const int64_t n_channels = filter->n_channels, wraps = filter->wraps;
     const float (*texels)[n_channels] = (const float (*)[n_channels])filter->texels;
     const struct texel_cell cell = bilinear_cell(
-        wrap_to_unit(uv[0], wrap), wrap_to_unit(uv[1], wrap), filter->sizes[0][1],
-        filter->sizes[0][0], wrap, filter->offsets[0]);
+        wrap_to_unit(uv[0], wrap_along_u(wraps)), wrap_to_unit(uv[1], wrap_along_v(wraps)),
+        filter->sizes[0][1], filter->sizes[0][0], wraps, filter->offsets[0]);
     for (int64_t channel = 0; channel < n_channels; channel++) {
         const float value =
             interpolate_cell_f32(n_channels, texels, &cell, channel, filter->border[channel]);
@@ -187,13 +188,13 @@ int64_t sample_ellipses(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2], const float derivatives[n][4],
-    double max_anisotropy, int64_t wrap, const float border[n_channels],
+    double max_anisotropy, int64_t wraps, const float border[n_channels],
     const float weights[n_weights], double pixel_radius_squared, float out[n][n_channels],
     int64_t start, int64_t stop)
 {
     OPEN_ARENA(arena);
     const struct ellipse_filter filter = {
-        texels[0], border, weights, n_channels, n_weights, wrap, sizes, offsets,
+        texels[0], border, weights, n_channels, n_weights, wraps, sizes, offsets,
         pixel_radius_squared,
     };
     const double largest = ldexp(1.0, (int)(n_levels - 1));

@@ -56,23 +56,24 @@ void sample_trilinear(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2],
-    OPTIONAL const float derivatives[n][4], int64_t wrap, const float border[n_channels],
+    OPTIONAL const float derivatives[n][4], int64_t wraps, const float border[n_channels],
     float out[n][n_channels], int64_t start, int64_t stop)
 {
     const float last = (float)(n_levels - 1);
     const float height = (float)sizes[0][0], width = (float)sizes[0][1];
-    const bool has_colors = n_channels == 3 && wrap != WRAP_BORDER;
+    const bool has_colors = n_channels == 3 && !has_border(wraps);
     for (int64_t i = start; i < stop; i++) {
-        const double u = wrap_to_unit(uvs[i][0], wrap), v = wrap_to_unit(uvs[i][1], wrap);
+        const double u = wrap_to_unit(uvs[i][0], wrap_along_u(wraps));
+        const double v = wrap_to_unit(uvs[i][1], wrap_along_v(wraps));
         float level = derivatives ? footprint_level(derivatives[i], width, height) : 0.0f;
         level = level > 0.0f ? min_f32(level, last) : 0.0f;
         const int64_t fine = (int64_t)level;
         const float blend = level - (float)fine;
         const int64_t coarse = blend > 0.0f ? fine + 1 : fine;
         const struct texel_cell cell =
-            bilinear_cell(u, v, sizes[fine][1], sizes[fine][0], wrap, offsets[fine]);
+            bilinear_cell(u, v, sizes[fine][1], sizes[fine][0], wraps, offsets[fine]);
         const struct texel_cell far_cell = coarse == fine ? cell : bilinear_cell(
-            u, v, sizes[coarse][1], sizes[coarse][0], wrap, offsets[coarse]);
+            u, v, sizes[coarse][1], sizes[coarse][0], wraps, offsets[coarse]);
         if (has_colors) {
             float near[3], far[3];
             mix_colors((const float (*)[3])texels, &cell, near);

@@ -25,7 +25,7 @@ static const double CLOSE = 1.0 / (1 << 20);
 struct height_map {
     int64_t n_channels;
     const float *texels;
-    int64_t first, width, height, wrap;
+    int64_t first, width, height, wraps;
     float border, factor;
 };
 
@@ -33,10 +33,10 @@ struct height_map {
 static double height_above(
     const struct height_map *map, const double start[2], const double step[2], double share)
 {
-    const double u = wrap_to_unit(start[0] + share * step[0], map->wrap);
-    const double v = wrap_to_unit(start[1] + share * step[1], map->wrap);
+    const double u = wrap_to_unit(start[0] + share * step[0], wrap_along_u(map->wraps));
+    const double v = wrap_to_unit(start[1] + share * step[1], wrap_along_v(map->wraps));
     const struct texel_cell cell =
-        bilinear_cell(u, v, map->width, map->height, map->wrap, map->first);
+        bilinear_cell(u, v, map->width, map->height, map->wraps, map->first);
     const float (*texels)[map->n_channels] = (const void *)map->texels;
     return 1.0 - share
            - map->factor * interpolate_cell(map->n_channels, texels, &cell, 0, map->border);
@@ -75,14 +75,14 @@ static double find_meeting(
 void follow_rays(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
-    const int64_t sizes[n_levels][2], int64_t wrap, float border, float factor,
+    const int64_t sizes[n_levels][2], int64_t wraps, float border, float factor,
     const double starts[n][2], const double steps[n][2], const int64_t levels[n], int64_t layers,
     double shares[n])
 {
     for (int64_t i = 0; i < n; i++) {
         const int64_t *size = sizes[levels[i]];
         const struct height_map map = {
-            n_channels, texels[0], offsets[levels[i]], size[1], size[0], wrap, border, factor};
+            n_channels, texels[0], offsets[levels[i]], size[1], size[0], wraps, border, factor};
         const double *step = steps[i];
         const double last = 1.0 / max_f64(hypot(step[0], step[1]), 1.0);
         const double crossed = hypot(last * step[0] * size[1], last * step[1] * size[0]);

@@ -18,7 +18,7 @@ int64_t sample_supersampled(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_samples,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], const float derivatives[n][4], const double samples[n_samples][2],
-    int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,
+    int64_t wraps, const float border[n_channels], float out[n][n_channels], int64_t start,
     int64_t stop)
 {
     OPEN_ARENA(arena);
@@ -32,7 +32,8 @@ int64_t sample_supersampled(
             const double u = uvs[i][0] + right * derivatives[i][0] + down * derivatives[i][2];
             const double v = uvs[i][1] + right * derivatives[i][1] + down * derivatives[i][3];
             const struct texel_cell cell = bilinear_cell(
-                wrap_to_unit(u, wrap), wrap_to_unit(v, wrap), width, height, wrap, 0);
+                wrap_to_unit(u, wrap_along_u(wraps)), wrap_to_unit(v, wrap_along_v(wraps)), width, height,
+                wraps, 0);
             for (int64_t channel = 0; channel < n_channels; channel++)
                 sums[channel] +=
                     interpolate_cell(n_channels, texels, &cell, channel, border[channel]);

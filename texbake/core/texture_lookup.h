@@ -13,12 +13,23 @@
 #define TEXBAKE_TEXTURE_LOOKUP_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "numbers.h"
 
 /* As in texbake/texture/lookup.py. */
 enum { WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR, WRAP_BORDER };
+
+/* Lookups in images take a mode for each direction in one number: that along u, plus four times that
+   along v. A lookup along one axis takes a mode alone. */
+static inline int64_t wrap_along_u(int64_t wraps) { return wraps & 3; }
+static inline int64_t wrap_along_v(int64_t wraps) { return wraps >> 2; }
+static inline int64_t wrap_alike(int64_t wrap) { return wrap | wrap << 2; }
+static inline bool has_border(int64_t wraps)
+{
+    return wrap_along_u(wraps) == WRAP_BORDER || wrap_along_v(wraps) == WRAP_BORDER;
+}
 
 /* Index of a texel that lies outside an image with a border. */
 enum { OUTSIDE = -1 };
@@ -85,10 +96,10 @@ static inline int64_t wrap_index(int64_t index, int64_t size, int64_t wrap)
 
 /* Index, counted along rows, of the texel that stands in any column and row; or OUTSIDE. */
 static inline int64_t texel_at(
-    int64_t column, int64_t row, int64_t width, int64_t height, int64_t wrap)
+    int64_t column, int64_t row, int64_t width, int64_t height, int64_t wraps)
 {
-    column = wrap_index(column, width, wrap);
-    row = wrap_index(row, height, wrap);
+    column = wrap_index(column, width, wrap_along_u(wraps));
+    row = wrap_index(row, height, wrap_along_v(wraps));
     return column >= 0 && row >= 0 ? row * width + column : OUTSIDE;
 }
 
@@ -124,15 +135,16 @@ static inline double find_neighbors(
 /* The four texels around a `wrap_to_unit` coordinate, OUTSIDE for the border. `first` is the index
    of the image's first texel. */
 static inline struct texel_cell bilinear_cell(
-    double u, double v, int64_t width, int64_t height, int64_t wrap, int64_t first)
+    double u, double v, int64_t width, int64_t height, int64_t wraps, int64_t first)
 {
     int64_t left, right, top, bottom;
-    const double x = find_neighbors(u * (double)width - 0.5, width, wrap, &left, &right);
+    const double x = find_neighbors(
+        u * (double)width - 0.5, width, wrap_along_u(wraps), &left, &right);
     const double row = row_of_v(v, (double)height) - 0.5;
-    const double y = find_neighbors(row, height, wrap, &top, &bottom);
+    const double y = find_neighbors(row, height, wrap_along_v(wraps), &top, &bottom);
     const int64_t above = first + top * width, below = first + bottom * width;
     struct texel_cell cell = {above + left, above + right, below + left, below + right, x, y};
-    if (wrap == WRAP_BORDER) {
+    if (has_border(wraps)) {
         if (left < 0 || top < 0)
             cell.above_left = OUTSIDE;
         if (right < 0 || top < 0)

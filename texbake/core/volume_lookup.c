@@ -20,7 +20,7 @@ static inline int64_t volume_texel(
     int64_t column, int64_t row, int64_t layer, const struct volume_size *size, int64_t wrap)
 {
     layer = wrap_index(layer, size->depth, wrap);
-    const int64_t index = texel_at(column, row, size->width, size->height, wrap);
+    const int64_t index = texel_at(column, row, size->width, size->height, wrap_alike(wrap));
     return layer >= 0 && index >= 0 ? layer * size->height * size->width + index : OUTSIDE;
 }
 

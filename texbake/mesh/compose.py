@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.uv_sets import joined_uv_sets, sets_by_corner
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
@@ -51,6 +52,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
         face_groups=np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
         group_names=tuple(mesh.name for mesh in meshes),
         name=f"{len(meshes)} meshes",
+        uv_sets=joined_uv_sets(meshes),
         **fields,
     )
 
@@ -109,6 +111,7 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
         face_groups=offset_joined(groups),  # type: ignore[arg-type]
         group_names=tuple(group for part in parts for group in part.group_names),
         name=name,
+        uv_sets=joined_uv_sets(parts),
         **fields,
     )
 
@@ -147,6 +150,7 @@ def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
         changes[by_face] = None if array is None else array[chosen]
     if mesh.colors is not None:
         changes["colors"] = mesh.colors[vertices]
+    changes["uv_sets"] = sets_by_corner(mesh, chosen)
     return mesh.replace(**changes)
 
 
@@ -189,6 +193,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
         flat = mesh.tangents.reshape(-1, 4)
         turned = transformed_tangents(flat, linear).reshape(mesh.tangents.shape)
         changes["tangents"] = turned[:, order]
+    changes["uv_sets"] = sets_by_corner(mesh, order, columns=True)
     return mesh.replace(**changes)
 
 

@@ -7,7 +7,8 @@ that giving a mesh texture coordinates adds two arrays and touches nothing else.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import MeshError, UvError
+from texbake.mesh.uv_sets import UvSet, checked_uv_sets
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -40,6 +42,8 @@ class Mesh:
         Texture coordinates, v up, (0, 0) at the lower left.
     uv_faces : (F, 3) int32, optional
         Indices into `uvs`, given if and only if `uvs` is.
+    uv_sets : mapping of str to UvSet
+        Further sets of texture coordinates by their names, each with indices of its own.
     normals : (N, 3) float64, optional
         Shading normals, normalized on the way in; a zero vector stays zero.
     normal_faces : (F, 3) int32, optional
@@ -66,6 +70,7 @@ class Mesh:
     faces: IntArray
     uvs: FloatArray | None = None
     uv_faces: IntArray | None = None
+    uv_sets: Mapping[str, UvSet] = field(default_factory=dict)
     normals: FloatArray | None = None
     normal_faces: IntArray | None = None
     tangents: npt.NDArray[np.float32] | None = None
@@ -87,6 +92,8 @@ class Mesh:
             ("normals", "normal_faces", 3, "normal"),
         ):
             self._check_pair(values, corners, width, noun)
+        sets = checked_uv_sets(self.uv_sets, len(faces), self.name)
+        object.__setattr__(self, "uv_sets", sets)
         if self.normals is not None:
             object.__setattr__(self, "normals", frozen(_normalized(self.normals)))
         self._adopt("tangents", np.float32, (len(faces), 3, 4))
@@ -122,11 +129,14 @@ class Mesh:
         low, high = self.bounds.tolist()
         return math.dist(low, high)
 
-    def corner_uvs(self) -> FloatArray:
-        """(F, 3, 2) float64: the texture coordinates of each face's corners.
+    def corner_uvs(self, uv_set: str | None = None) -> FloatArray:
+        """(F, 3, 2) float64: the texture coordinates of each face's corners, in a set.
 
-        Raises `UvError` where the mesh has none.
+        Raises `UvError` where the mesh has none, or no further set of that name.
         """
+        if uv_set is not None:
+            found = self.uv_set(uv_set)
+            return found.uvs[found.faces]
         if self.uvs is None or self.uv_faces is None:
             raise UvError(
                 f"{self.name}: it has no texture coordinates; "
@@ -134,8 +144,33 @@ class Mesh:
             )
         return self.uvs[self.uv_faces]
 
+    def uv_set(self, name: str) -> UvSet:
+        """Return a further set of texture coordinates; raise `UvError` where there is none."""
+        if name not in self.uv_sets:
+            others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
+            raise UvError(
+                f"{self.name}: it has no UV set {name!r}; {others}"
+                f"make it with: texbake unwrap {self.name} --set {name} -o OUT"
+            )
+        return self.uv_sets[name]
+
+    def on_uv_set(self, name: str | None) -> Mesh:
+        """Return a mesh whose texture coordinates are those of a further set; itself for None.
+
+        Tangents are left out, since they belong to the first set. Raises as `uv_set` does.
+        """
+        if name is None:
+            return self
+        found = self.uv_set(name)
+        return self.replace(uvs=found.uvs, uv_faces=found.faces, tangents=None)
+
     def replace(self, **changes: Any) -> Mesh:
-        """Return a mesh with some fields changed and the others shared."""
+        """Return a mesh with some fields changed and the others shared.
+
+        New faces leave out further sets of texture coordinates, unless these are given as well.
+        """
+        if "faces" in changes:
+            changes.setdefault("uv_sets", {})
         return replace(self, **changes)
 
     def _adopt(self, field: str, dtype: type, shape: tuple[int | None, ...]) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.uv_sets import UvSet
 
 # Fields of a mesh with a row of three indices for each face.
 CORNERS = ("faces", "uv_faces", "normal_faces")
@@ -32,6 +33,10 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
             corners = corners.copy()
             corners[turned] = corners[turned][:, ::-1]
             changes[name] = corners
+    changes["uv_sets"] = {
+        name: UvSet(item.uvs, np.where(turned[:, None], item.faces[:, ::-1], item.faces))
+        for name, item in mesh.uv_sets.items()
+    }
     if mesh.normals is not None:
         corners = changes["normal_faces"].copy()
         corners[turned] += len(mesh.normals)

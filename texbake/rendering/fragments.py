@@ -11,6 +11,7 @@ Kernel: `core/interpolation.c`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -142,6 +143,8 @@ class Fragments:
         Set by "texture coordinates"; moved by "parallax".
     uv_changes : (n, 4) float32
         du, dv for one pixel to the right, then for one pixel down; set by "derivatives".
+    further_uvs : mapping of str to (uvs, uv_changes)
+        The same on further sets; set by "further texture coordinates", moved by "parallax".
     normals : (n, 3) float32
         Unit shading normals in world space, on the visible side; set by "normals" or by the normal
         map, and changed by the bump map.
@@ -168,6 +171,7 @@ class Fragments:
     to_eye: Floats | None = None
     uvs: FloatArray | None = None
     uv_changes: Floats | None = None
+    further_uvs: Mapping[str, tuple[FloatArray, Floats | None]] = field(default_factory=dict)
     normals: Floats | None = None
     slots: SlotValues | None = None
     light: Floats = field(default_factory=lambda: np.empty((0, 3), np.float32))
@@ -175,6 +179,13 @@ class Fragments:
 
     def __len__(self) -> int:
         return len(self.faces)
+
+    def coordinates(self, uv_set: str | None) -> tuple[FloatArray, Floats | None]:
+        """Texture coordinates in a set, and their derivatives."""
+        if uv_set is not None:
+            return self.further_uvs[uv_set]
+        assert self.uvs is not None
+        return self.uvs, self.uv_changes
 
     @property
     def values(self) -> SlotValues:

@@ -20,6 +20,7 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
     Texture,
+    uv_set_of,
 )
 
 # Material slots that each shading model reads, in the order of their lookups.
@@ -110,6 +111,11 @@ class RenderRequest:
                 value = getattr(holder, field.name)
                 if isinstance(value, ImageTexture | ProcedureTexture):
                     yield f"{feature}.{field.name}", value
+
+    def uv_sets(self, index: int) -> tuple[str, ...]:
+        """Further sets of texture coordinates that shading an object looks up."""
+        named = (uv_set_of(texture) for _, texture in self.textures(index))
+        return tuple(dict.fromkeys(name for name in named if name is not None))
 
     def image_opacity(self, index: int) -> ImageTexture | None:
         """Alpha channel of the base color's image, if there is one and it counts as opacity."""

@@ -44,6 +44,26 @@ def wrap_code(wrap: str) -> int:
     return _CODES[wrap]
 
 
+# One mode for both directions of an image, or those along u and along v.
+Wrap = str | tuple[str, str]
+
+
+def wrap_codes(wrap: Wrap) -> int:
+    """Return the number of the wrap modes of an image in kernels; raises as `wrap_code` does."""
+    along_u, along_v = wrap_pair(wrap)
+    return wrap_code(along_u) | wrap_code(along_v) << 2
+
+
+def wrap_pair(wrap: Wrap) -> tuple[str, str]:
+    """Return the wrap modes along u and along v.
+
+    >>> wrap_pair("repeat"), wrap_pair(("mirror", "clamp"))
+    (('repeat', 'repeat'), ('mirror', 'clamp'))
+    """
+    along_u, along_v = (wrap, wrap) if isinstance(wrap, str) else wrap
+    return along_u, along_v
+
+
 def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
     """Return the values outside an image with a border, one per channel.
 
@@ -113,7 +133,7 @@ def lookup(
     image: npt.NDArray[Any],
     uvs: npt.NDArray[Any],
     *,
-    wrap: str = "repeat",
+    wrap: Wrap = "repeat",
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
@@ -126,7 +146,8 @@ def lookup(
     uvs : (..., 2) float64
         Texture coordinates, v up.
     wrap
-        How to sample outside the unit square: "repeat", "mirror", "clamp" or "border".
+        How to sample outside the unit square: "repeat", "mirror", "clamp" or "border";
+        or a pair of these, for u and for v.
     border : float or (C,), optional
         Values of the border; 0 by default.
     threads
@@ -141,7 +162,7 @@ def lookup(
     OptionError
         `wrap` is unknown, the border does not fit the channels, or the image has no texels.
     """
-    code = wrap_code(wrap)
+    code = wrap_codes(wrap)
     image = np.require(image, np.float32, ["C", "A"])
     if image.ndim != 3 or image.size == 0:
         raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")

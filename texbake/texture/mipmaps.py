@@ -24,7 +24,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.lookup import MIRROR, REPEAT, wrap_code
+from texbake.texture.lookup import MIRROR, REPEAT, Wrap, wrap_code, wrap_pair
 
 KINDS = ("color", "data", "normal")
 MIP_FILTERS = ("box", "kaiser")
@@ -111,7 +111,7 @@ def mip_chain(
     image: npt.NDArray[Any],
     *,
     kind: str = "color",
-    wrap: str = "repeat",
+    wrap: Wrap = "repeat",
     filter: str = "box",  # noqa: A002  # what the field calls it
     roughness: bool = False,
     threads: int | None = None,
@@ -128,7 +128,7 @@ def mip_chain(
         shorter than 1 and are not normalized.
     wrap
         How filters read across the border: "repeat", "mirror" or "clamp"; "border" is the same as
-        "clamp" here. The box filter never reads across it.
+        "clamp" here. A pair of them is for u and for v. The box filter never reads across it.
     filter
         "box", the mean over the area of a texel, or "kaiser", a windowed sinc, which keeps distant
         detail sharper and can overshoot the range of the image beside hard edges. With "box", all
@@ -151,7 +151,7 @@ def mip_chain(
         An option is unknown, the image has no texels, or a normal map does not have three channels.
     """
     image = _checked(image)
-    code = wrap_code(wrap)
+    along_u, along_v = map(wrap_code, wrap_pair(wrap))
     for name, value, known in ("kind", kind, KINDS), ("filter", filter, MIP_FILTERS):
         if value not in known:
             raise OptionError(f"{name}: {value!r} is not known; it is one of {', '.join(known)}")
@@ -169,7 +169,7 @@ def mip_chain(
     chain = MipChain(texels, ends - sizes.prod(axis=1), sizes)
     for index in range(1, len(sizes)):
         smaller = texels[ends[index - 1] : ends[index]]
-        _reduce(chain.level(index - 1), smaller.reshape(*sizes[index], -1), filter, code, threads)
+        _reduce(chain.level(index - 1), smaller.reshape(*sizes[index], -1), filter, (along_u, along_v), threads)
         if roughness:
             # The length of the mean vector, not the mean of the lengths.
             smaller[:, n_channels] = np.linalg.norm(smaller[:, :n_channels], axis=1)
@@ -256,14 +256,14 @@ def _reduce(
     level: npt.NDArray[np.float32],
     out: npt.NDArray[np.float32],
     filter: str,  # noqa: A002
-    wrap: int,
+    wraps: tuple[int, int],
     threads: int | None,
 ) -> None:
     """Fill `out` (h, w, C), the next smaller level of `level` (H, W, C)."""
     height, width, n_channels = level.shape
     values = level.reshape(height, width * n_channels)
-    rows, row_weights = _taps(height, out.shape[0], filter, wrap)
-    columns, column_weights = _taps(width, out.shape[1], filter, wrap)
+    rows, row_weights = _taps(height, out.shape[0], filter, wraps[1])
+    columns, column_weights = _taps(width, out.shape[1], filter, wraps[0])
 
     def work(start: int, stop: int) -> None:
         core.fill_mip_level(values, rows, row_weights, columns, column_weights, out, start, stop)

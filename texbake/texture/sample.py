@@ -29,7 +29,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
-from texbake.texture.lookup import border_values, wrap_code
+from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 
 FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
@@ -68,7 +68,7 @@ def sample(
     derivatives: npt.NDArray[Any] | None = None,
     *,
     filter: str = "trilinear",  # noqa: A002  # what the field calls it
-    wrap: str = "repeat",
+    wrap: Wrap = "repeat",
     border: npt.ArrayLike | None = None,
     max_anisotropy: float = 16.0,
     threads: int | None = None,
@@ -89,7 +89,8 @@ def sample(
     filter
         `nearest`, `bilinear`, `bicubic`, `trilinear`, `ewa`, or `supersampled`, the slow reference.
     wrap
-        How to sample outside the unit square: `repeat`, `mirror`, `clamp` or `border`.
+        How to sample outside the unit square: `repeat`, `mirror`, `clamp` or `border`; or a pair of
+        these, for u and for v.
     border : float or (C,), optional
         Values of the border; 0 by default.
     max_anisotropy
@@ -111,7 +112,7 @@ def sample(
     """
     if filter not in FILTERS:
         raise OptionError(f"filter: {filter!r} is not known; it is one of {', '.join(FILTERS)}")
-    code = wrap_code(wrap)
+    code = wrap_codes(wrap)
     if not max_anisotropy >= 1.0:
         raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")
     uvs = _readable(uvs, np.float64, 2, "uvs")
@@ -154,7 +155,7 @@ def sample_texture(
     derivatives: npt.NDArray[Any] | None = None,
     *,
     filter: str = "bilinear",  # noqa: A002
-    wrap: str = "repeat",
+    wrap: Wrap = "repeat",
     border: npt.ArrayLike | None = None,
     max_anisotropy: float = 16.0,
     threads: int | None = None,

@@ -14,7 +14,7 @@ installed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -185,6 +185,8 @@ class PrimitiveMesh:
         Indices into all other attributes.
     uvs : (n, 2) float64, optional
         v turned up.
+    further_uvs : mapping of int to (n, 2) float64
+        Further sets, by their numbers.
     normals : (n, 3) float64, optional
     tangents : (n, 4), optional
     colors : (V, 3) or (V, 4) float32, optional
@@ -195,6 +197,7 @@ class PrimitiveMesh:
     faces: IntArray
     corners: IntArray
     uvs: FloatArray | None
+    further_uvs: Mapping[int, FloatArray]
     normals: FloatArray | None
     tangents: npt.NDArray[Any] | None
     colors: npt.NDArray[np.float32] | None
@@ -217,7 +220,12 @@ class PrimitiveMesh:
 
 
 def read_primitive(
-    document: Document, primitive: dict[str, Any], *, uv_set: int = 0, keeps_colors: bool = False
+    document: Document,
+    primitive: dict[str, Any],
+    *,
+    uv_set: int = 0,
+    further: Collection[int] = (),
+    keeps_colors: bool = False,
 ) -> PrimitiveMesh | None:
     """Triangles of a primitive in the space of its mesh, or None where it has none.
 
@@ -225,6 +233,8 @@ def read_primitive(
     ----------
     uv_set
         Number of the texture coordinates to read.
+    further
+        Numbers of further sets to read, if they are there.
     keeps_colors
         Whether vertices at one position stay apart where they differ in color; else the first
         decides.
@@ -248,6 +258,7 @@ def read_primitive(
     mode = _TRIANGLES if arrays.decoded else mode
     corners = _triangles(_corner_indices(document, arrays, n), mode)
     uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
+    others = {number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further}
     colors = _attribute(document, arrays, "COLOR_0", (3, 4), n)
     keys = positions
     if keeps_colors and colors is not None:
@@ -258,6 +269,7 @@ def read_primitive(
         faces=vertices.astype(np.int32)[corners],
         corners=corners,
         uvs=_turned_up(uvs),
+        further_uvs={i: rows for i, rows in ((i, _turned_up(o)) for i, o in others.items()) if rows is not None},
         normals=_attribute(document, arrays, "NORMAL", (3,), n),
         tangents=_attribute(document, arrays, "TANGENT", (4,), n),
         colors=None if colors is None else colors[kept].astype(np.float32),

@@ -31,6 +31,7 @@ from texbake.rendering.effects.normals import NORMAL_MAP, NORMALS, TANGENTS, VER
 from texbake.rendering.effects.parallax import PARALLAX
 from texbake.rendering.effects.points import (
     DERIVATIVES,
+    FURTHER_COORDINATES,
     POSITIONS,
     TEXTURE_COORDINATES,
     VIEW_DIRECTIONS,
@@ -69,6 +70,7 @@ EFFECTS: tuple[Effect, ...] = (
     VIEW_DIRECTIONS,
     DERIVATIVES,
     TEXTURE_COORDINATES,
+    FURTHER_COORDINATES,
     IMAGES,
     MIP_MAPS,
     PROCEDURES,

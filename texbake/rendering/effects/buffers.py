@@ -51,9 +51,8 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     elif buffer == "uv":
         yield "texture coordinates"
     elif buffer in ("mip-level", "texel-grid"):
-        yield from ("texture coordinates", "derivatives")
-        if _has_image(request, target):
-            yield "images"
+        yield "derivatives"
+        yield "images" if _has_image(request, target) else "texture coordinates"
 
 
 def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
@@ -108,10 +107,12 @@ def _uv(fragments: Fragments, state: RenderState) -> Floats:
 
 def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Floats]:
     """(n, 2): position in texels of the base color's image; (n,): mip level of the pixel."""
-    at, changes, width, height = fragments.uvs, fragments.uv_changes, _TEXELS, _TEXELS
-    assert at is not None and changes is not None
-    if _has_image(state.request, fragments.target):
-        image = image_of(state, fragments.target, "base_color")
+    width = height = _TEXELS
+    has_image = _has_image(state.request, fragments.target)
+    image = image_of(state, fragments.target, "base_color") if has_image else None
+    at, changes = fragments.coordinates(None if image is None else image.uv_set)
+    assert changes is not None
+    if image is not None:
         at, changes = on_image(image, at, changes)
         width, height = image.chain.width, image.chain.height
     assert changes is not None

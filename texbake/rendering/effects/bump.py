@@ -46,14 +46,18 @@ from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.effects.normals import MESH_NORMALS
-from texbake.rendering.effects.points import steps_along_surface, steps_along_texture
+from texbake.rendering.effects.points import (
+    coordinates_effect,
+    steps_along_surface,
+    steps_along_texture,
+)
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import BumpMap
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.textures import ImageTexture, uv_set_of
 
 _NAME = "bump_map.texture"
 
@@ -116,7 +120,7 @@ def bump_surface(state: RenderState, target: Target) -> BumpSurface:
         normals = normals / np.where(lengths > 0.0, lengths, 1.0)
     points = item.mesh.positions
     steps = (
-        steps_along_texture(mesh.corner_uvs())
+        steps_along_texture(mesh.corner_uvs(uv_set_of(bump_of(state.request, target).texture)))
         if is_over_uvs(bump_of(state.request, target))
         else steps_along_surface(points[mesh.faces])
     )
@@ -141,8 +145,9 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
             surface.positions, surface.faces, fragments.faces, fragments.changes, steps
         )
         return steps
-    assert fragments.uv_changes is not None
-    pixels = np.abs(fragments.uv_changes.reshape(-1, 2, 2)).max(axis=1).astype(np.float64)
+    _, changes = fragments.coordinates(uv_set_of(holder.texture))
+    assert changes is not None
+    pixels = np.abs(changes.reshape(-1, 2, 2)).max(axis=1).astype(np.float64)
     if not isinstance(holder.texture, ImageTexture):
         return np.asarray(pixels)
     image = image_of(state, fragments.target, _NAME)
@@ -160,8 +165,7 @@ def heights_at(
     holder = bump_of(state.request, fragments.target)
     texture = holder.texture
     if is_over_uvs(holder):
-        assert fragments.uvs is not None
-        moved = replace(fragments, uvs=fragments.uvs + shifts)
+        moved = _moved_on(fragments, uv_set_of(texture), shifts)
     else:
         along = np.einsum("ij,ijk->ik", shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
         moved = replace(fragments, weights=fragments.weights + along)
@@ -171,6 +175,15 @@ def heights_at(
         else procedure_values(moved, texture, 1)
     )
     return np.asarray(values[:, 0] * np.float64(holder.height))
+
+
+def _moved_on(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> Fragments:
+    """Return fragments shifted on a set of texture coordinates."""
+    uvs, changes = fragments.coordinates(uv_set)
+    if uv_set is None:
+        return replace(fragments, uvs=uvs + shifts)
+    further = {**fragments.further_uvs, uv_set: (uvs + shifts, changes)}
+    return replace(fragments, further_uvs=further)
 
 
 def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]:
@@ -202,7 +215,7 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     yield "derivatives"
     yield "images" if isinstance(holder.texture, ImageTexture) else "procedures"
     if is_over_uvs(holder):
-        yield "texture coordinates"
+        yield coordinates_effect(uv_set_of(holder.texture))
     yield from ("vertex normals", normals_effect(request, target))
 
 

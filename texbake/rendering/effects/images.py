@@ -18,6 +18,7 @@ import numpy as np
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import (
     MapSource,
@@ -33,6 +34,7 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
 )
 from texbake.texture.image import FloatImage
+from texbake.texture.lookup import Wrap
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 from texbake.texture.sample import sample
 
@@ -57,12 +59,15 @@ class LoadedImage:
         Level 0 alone, or all mip levels.
     kind : str
         How its mip levels are computed: as `color`, `data` or `normal`.
-    filter, wrap : str
+    filter : str
+    wrap : str or pair of str
     turn, offset : optional
         (2, 2) and (2,): transform texture coordinates of the mesh to those of the image; None if
         they are equal.
     space : str
         Space of a normal map.
+    uv_set : str, optional
+        Further set of texture coordinates that it lies on; None for the first.
     origin : tuple, optional
         Source of the texels; images of equal origin have equal texels.
     is_shared : bool
@@ -72,12 +77,13 @@ class LoadedImage:
     chain: MipChain
     kind: str
     filter: str
-    wrap: str
+    wrap: Wrap
     border: Floats
     factor: Floats
     turn: FloatArray | None
     offset: FloatArray
     space: str = ""
+    uv_set: str | None = None
     origin: Origin | None = None
     is_shared: bool = False
 
@@ -106,7 +112,7 @@ def _called_for(request: RenderRequest) -> Iterator[Call]:
 
 def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    yield "texture coordinates"
+    yield from {coordinates_effect(item.uv_set): None for _, item in _images(request, target)}
     if any(request.wants_footprint(texture) for _, texture in _images(request, target)):
         yield "derivatives"
 
@@ -140,7 +146,7 @@ def _loaded(
         pixels,
         kind=kind,
         filter_name=state.request.filter_of(texture),
-        uvs=state.drawn(target).mesh.uvs,
+        uvs=state.drawn(target).mesh.on_uv_set(texture.uv_set).uvs,
         name=name,
         space=space,
     )
@@ -189,6 +195,7 @@ def placed_image(
         turn=None if plain else turn,
         offset=np.asarray(texture.offset, np.float64),
         space=space,
+        uv_set=texture.uv_set,
     )
 
 
@@ -278,10 +285,9 @@ def look_up(
 ) -> Floats:
     """(n, C) float32: values of an image at fragments, or at other coordinates `uvs`."""
     image = image_of(state, fragments.target, name)
-    at = fragments.uvs if uvs is None else uvs
-    changes = fragments.uv_changes if image.filter in FILTERS_WITH_FOOTPRINT else None
-    assert at is not None
-    return image_values(image, at, changes)
+    at, changes = fragments.coordinates(image.uv_set)
+    wanted = image.filter in FILTERS_WITH_FOOTPRINT
+    return image_values(image, at if uvs is None else uvs, changes if wanted else None)
 
 
 def on_image(

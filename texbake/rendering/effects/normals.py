@@ -36,6 +36,7 @@ from texbake.rendering.effect import (
     only_when_needed,
 )
 from texbake.rendering.effects.images import image_of, look_up
+from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
@@ -113,9 +114,19 @@ def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:
 
 def _load_tangents(state: RenderState, target: Target) -> npt.NDArray[np.float32]:
     assert target is not None
-    mesh = state.drawn(target).mesh
+    mesh = state.drawn(target).mesh.on_uv_set(_uv_set_of_map(state.request, target))
     tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
     return read_only(tangents, np.float32)
+
+
+def _uv_set_of_map(request: RenderRequest, target: Target) -> str | None:
+    assert target is not None
+    holder = request.material(target).normal_map
+    return None if holder is None else holder.texture.uv_set
+
+
+def _tangents_need(request: RenderRequest, target: Target) -> Iterator[str]:
+    yield from ("vertex normals", coordinates_effect(_uv_set_of_map(request, target)))
 
 
 def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
@@ -127,7 +138,8 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     holder = fragments.drawn.material.normal_map
     assert holder is not None
     if space == "tangent":
-        if image.turn is not None and fragments.drawn.mesh.tangents is None:
+        has_own = fragments.drawn.mesh.tangents is not None and image.uv_set is None
+        if image.turn is not None and not has_own:
             texels[:, :2] = texels[:, :2] @ image_axes(image.turn)
         normals, corners = state.of(MESH_NORMALS, target)
         core.bend_normals(
@@ -152,7 +164,7 @@ TANGENTS = Effect(
     does="computes MikkTSpace tangents",
     called_for=only_when_needed,
     left_out="no map in the picture is in tangent space",
-    needs=lambda request, target: ("vertex normals", "texture coordinates"),
+    needs=_tangents_need,
     load=MESH_TANGENTS,
 )
 

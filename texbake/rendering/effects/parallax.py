@@ -6,7 +6,7 @@ at most `layers`, so slanted views take more steps. The intersection between the
 heights and the first step below is refined by the method of false position (Illinois variant),
 which is exact where the map is linear.
 
-All later lookups of the object use the shifted coordinates. Depth, normals and derivatives stay
+All later lookups of the object use the shifted coordinates, in whatever set. Depth, normals and derivatives stay
 those of the surface, and the outline stays that of the mesh. A ray that leaves the texture
 continues by the texture's wrap mode. At grazing angles the ray is followed for at most one unit of
 texture coordinates. Fragments seen from behind their normal are not shifted.
@@ -38,7 +38,7 @@ from texbake.rendering.effects.points import steps_along_texture
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
-from texbake.texture.lookup import wrap_code
+from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
 
 _NAME = "parallax.texture"
@@ -76,7 +76,8 @@ def _load(state: RenderState, target: Target) -> TextureSlopes:
     mesh = state.drawn(target).mesh
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
-    along = steps_along_texture(mesh.corner_uvs()).reshape(-1, 2, 2) @ edges  # P_u and P_v
+    steps = steps_along_texture(mesh.corner_uvs(_uv_set(state.request, target)))
+    along = steps.reshape(-1, 2, 2) @ edges  # P_u and P_v
     across = np.cross(along[:, 0], along[:, 1])
     areas = np.linalg.norm(across, axis=1)
     squared = np.where(areas > 0.0, areas, np.inf)[:, None] ** 2
@@ -104,14 +105,47 @@ def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
 
 def _shade(fragments: Fragments, state: RenderState) -> None:
     holder = fragments.drawn.material.parallax
-    uvs, uv_changes = fragments.uvs, fragments.uv_changes
-    assert holder is not None and uvs is not None
+    assert holder is not None
+    uv_set = holder.texture.uv_set
+    uvs, uv_changes = fragments.coordinates(uv_set)
     ways = _ways(fragments, state, holder.depth)
     image = image_of(state, fragments.target, _NAME)
     starts, steps = uvs, ways
     if image.turn is not None:
         starts, steps = uvs @ image.turn.T + image.offset, ways @ image.turn.T
-    fragments.uvs = uvs + _shares(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
+    shifts = _shares(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
+    _move(fragments, uv_set, shifts)
+
+
+def _move(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> None:
+    """Shift coordinates on one set, and those of all other sets to the same place of the face."""
+    further = dict(fragments.further_uvs)
+    others: list[str | None] = [name for name in further if name != uv_set]
+    if uv_set is not None and fragments.uvs is not None:
+        others.append(None)
+    moved: dict[str | None, FloatArray] = {uv_set: fragments.coordinates(uv_set)[0] + shifts}
+    if others:
+        mesh = fragments.drawn.mesh
+        steps = steps_along_texture(mesh.corner_uvs(uv_set)[fragments.faces])
+        weights = np.einsum("ni,nij->nj", shifts, steps.reshape(-1, 2, 2))
+        for name in others:
+            corners = mesh.corner_uvs(name)[fragments.faces]
+            edges = corners[:, 1:] - corners[:, :1]
+            uvs, _ = fragments.coordinates(name)
+            moved[name] = uvs + np.einsum("ni,nij->nj", weights, edges)
+    for name, uvs in moved.items():
+        if name is None:
+            fragments.uvs = uvs
+        else:
+            further[name] = uvs, further[name][1]
+    fragments.further_uvs = further
+
+
+def _uv_set(request: RenderRequest, target: Target) -> str | None:
+    assert target is not None
+    holder = request.material(target).parallax
+    assert holder is not None
+    return holder.texture.uv_set
 
 
 def _shares(
@@ -129,7 +163,7 @@ def _shares(
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)
     shares = np.empty(len(starts))
     core.follow_rays(
-        chain.texels, chain.offsets, chain.sizes, wrap_code(image.wrap), image.border[0],
+        chain.texels, chain.offsets, chain.sizes, wrap_codes(image.wrap), image.border[0],
         image.factor[0], np.ascontiguousarray(starts), np.ascontiguousarray(steps), levels, layers,
         shares,
     )  # fmt: skip

@@ -1,6 +1,7 @@
 """Positions of fragments in world space, directions to the camera, and texture coordinates.
 
-Three effects that others need. Texture coordinates come with their screen-space derivatives if a
+Effects that others need. Of several sets of texture coordinates only those are interpolated that
+something looks up. Texture coordinates come with their screen-space derivatives if a
 lookup is filtered over the pixel.
 
 Based on: Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989. Unlike on graphics
@@ -15,9 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Effect, RenderState, Result, Target, only_when_needed
-from texbake.rendering.fragments import Fragments
+from texbake.rendering.fragments import Floats, Fragments
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
@@ -87,18 +88,47 @@ def _find_view(fragments: Fragments, state: RenderState) -> None:
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
     mesh = fragments.drawn.mesh
     assert mesh.uvs is not None and mesh.uv_faces is not None
+    found = _interpolated(fragments, state, mesh.uvs, mesh.uv_faces)
+    fragments.uvs, fragments.uv_changes = found
+
+
+def _find_further_uvs(fragments: Fragments, state: RenderState) -> None:
+    sets = {name: fragments.drawn.mesh.uv_set(name) for name in _further(state, fragments.target)}
+    fragments.further_uvs = {
+        name: _interpolated(fragments, state, item.uvs, item.faces) for name, item in sets.items()
+    }
+
+
+def _interpolated(
+    fragments: Fragments, state: RenderState, uvs: FloatArray, corners: IntArray
+) -> tuple[FloatArray, Floats]:
     wanted = state.plan.has("derivatives", fragments.target)
-    fragments.uvs = np.empty((len(fragments), 2))
-    fragments.uv_changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
+    found = np.empty((len(fragments), 2))
+    changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
     core.interpolate_uvs(
-        mesh.uvs, mesh.uv_faces, fragments.faces, fragments.weights, fragments.changes,
-        fragments.uvs, fragments.uv_changes,
-    )  # fmt: skip
+        uvs, corners, fragments.faces, fragments.weights, fragments.changes, found, changes
+    )
+    return found, changes
+
+
+def _further(state: RenderState, target: int) -> tuple[str, ...]:
+    return state.request.uv_sets(target)
+
+
+def coordinates_effect(uv_set: str | None) -> str:
+    """Return the name of the effect that interpolates a set of texture coordinates."""
+    return "texture coordinates" if uv_set is None else "further texture coordinates"
 
 
 def _require_uvs(state: RenderState, target: Target) -> None:
     assert target is not None
     state.drawn(target).mesh.corner_uvs()  # raises if there are none
+
+
+def _require_further_uvs(state: RenderState, target: Target) -> None:
+    assert target is not None
+    for name in _further(state, target):
+        state.drawn(target).mesh.uv_set(name)  # raises if there is none
 
 
 POSITIONS = Effect(
@@ -134,4 +164,15 @@ TEXTURE_COORDINATES = Effect(
     left_out="nothing is looked up at (u, v)",
     load=_REQUIRED_UVS,
     shade=_find_uvs,
+)
+
+_REQUIRED_FURTHER_UVS = Result(_require_further_uvs)
+
+FURTHER_COORDINATES = Effect(
+    name="further texture coordinates",
+    does="interpolates further sets of texture coordinates",
+    called_for=only_when_needed,
+    left_out="all textures lie on the first set",
+    load=_REQUIRED_FURTHER_UVS,
+    shade=_find_further_uvs,
 )

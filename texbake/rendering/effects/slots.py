@@ -16,6 +16,7 @@ from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState, Target
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
+from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
@@ -83,11 +84,11 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
     scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
     wanted = texture.filtered and len(fragments.changes) > 0
     if texture.space == "uv":
-        assert fragments.uvs is not None
-        points = fragments.uvs * scale[:2]
-        if not wanted or fragments.uv_changes is None:
+        uvs, changes = fragments.coordinates(texture.uv_set)
+        points = uvs * scale[:2]
+        if not wanted or changes is None:
             return points, None
-        steps = np.abs(fragments.uv_changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
+        steps = np.abs(changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
         return points, np.ascontiguousarray(steps.max(axis=1), np.float32)
     mesh, inverse = fragments.drawn.mesh, fragments.drawn.object_from_world
     matrix = np.eye(4) if texture.space == "world" or inverse is None else inverse
@@ -122,7 +123,7 @@ def _procedures_need(request: RenderRequest, target: Target) -> Iterator[str]:
     for _, texture in request.textures(target):
         if isinstance(texture, ProcedureTexture):
             if texture.space == "uv":
-                yield "texture coordinates"
+                yield coordinates_effect(texture.uv_set)
             if request.wants_footprint(texture):
                 yield "derivatives"
 

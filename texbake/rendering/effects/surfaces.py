@@ -39,7 +39,12 @@ from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.scene import placed
-from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture, ProcedureTexture
+from texbake.rendering.scene.textures import (
+    FILTERS_WITH_FOOTPRINT,
+    ImageTexture,
+    ProcedureTexture,
+    uv_set_of,
+)
 from texbake.rendering.tessellation import Places
 
 
@@ -144,7 +149,7 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
         texels = _texels_of(drawn.mesh, image)
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
-            frames = _frames_of(item.mesh, linear)
+            frames = _frames_of(item.mesh.on_uv_set(image.uv_set), linear)
     else:
         filtered = state.request.wants_footprint(holder.texture)
     surface = BaseSurface(
@@ -181,7 +186,7 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
 def _loaded_image(
     state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
-    drawn.mesh.corner_uvs()  # raises if there are none
+    drawn.mesh.corner_uvs(texture.uv_set)  # raises if there are none
     image = placed_image(
         texture,
         heights_from(
@@ -193,7 +198,7 @@ def _loaded_image(
         ),
         kind="data",
         filter_name=state.request.filter_of(texture),
-        uvs=drawn.mesh.uvs,
+        uvs=drawn.mesh.on_uv_set(texture.uv_set).uvs,
         name="displacement.texture",
     )
     has_levels = image.filter in FILTERS_WITH_FOOTPRINT
@@ -201,7 +206,7 @@ def _loaded_image(
 
 
 def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
-    corners = mesh.corner_uvs()
+    corners = mesh.corner_uvs(image.uv_set)
     if image.turn is not None:
         corners = corners @ image.turn.T
     return np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
@@ -277,14 +282,17 @@ def _values_at(
 ) -> FloatArray:
     """(n, 1) heights or (n, 3) vectors in object space, at positions on the faces."""
     faces, weights = places.base_faces[rows], places.weights[rows].astype(np.float64)
+    uv_set = uv_set_of(relief.holder.texture)
     mesh = relief.drawn.mesh
     changes = np.empty((0, 4), np.float32)
     if relief.steps is not None:
         changes = (relief.steps[faces] * widths[:, None]).astype(np.float32)
     uvs = uv_changes = None
-    if mesh.uvs is not None:
-        assert mesh.uv_faces is not None
-        corners = mesh.uvs[mesh.uv_faces[faces]]
+    known = (mesh.uvs, mesh.uv_faces)
+    if uv_set is not None:
+        known = mesh.uv_set(uv_set).uvs, mesh.uv_set(uv_set).faces
+    if known[0] is not None and known[1] is not None:
+        corners = known[0][known[1][faces]]
         edges = corners[:, 1:] - corners[:, :1]
         uvs = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
         if relief.steps is not None:
@@ -313,6 +321,7 @@ def _values_at(
         back_facing=np.zeros(n, np.bool_),
         uvs=uvs,
         uv_changes=uv_changes,
+        further_uvs={} if uv_set is None or uvs is None else {uv_set: (uvs, uv_changes)},
     )
     return _heights(relief.holder, procedure_values(fragments, texture, 1).astype(np.float64))
 

@@ -23,8 +23,9 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import flat_normals
+from texbake.mesh.uv_sets import UvSet
 from texbake.progress import ProgressSink, Stages
-from texbake.rendering.scene.gltf_materials import MaterialReader
+from texbake.rendering.scene.gltf_materials import MaterialReader, SceneMaterial, set_name
 from texbake.rendering.scene.lights import Light, Lighting, Vector
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 
@@ -148,9 +149,13 @@ class _Reader:
             )
             if (index, i) not in self.meshes:
                 piece = read_primitive(
-                    self.document, primitive, uv_set=found.uv_set, keeps_colors=True
+                    self.document,
+                    primitive,
+                    uv_set=found.uv_set,
+                    further=found.further,
+                    keeps_colors=True,
                 )
-                self.meshes[index, i] = self._mesh(piece, name, found.has_textures)
+                self.meshes[index, i] = self._mesh(piece, name, found)
             mesh = self.meshes[index, i]
             if mesh is None:
                 continue
@@ -170,7 +175,7 @@ class _Reader:
                 continue
             self.objects.append(item)
 
-    def _mesh(self, piece: PrimitiveMesh | None, name: str, has_textures: bool) -> Mesh | None:
+    def _mesh(self, piece: PrimitiveMesh | None, name: str, of: SceneMaterial) -> Mesh | None:
         if piece is None or len(piece.faces) == 0:
             return None
         has_normals = piece.normals is not None
@@ -178,14 +183,23 @@ class _Reader:
         if piece.tangents is not None and has_normals:
             tangents = piece.tangents[piece.corners].astype(np.float32)
         uvs, uv_faces = piece.uvs, piece.corners
-        if uvs is None and has_textures:
+        corner_of_image = UvSet(np.array([[0.0, 1.0]]), 0 * piece.corners)
+        if uvs is None and of.has_textures:
             self.notes.append(f"{name!r} has textures but no texture coordinates; (0, 0) is used")
-            uvs, uv_faces = np.array([[0.0, 1.0]]), 0 * piece.corners
+            uvs, uv_faces = corner_of_image.uvs, corner_of_image.faces
+        uv_sets = {}
+        for number in of.further:
+            if number in piece.further_uvs:
+                uv_sets[set_name(number)] = UvSet(piece.further_uvs[number], piece.corners)
+            else:
+                self.notes.append(f"{name!r} has no {set_name(number)}; (0, 0) is used")
+                uv_sets[set_name(number)] = corner_of_image
         mesh = Mesh(
             positions=piece.positions,
             faces=piece.faces,
             uvs=uvs,
             uv_faces=None if uvs is None else uv_faces,
+            uv_sets=uv_sets,
             normals=piece.normals,
             normal_faces=piece.corners if has_normals else None,
             tangents=tangents,

@@ -33,10 +33,23 @@ from texbake.texture.image import Image, decode_image
 
 @dataclass(frozen=True, eq=False)
 class SceneMaterial:
-    """A material, and the number of the UV set that its textures use."""
+    """A material, and the sets of texture coordinates that its textures use.
+
+    Attributes
+    ----------
+    material : Material
+        Its slots name the sets but the first, as `set_name` does.
+    uv_set : int
+        Number of the set that is the first of the mesh: that of the normal map, which tangents
+        belong to, else that of the first texture.
+    further : tuple of int
+        Numbers of the other sets.
+    has_textures : bool
+    """
 
     material: Material
     uv_set: int
+    further: tuple[int, ...]
     has_textures: bool
 
 
@@ -54,6 +67,7 @@ class MaterialReader:
 
     document: Document
     notes: list[str] = field(default_factory=list)
+    _first_set: int = 0
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
     _images: dict[tuple[int | None, bool], Path | Image] = field(default_factory=dict)
 
@@ -67,7 +81,11 @@ class MaterialReader:
         return replace(found, material=replace(found.material, vertex_colors=True))
 
     def _read(self, source: GltfMaterial) -> SceneMaterial:
-        sources, uv_set = self._of_one_uv_set(source)
+        sources = {name: source.channels[name] for name in _TEXTURES}
+        textures = [item.texture for item in sources.values() if item.texture is not None]
+        normal = sources["normal"].texture
+        first = normal if normal is not None else next(iter(textures), None)
+        self._first_set = 0 if first is None else first.uv_set
         opacity = sources["alpha"].factor[0]
         material = Material(
             name=source.name,
@@ -79,24 +97,8 @@ class MaterialReader:
             opacity=None if source.alpha_mode == "opaque" or opacity == 1.0 else opacity,
             **({} if source.is_unlit else {"ior": source.ior, **self._surface(sources)}),
         )
-        has_textures = any(source.texture is not None for source in sources.values())
-        return SceneMaterial(material, uv_set, has_textures)
-
-    def _of_one_uv_set(self, source: GltfMaterial) -> tuple[dict[str, GltfSource], int]:
-        """Return the channels without textures on another UV set than the first, and that set."""
-        sources = {name: source.channels[name] for name in _TEXTURES}
-        textures = {
-            name: found.texture for name, found in sources.items() if found.texture is not None
-        }
-        uv_set = next((texture.uv_set for texture in textures.values()), 0)
-        for name, texture in textures.items():
-            if texture.uv_set != uv_set:
-                sources[name] = replace(sources[name], texture=None)
-                self.notes.append(
-                    f"{_TEXTURES[name]} of {source.name!r} lies on TEXCOORD_{texture.uv_set}, "
-                    f"others on TEXCOORD_{uv_set}; it is left out"
-                )
-        return sources, uv_set
+        further = {texture.uv_set for texture in textures} - {self._first_set}
+        return SceneMaterial(material, self._first_set, tuple(sorted(further)), bool(textures))
 
     def _surface(self, sources: dict[str, GltfSource]) -> dict[str, Any]:
         """Slots of what reflects light, which an unlit material does not read."""
@@ -140,16 +142,11 @@ class MaterialReader:
         factor: Constant = 1.0,
     ) -> ImageTexture:
         along_s, along_t = texture.wraps
-        if along_s != along_t:
-            self.notes.append(
-                f"a sampler wraps {along_s} along s and {along_t} along t; "
-                "shown as the first in both directions"
-            )
         (scale_u, scale_v), (offset_u, offset_v) = texture.scale, texture.offset
         return ImageTexture(
             image=self._image(texture.image, color),
             filter=_filter(texture),
-            wrap=along_s,
+            wrap=along_s if along_s == along_t else texture.wraps,
             channel=channel,
             factor=factor,
             color=color,
@@ -161,6 +158,7 @@ class MaterialReader:
                 offset_u + math.sin(texture.rotation) * scale_v,
                 1.0 - offset_v - math.cos(texture.rotation) * scale_v,
             ),
+            uv_set=None if texture.uv_set == self._first_set else set_name(texture.uv_set),
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image:
@@ -183,7 +181,7 @@ class MaterialReader:
         return path
 
 
-# Textures of channels as glTF calls them, in the order in which they choose the UV set. Metallic
+# Textures of channels as glTF calls them, in the order in which they choose the first set. Metallic
 # and roughness are in one texture, and alpha is in that of the base color.
 _TEXTURES = {
     "base-color": "baseColorTexture",
@@ -194,6 +192,11 @@ _TEXTURES = {
     "emissive": "emissiveTexture",
     "occlusion": "occlusionTexture",
 }
+
+
+def set_name(number: int) -> str:
+    """Name of a set of texture coordinates, as the attributes of glTF have it."""
+    return f"TEXCOORD_{number}"
 
 
 def _filter(texture: GltfTexture) -> str:

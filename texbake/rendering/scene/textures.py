@@ -29,6 +29,10 @@ FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
 FILTERS_WITH_LEVELS = ("trilinear", "ewa")
 SPACES = ("object", "world", "uv")
 
+_UV_SET = Option(
+    "Name of the texture coordinates, as TEXCOORD_1 or lightmap; without it, the first set."
+)
+
 Rgb = tuple[float, float, float]
 Constant = float | Rgb
 
@@ -40,10 +44,10 @@ class ImageTexture:
     image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
     filter: Annotated[str, Option("Filter between texels.", choices=FILTERS)] = "trilinear"
     wrap: Annotated[
-        str | None,
+        str | tuple[str, str] | None,
         Option(
-            "What lies outside the unit square: by default repeat if coordinates leave it, else "
-            "clamp.",
+            "What lies outside the unit square, or along u and along v: by default repeat if "
+            "coordinates leave it, else clamp.",
             choices=WRAPS,
         ),
     ] = None
@@ -73,9 +77,13 @@ class ImageTexture:
     color: Annotated[
         bool | None, Option("Whether integer values are sRGB colors; without it as the slot needs.")
     ] = None
+    uv_set: Annotated[str | None, _UV_SET] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for word in (self.wrap,) if isinstance(self.wrap, str | None) else self.wrap:
+            if word not in (None, *WRAPS):
+                raise OptionError(f"wrap: {word} is not one of {', '.join(WRAPS)}")
         for name in "border", "scale", "offset", "factor":
             _check_finite(name, getattr(self, name))
 
@@ -103,6 +111,7 @@ class ProcedureTexture:
     ] = None
     filtered: Annotated[bool, Option("Whether detail finer than a pixel is faded out.")] = True
     factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
+    uv_set: Annotated[str | None, _UV_SET] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -118,6 +127,12 @@ def _check_finite(name: str, value: float | Iterable[float]) -> None:
     numbers = value if isinstance(value, Iterable) else (value,)
     if not all(map(math.isfinite, numbers)):
         raise OptionError(f"{name}: {value} is not finite")
+
+
+def uv_set_of(texture: Texture) -> str | None:
+    """Return the further set of coordinates of a texture; None for the first, or for none."""
+    is_over_uvs = isinstance(texture, ImageTexture) or texture.space == "uv"
+    return texture.uv_set if is_over_uvs else None
 
 
 Texture = ImageTexture | ProcedureTexture

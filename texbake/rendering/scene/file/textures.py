@@ -36,6 +36,7 @@ from texbake.rendering.scene.file.values import (
     is_number,
     linear,
     numbers,
+    one_or_two,
 )
 from texbake.rendering.scene.textures import (
     FILTERS,
@@ -57,7 +58,7 @@ ImageTable = table(
     {
         "image": File,
         "filter": choice(FILTERS),
-        "wrap": choice(WRAPS),
+        "wrap": one_or_two(WRAPS),
         "border": numbers(None, or_one=True),
         "scale": numbers(2, or_one=True),
         "channel": Channel,

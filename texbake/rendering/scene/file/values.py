@@ -24,6 +24,7 @@ from pydantic import (
 from texbake.errors import FileError
 from texbake.mesh.files.source import require_file
 from texbake.rendering.scene.file.faults import fault, nearest, shown
+from texbake.schema import JsonSchema
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -149,6 +150,27 @@ def choice(words: Sequence[str]) -> Any:
         return value
 
     return Annotated[Any, PlainValidator(check), WithJsonSchema({"enum": list(words)})]
+
+
+def one_or_two(words: Sequence[str]) -> Any:
+    """Type of a word from a list, or of two: for u and for v."""
+
+    def check(value: Any) -> str | tuple[str, str]:
+        found = value if isinstance(value, list | tuple) else [value]
+        for word in found:
+            if not isinstance(word, str) or word not in words:
+                advice = nearest(word, words) if isinstance(word, str) else ""
+                advice = f"; {advice}" if advice.startswith("did") else ""
+                raise fault(f"{shown(word)} is not one of {', '.join(words)}{advice}")
+        if found is not value:
+            return str(value)
+        if len(found) != 2:
+            raise fault(f"{shown(value)} is not one word, or two: for u and for v")
+        return found[0], found[1]
+
+    word: JsonSchema = {"enum": list(words)}
+    pair = {"type": "array", "items": word, "minItems": 2, "maxItems": 2}
+    return Annotated[Any, PlainValidator(check), WithJsonSchema({"anyOf": [word, pair]})]
 
 
 def existing_file(value: Any, info: ValidationInfo) -> Path:

@@ -1,0 +1,164 @@
+"""The test models of Khronos, each by the criterion that it has printed on it or in its notes.
+
+Based on: Khronos Group, "glTF Sample Assets", the descriptions of the models.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import label
+
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render_scene
+from texbake.rendering.scene.lights import Ambient, Light, Lighting
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import CameraView, placed
+
+pytestmark = pytest.mark.realdata
+
+# Far enough away that the picture of a flat model is nearly a parallel projection.
+FAR = 400.0
+LIGHT = Lighting(
+    lights=(Light(direction=(0.3, -0.4, -1.0), intensity=0.8),), ambient=Ambient(color=(0.3,) * 3)
+)
+
+
+def drawn(scene, center, side, size, direction=(0, 0, 1), up=(0, 1, 0)):
+    """(size, size, 3) sRGB: a square of a model around a point, seen from far away."""
+    position = tuple(np.asarray(center) + FAR * side * np.asarray(direction, float))
+    view = CameraView(
+        position=position,
+        target=tuple(center),
+        up=up,
+        fov=2.0 * math.degrees(math.atan(0.5 / FAR)),
+    )
+    options = RenderOptions(width=size, height=size, supersampling=2)
+    frame = render_scene(replace(scene, view=view, lighting=LIGHT), options)
+    return np.clip(frame.color[..., :3], 0.0, 1.0) ** (1 / 2.2)
+
+
+def cell(picture, center, side, corner, extent):
+    """Pixels of a square of the model, its lower left corner in model units."""
+    scale = len(picture) / side
+    left = round((corner[0] - center[0] + side / 2) * scale)
+    top = round((center[1] + side / 2 - corner[1] - extent) * scale)
+    n = round(extent * scale)
+    return picture[top : top + n, left : left + n]
+
+
+def difference(picture, center, side, corner, other, extent):
+    """Least mean difference of two squares, over shifts of 8 %: the marks are placed by hand."""
+    shift = 0.08 * extent
+    test = cell(picture, center, side, corner, extent)
+    found = []
+    for dx in np.linspace(-shift, shift, 13):
+        for dy in np.linspace(-shift, shift, 13):
+            sample = cell(picture, center, side, (other[0] + dx, other[1] + dy), extent)
+            found.append(np.abs(test - sample).mean())
+    return min(found)
+
+
+@pytest.mark.parametrize(
+    "name", [f"{kind}Mesh{axis}" for kind in ("TextureClamp", "TextureRepeat", "TextureMirror")
+             for axis in "ST"] + ["SingleSidedMesh", "DoubleSidedMesh"],
+)  # fmt: skip
+def test_texture_settings_look_like_the_samples_beside_them(data_dir, name):
+    scene = read_scene(data_dir / "gltf/TextureSettingsTest.glb")
+    assert scene.notes == ()
+    center, side = (0.0, -0.6, 0.0), 12.0
+    picture = drawn(scene, center, side, 480)  # 40 pixels per unit
+    (item,) = (item for item in scene.objects if item.name == name)
+    x, y, _ = placed(item).bounds[0]
+    corner = np.array([x + 0.12, y + 0.12])
+    # Edges of the mark lie differently between the pixels.
+    assert difference(picture, center, side, corner, corner + (2.15, 0.0), 0.66) < 0.03
+    test = cell(picture, center, side, corner, 0.66)
+    # Green, not the red of a cell that fails.
+    assert test[..., 1].sum() > 1.1 * test[..., 0].sum()
+
+
+@pytest.mark.parametrize(
+    "row", ["BaseColor", "Emission", "Normal", "MetalRough", "Occlusion", "Unlit"]
+)
+def test_a_texture_transform_on_either_set_looks_like_the_sample(data_dir, row):
+    scene = read_scene(data_dir / "gltf/TextureTransformMultiTest.glb")
+    center, side = (0.0, -0.2, 0.0), 2.4
+    picture = drawn(scene, center, side, 480)  # 200 pixels per unit
+    names = {item.name: item for item in scene.objects}
+    first, second, sample = (
+        placed(names[row + which]).bounds[0][:2] + 0.015 for which in ("UV0", "UV1", "Sample")
+    )
+    assert cell(picture, center, side, sample, 0.17).std() > 0.04  # a check mark
+    for test in first, second:
+        assert difference(picture, center, side, test, sample, 0.17) < 0.03
+
+
+def test_several_uv_sets_show_the_logo_once_on_each_face(data_dir):
+    scene = read_scene(data_dir / "gltf/MultiUVTest.glb")
+    assert scene.notes == ()
+    (item,) = scene.objects
+    assert item.material.emission.uv_set == "TEXCOORD_1"
+    assert item.material.base_color.uv_set is None
+    sides = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+    for direction in sides:
+        up = (0, 0, 1) if direction[1] else (0, 1, 0)
+        glow = replace(item.material, shading="unlit", base_color=(0.0, 0.0, 0.0))
+        scene = replace(scene, objects=(replace(item, material=glow),))
+        picture = drawn(scene, (0.0, 0.0, 0.0), 2.0, 128, direction, up)
+        lit = picture.max(axis=2) > 0.25
+        assert 0.02 < lit.mean() < 0.5
+        rows, columns = np.nonzero(lit)
+        # Of all texels that glow, none touches the edge of the face: the logo is whole.
+        assert rows.min() > 2 and columns.min() > 2 and rows.max() < 125 and columns.max() < 125
+
+
+def test_arrows_point_at_their_targets(data_dir):
+    scene = read_scene(data_dir / "gltf/OrientationTest.glb")
+    meshes = {item.name: placed(item) for item in scene.objects}
+    for side in ("X1", "X2", "Y1", "Y2", "Z1", "Z2"):
+        arrow, target = meshes[f"Arrow{side}"].positions, meshes[f"Target{side}"].positions
+        gap = np.linalg.norm(arrow[:, None] - target[None], axis=2).min()
+        assert gap < 0.05  # of a cube of 10
+
+
+def test_alpha_is_cut_off_where_the_arrows_stand(data_dir):
+    scene = read_scene(data_dir / "gltf/AlphaBlendModeTest.glb")
+    center, side = (0.0, 1.0, 0.0), 8.0
+    picture = drawn(scene, center, side, 640)  # 80 pixels per unit
+    arrows = next(placed(item) for item in scene.objects if item.name == "GreenArrows").positions
+    for name in "TestCutoff25", "TestCutoffDefault", "TestCutoff75":
+        (item,) = (item for item in scene.objects if item.name == name)
+        without = tuple(other for other in scene.objects if other is not item)
+        bare = drawn(replace(scene, objects=without), center, side, 640)
+        (left, _, _), (right, _, _) = placed(item).bounds
+        middle = round(((left + right) / 2 + 0.05 - center[0] + side / 2) * 80)
+        shown = np.abs(picture - bare).max(axis=2)[:, middle - 15 : middle + 15].mean(axis=1) > 0.1
+        regions, _ = label(shown)
+        tallest = np.bincount(regions[regions > 0]).argmax()
+        top = center[1] + side / 2 - np.flatnonzero(regions == tallest)[0] / 80
+        near = arrows[(arrows[:, 0] > left) & (arrows[:, 0] < right + 0.1)]
+        assert top == pytest.approx((near[:, 1].min() + near[:, 1].max()) / 2, abs=0.03)
+
+
+
+
+@pytest.mark.parametrize(
+    ("name", "lefts", "steps"),
+    [
+        ("NormalTangentTest", (-1.11, -0.31, 0.49), (0.32,)),
+        ("NormalTangentMirrorTest", (-1.425, 0.15), (0.32, 0.645, 0.97)),
+    ],
+)
+def test_normal_maps_look_like_the_geometry_beside_them(data_dir, name, lefts, steps):
+    scene = read_scene(data_dir / f"gltf/{name}.glb")
+    center, side = (0.0, -0.12, 0.0), 3.0
+    picture = drawn(scene, center, side, 600)  # 200 pixels per unit
+    for left in lefts:
+        for bottom in (-0.95, -0.55, -0.15, 0.25, 0.65):
+            corner = np.array([left + 0.03, bottom + 0.03])
+            assert cell(picture, center, side, corner, 0.24).std() > 0.02  # a ball
+            for step in steps:
+                beside = corner + (step, 0.0)
+                assert difference(picture, center, side, corner, beside, 0.24) < 0.03

@@ -1,0 +1,93 @@
+"""Further sets of texture coordinates, each with a layout and seams of its own.
+
+The first set is `Mesh.uvs`: what is baked, packed and measured. A further set has a name, such as
+`lightmap`, and indices of its own, so that its charts may be cut where those of the first are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import MeshError
+
+if TYPE_CHECKING:
+    from texbake.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class UvSet:
+    """A set of texture coordinates.
+
+    Attributes
+    ----------
+    uvs : (T, 2) float64
+        v up, (0, 0) at the lower left.
+    faces : (F, 3) int32
+        Indices into `uvs`.
+    """
+
+    uvs: npt.NDArray[np.float64]
+    faces: npt.NDArray[np.int32]
+
+
+
+def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mapping[str, UvSet]:
+    """Return sets with read-only arrays of their types.
+
+    Raises
+    ------
+    MeshError
+        A name is empty, a number is not finite, an index is out of range, or shapes do not match.
+    """
+    checked = {}
+    for name, item in sets.items():
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            raise MeshError(f"{mesh}: {name!r} is not a name of texture coordinates")
+        try:
+            uvs = np.ascontiguousarray(item.uvs, np.float64)
+            faces = np.ascontiguousarray(item.faces, np.int32)
+        except (TypeError, ValueError) as error:
+            raise MeshError(f"{mesh}: the UV set {name!r} is not two arrays of numbers") from error
+        if uvs.ndim != 2 or uvs.shape[1] != 2 or faces.shape != (n_faces, 3):
+            raise MeshError(
+                f"{mesh}: the UV set {name!r} has the shapes {uvs.shape} and {faces.shape}, not "
+                f"(n, 2) and ({n_faces}, 3)"
+            )
+        if not np.isfinite(uvs).all():
+            raise MeshError(f"{mesh}: a texture coordinate of the UV set {name!r} is not finite")
+        if faces.min() < 0 or faces.max() >= len(uvs):
+            raise MeshError(f"{mesh}: the UV set {name!r} has an index that is out of range")
+        for array in uvs, faces:
+            array.flags.writeable = False
+        checked[name] = UvSet(uvs, faces)
+    return checked
+
+
+def sets_by_corner(
+    mesh: Mesh, change: slice | npt.NDArray[np.bool_], *, columns: bool = False
+) -> dict[str, UvSet]:
+    """Return the sets of some faces of a mesh, or, by `columns`, with corners in another order."""
+    return {
+        name: UvSet(item.uvs, item.faces[:, change] if columns else item.faces[change])
+        for name, item in mesh.uv_sets.items()
+    }
+
+
+def joined_uv_sets(parts: Sequence[Mesh]) -> dict[str, UvSet]:
+    """Return the sets of meshes put into one; (0, 0) where only others have a set."""
+    names = dict.fromkeys(name for part in parts for name in part.uv_sets)
+    joined = {}
+    for name in names:
+        uvs, faces, n = [], [], 0
+        for part in parts:
+            item = part.uv_sets.get(name) or UvSet(np.zeros((1, 2)), 0 * part.faces)
+            uvs.append(item.uvs)
+            faces.append(item.faces + np.int32(n))
+            n += len(item.uvs)
+        joined[name] = UvSet(np.concatenate(uvs), np.concatenate(faces))
+    return joined
