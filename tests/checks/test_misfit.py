@@ -11,6 +11,7 @@ from texbake.checks.misfit import stop_at_misfit
 from texbake.errors import MeshError
 from texbake.jobs.cages import cage_file
 from texbake.jobs.maps import bake_files
+from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
@@ -91,3 +92,24 @@ def test_a_low_poly_mesh_that_faces_inwards(tmp_path):
     kept = replace(options, orientation="keep")
     done = bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", kept)
     assert any("Most of the low-poly mesh faces against" in warning for warning in done.warnings)
+
+
+def test_parts_that_face_inwards(tmp_path):
+    write_mesh(high(), tmp_path / "high.ply")
+    write_mesh(low().replace(faces=low().faces[:, ::-1]), tmp_path / "low.obj")
+    options = BakeOptions(size=16, front=0.1, back=0.1)
+    meshes = [tmp_path / "high.ply"], [tmp_path / "low.obj"]
+    with pytest.raises(MeshError, match="Most of the low-poly mesh faces against"):
+        bake_parts_files(*meshes, tmp_path / "maps", options)
+    assert not (tmp_path / "maps").exists()
+
+
+def test_the_low_poly_mesh_is_not_to_blame_for_a_high_poly_mesh_that_was_turned_over(tmp_path):
+    """The rays are too short; that is all."""
+    inside_out = high().replace(faces=high().faces[:, ::-1])
+    write_mesh(inside_out.replace(positions=1.05 * inside_out.positions), tmp_path / "high.ply")
+    write_mesh(low(), tmp_path / "low.obj")
+    options = BakeOptions(size=16, front=1e-4, back=1e-4)
+    done = bake_files(tmp_path / "high.ply", tmp_path / "low.obj", tmp_path / "maps", options)
+    assert done.report.miss_percent > 50.0
+    assert not any("faces against" in warning for warning in done.warnings)

@@ -34,7 +34,7 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
 def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
     """Say why most rays of a bake missed, in the words of `check`; nothing if they did not.
 
-    By then, what faced inwards of the high-poly mesh is turned over. The low-poly mesh is not: the
+    What faces inwards of the high-poly mesh was turned over for the bake, and is here. The low-poly mesh is not: the
     maps would be those of another mesh than the one in its file, with other normals and mirrored
     charts, and a bake writes no meshes.
 
@@ -47,7 +47,9 @@ def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tupl
     if isinstance(high, StreamedMesh) or report.miss_percent <= _MOST_MISSED:
         return ()
     from texbake.checks.misfit import why_rays_pass
+    from texbake.raycast.orient import oriented
 
+    high, _ = oriented(high, report.options.orientation, threads=report.options.threads)
     why = why_rays_pass(high, low, threads=report.options.threads)
     if why and report.options.orientation != "keep":
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")

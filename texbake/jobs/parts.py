@@ -25,7 +25,7 @@ from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
-from texbake.jobs.fit import check_fit
+from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.maps import (
     DEFAULT_FORMAT,
@@ -165,6 +165,7 @@ def bake_parts_files(
             folder=Path(done_maps),
             progress=progress,
         )
+        why = _why_missed(highs, lows, result.report)
         files = {target: name_files(target) for target in result.targets}
         outputs = [path for of_target in files.values() for path in of_target.values()]
         misses = {} if miss_map is None else _miss_maps(Path(miss_map), result)
@@ -180,6 +181,7 @@ def bake_parts_files(
         report=result.report,
         warnings=(
             *result.report.warnings,
+            *why,
             *clipping_warnings(written),
             *(line for item in materials or () if item for line in item.notes(options.maps)),
         ),
@@ -278,6 +280,18 @@ def _check_names(paths: Sequence[Path], pattern: str) -> None:
             raise OptionError(
                 f"{paths[i]}: two sets of maps have this name by {pattern!r}; rename one of them"
             )
+
+
+def _why_missed(
+    highs: Sequence[Mesh], lows: Sequence[Mesh], report: PartsReport
+) -> tuple[str, ...]:
+    """Say why most rays of a set of maps missed; raise if all meshes together face opposite ways."""
+    lines = [
+        line
+        for figures in report.targets.values()
+        for line in why_missed(_whole(highs), _whole(lows), figures)
+    ]
+    return tuple(dict.fromkeys(lines))
 
 
 def _high_materials(
