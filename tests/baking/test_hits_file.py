@@ -314,3 +314,39 @@ def test_a_real_pair_is_remapped_byte_for_byte(data_dir, tmp_path):
     found = remap_hits(read_hits(tmp_path / "a.npz"), options)
     for name in maps:
         assert found.maps[name].values.tobytes() == result.maps[name].values.tobytes(), name
+
+
+def _with_entries(kept, path, changed, method=zipfile.ZIP_STORED):
+    """A copy of a file of hits with some entries replaced, added (bytes) or left out (None)."""
+    with zipfile.ZipFile(kept[0]) as old, zipfile.ZipFile(path, "w", method) as new:
+        entries = {name: old.read(name) for name in old.namelist()} | changed
+        for name, content in entries.items():
+            if content is not None:
+                new.writestr(name, content)
+    return path
+
+
+def _npy(shape, dtype, data):
+    header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape!r}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data
+
+
+@pytest.mark.parametrize("name", ["low_barycentrics", "offsets", "texel_faces", "low_mesh_faces"])
+def test_an_array_that_is_missing(kept, tmp_path, name):
+    path = _with_entries(kept, tmp_path / "part.npz", {f"{name}.npy": None})
+    with pytest.raises(FileFormatError, match="damaged"):
+        read_hits(path)
+
+
+@pytest.mark.parametrize("shape", [(1 << 40,), (1 << 62, 1 << 62), (-1,)])
+def test_a_shape_beyond_the_file_takes_no_memory(kept, tmp_path, shape):
+    changed = {"offsets.npy": _npy(shape, "<f4", b"\0" * 64)}
+    with pytest.raises(FileFormatError, match="damaged"):
+        read_hits(_with_entries(kept, tmp_path / "huge.npz", changed))
+
+
+def test_compressed_entries_are_not_unpacked(kept, tmp_path):
+    bomb = {"unused.npy": _npy((1 << 26,), "|u1", b"\0" * (1 << 26))}
+    path = _with_entries(kept, tmp_path / "bomb.npz", bomb, zipfile.ZIP_DEFLATED)
+    with pytest.raises(FileFormatError, match="damaged"):
+        read_hits(path)

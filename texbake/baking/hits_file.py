@@ -14,7 +14,7 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.array_archive import read_arrays
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.report import BakeReport
@@ -48,7 +49,7 @@ _VERSION = 2
 # a flipped bit may mark an entry as encrypted or compressed by an unknown method.
 _DAMAGE = (
     ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
-    UserWarning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+    Warning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
                 "colors", "face_groups")  # fmt: skip
@@ -140,12 +141,8 @@ def read_hits(path: PathLike) -> BakeResult:
 def _loaded(path: PathLike) -> Arrays:
     """Arrays of an archive by name; raises any of `_DAMAGE`."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", UserWarning)  # numpy repairs some headers
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            arrays: Arrays = {name: archive[name] for name in archive.files}
-    if not all(isinstance(array, np.ndarray) for array in arrays.values()):
-        raise ValueError("an entry is not an array; numpy returns its bytes")
-    return arrays
+        warnings.simplefilter("error")  # numpy repairs some headers, and counts may overflow
+        return read_arrays(path)
 
 
 def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
@@ -240,7 +237,10 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
         )
         for part in ("high", "low")
     )
-    columns: Arrays = {field.name: arrays.get(field.name) for field in fields(Hits)}
+    columns: Arrays = {
+        field.name: arrays[field.name] if field.default is MISSING else arrays.get(field.name)
+        for field in fields(Hits)
+    }
     hits = Hits(**columns)
     texel_faces = arrays["texel_faces"]
     options = report.options
