@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from texbake import __version__
+from texbake import __version__, raised_limits
 
 from .failures import end_cleanly_on_signals
 from .lazy import LazyGroup
@@ -28,13 +28,25 @@ from .lazy import LazyGroup
     """,
 )
 @click.version_option(__version__, prog_name="texbake")
+@click.option(
+    "--max-image",
+    metavar="SIDE",
+    type=int,
+    help="Read images of up to SIDE x SIDE pixels, instead of 16384 x 16384.",
+)
+@click.option(
+    "--allow-outside",
+    is_flag=True,
+    help="Read files that a mesh or scene names outside its own folder.",
+)
 @click.pass_context
-def texbake(ctx: click.Context) -> None:
+def texbake(ctx: click.Context, max_image: int | None, allow_outside: bool) -> None:
     """Bake the detail of a high-poly mesh into maps for a low-poly one.
 
     Simplifies meshes, gives them texture coordinates, bakes normal, displacement and other maps,
     and renders the result, without a GPU or a display.
     """
+    ctx.with_resource(raised_limits(max_image=max_image, allow_outside=allow_outside))
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
         ctx.exit(2)

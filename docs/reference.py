@@ -66,6 +66,12 @@ def commands_page() -> str:
     """Write every command with its options, as its help page has them."""
     parts = ["# Commands", _MADE, "`texbake COMMAND --help` prints the same."]
     group = click.Context(commands, info_name="texbake")
+    parts += [
+        "## Options of every command",
+        "These stand before the name of the command: `texbake --allow-outside preview hut.gltf -o "
+        "hut.png`. [What a file can and cannot do](../limits.md) explains them.",
+        _options(commands, group),
+    ]
     for name in COMMANDS:
         command = commands.get_command(group, name)
         assert command is not None
@@ -81,15 +87,17 @@ def _command(command: click.Command, context: click.Context) -> Iterable[str]:
     )
     for paragraph in (command.help or "").strip().split("\n\n"):
         yield " ".join(paragraph.split())
-    rows = []
-    for parameter in command.params:
-        record = parameter.get_help_record(context)
-        if record is not None and record[1]:
-            rows.append(_option_row(*record))
-    yield table(("option", "default", "meaning"), rows)
+    yield _options(command, context)
     lines = [line.strip() for line in (command.epilog or "").splitlines()]
     examples = [line for line in lines if line.startswith("texbake ")]
     yield "```text\n" + "\n".join(examples) + "\n```"
+
+
+def _options(command: click.Command, context: click.Context) -> str:
+    """Write the table of a command's options."""
+    records = [parameter.get_help_record(context) for parameter in command.params]
+    rows = [_option_row(*record) for record in records if record is not None and record[1]]
+    return table(("option", "default", "meaning"), rows)
 
 
 def _option_row(flag: str, text: str) -> tuple[str, str, str]:

@@ -154,6 +154,7 @@ from .jobs.uv_pictures import (
     render_checker as render_checker,
     write_layout as write_layout,
 )
+from .limits import raised_limits as raised_limits
 from .mapping.classical.projector import read_matrix as read_matrix
 from .mapping.distortion import (
     Distortion as Distortion,

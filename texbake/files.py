@@ -1,15 +1,62 @@
-"""Write files atomically: write a temporary file in the same folder, then rename it."""
+"""Read files whole, and write them atomically: to a temporary file beside them, then rename it."""
 
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from texbake.errors import FileError
+from texbake.errors import FileError, FileFormatError
 
 PathLike = str | os.PathLike[str]
+
+
+def require_file(path: PathLike) -> None:
+    """Raise `FileError` where there is no regular file of this name.
+
+    Asked before opening: opening a pipe that nobody writes to would wait for ever.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise FileError(f"{path}: there is no such file; check its name") from error
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        reason = getattr(error, "strerror", None) or error
+        raise FileError(f"{path}: cannot be read: {reason}") from error
+    if stat.S_ISDIR(mode):
+        raise FileError(f"{path}: it is a folder; give the name of a file in it")
+    if not stat.S_ISREG(mode):
+        raise FileError(f"{path}: it is not a regular file; copy its content to one")
+
+
+def is_file(path: PathLike) -> bool:
+    """Whether there is a regular file of this name; False for a name that no file can have."""
+    try:
+        return Path(path).is_file()
+    except OSError:  # such as a name that is too long
+        return False
+
+
+def read_bytes(path: PathLike) -> bytes:
+    """Read the bytes of a file.
+
+    Raises
+    ------
+    FileError
+        There is no such file, it is not a regular file, or it cannot be read.
+    FileFormatError
+        It is empty.
+    """
+    require_file(path)
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if not content:
+        raise FileFormatError(f"{path}: the file is empty; write it again")
+    return content
 
 
 @contextmanager

@@ -175,17 +175,17 @@ def test_those_behind_a_url_are_fetched_and_count(
     data = (tmp_path / "a.glb").read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     document = json.loads(data[20 : 20 + length])
-    document["buffers"][0]["uri"] = "../bin/a%20b.bin"
+    document["buffers"][0]["uri"] = "bin/a%20b.bin"
     fs.pipe("/with/in/a.gltf", json.dumps(document).encode())
-    fs.pipe("/with/bin/a b.bin", data[28 + length :])
+    fs.pipe("/with/in/bin/a b.bin", data[28 + length :])
     steps = STEPS + 'output = "{asset}.{ext}"\n'
     path = write('[[assets]]\ninputs.high = "memory://with/in/a.gltf"\n', steps)
     result, ran = run(path)
     assert result.ok and ran == ["a.r"], result.failed
     assert read_mesh(path.parent / "build" / "a.ply").n_faces == uv_sphere(4, 6).n_faces
     assert run(path)[1] == []
-    fs.pipe("/with/bin/a b.bin", data[28 + length :] + bytes(4))
+    fs.pipe("/with/in/bin/a b.bin", data[28 + length :] + bytes(4))
     assert run(path)[1] == ["a.r"]
-    fs.rm("/with/bin/a b.bin")
+    fs.rm("/with/in/bin/a b.bin")
     (failed,) = run(path)[0].failed
     assert "b.bin" in failed.error

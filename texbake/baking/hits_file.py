@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.files import require_file
 from texbake.baking.array_archive import read_arrays
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
@@ -31,7 +32,6 @@ from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
 from texbake.mesh.compose import used_rows
-from texbake.mesh.files.source import require_file
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals

@@ -14,12 +14,13 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model
 
+from texbake.limits import file_beside
+from texbake.files import require_file
 from texbake.building.locate import key_lines, line_of
 from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
-from texbake.mesh.files.source import require_file
 from texbake.rendering.scene.file.faults import (
     fault,
     first_fault,
@@ -114,7 +115,7 @@ class Pipeline:
         self._called = path
         self._text = text
         self._checked: dict[tuple[str, int], StepTable] = {}
-        self.folder = self.path.parent / (found.folder or FOLDER)
+        self.folder = file_beside(self.path, found.folder or FOLDER)
         self.store: str | None = found.store
         self.outputs: str | None = found.outputs
         self.steps: dict[str, dict[str, Any]] = found.steps

@@ -79,6 +79,7 @@ class Store:
             raise DamagedError(f"{self._location.path(name)} is damaged") from error
         if checksum(manifest) != said or manifest["key"] != key:
             raise DamagedError(f"{self._location.path(name)} does not have its checksum")
+        _require_plain_names(manifest, self._location.path(name))
         return dict(manifest)
 
     def check(self, manifest: Manifest, digests: Digests) -> None:
@@ -198,6 +199,26 @@ def stored_files(manifest: Manifest) -> dict[str, list[StoredFile]]:
             for item in listed["files"]
         ]
     return found
+
+
+def _require_plain_names(manifest: Manifest, path: str) -> None:
+    """Raise `DamagedError` if a manifest names files outside its folder.
+
+    A store may be shared, and anybody who writes to it can make a checksum that fits.
+    """
+    try:
+        for listed in manifest["outputs"].values():
+            names = [listed["file"], *(item["path"] for item in listed["files"] if item["path"])]
+            if not all(map(_is_plain, names)):
+                raise DamagedError(f"{path} names files outside its folder")
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DamagedError(f"{path} is damaged") from error
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a name stays below its folder on every system."""
+    parts = name.replace("\\", "/").split("/")
+    return not any(part in ("", ".", "..") or ":" in part for part in parts)
 
 
 def output_digest(manifest: Manifest, output: str) -> str:

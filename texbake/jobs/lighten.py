@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from texbake.limits import file_beside
 from texbake.baking.bake import bake
 from texbake.baking.report import BakeReport
 from texbake.errors import FileFormatError, OptionError
@@ -391,6 +392,6 @@ def model_bytes(model: PathLike, materials: Materials) -> int:
     if path.suffix.lower() == ".gltf":
         document = read_document(path)
         uris = [buffer.get("uri", "data:") for buffer in document.items("buffers")]
-        files = [path.parent / unquote(uri) for uri in uris if not uri.startswith("data:")]
+        files = [file_beside(path, unquote(uri)) for uri in uris if not uri.startswith("data:")]
         total += sum(file.stat().st_size for file in files if file.is_file())
     return total

@@ -275,7 +275,7 @@ class Materials:
         FileError
             The file is missing or cannot be read.
         """
-        from texbake.mesh.files.source import read_bytes
+        from texbake.files import read_bytes
 
         width = len(CHANNELS[channel].default)
         components = tuple(range(width))

@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.files import require_file
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike, replacing
+from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands
 from texbake.png import is_png, png_description
@@ -262,6 +264,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
 
     try:
         # Checked before libpng sees it, which would print its complaints.
+        require_file(path)
         description = png_description(path) if is_png(path) else ""
     except FileFormatError:
         raise
@@ -272,6 +275,8 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
         raise FileFormatError(f"{path}: it is not an image: {_one_line(_complaint(oiio.geterror))}")
+    spec = source.spec()
+    require_image_size(path, spec.width, spec.height, spec.nchannels)
     return source, description
 
 

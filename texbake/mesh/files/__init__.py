@@ -87,7 +87,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
         The format needs an optional package that is not installed: USD needs ``texbake[usd]``;
         COLLADA, 3MF, 3DXML, XAML and Draco-compressed glTF need ``texbake[formats]``.
     """
-    from texbake.mesh.files.source import require_file  # loads numpy
+    from texbake.files import require_file
 
     require_file(path)
     name = Path(path).name

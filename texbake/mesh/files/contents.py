@@ -7,10 +7,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from texbake.errors import FileError
+from texbake.files import is_file, read_bytes
+from texbake.limits import file_beside
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
@@ -18,9 +23,9 @@ from texbake.mesh.files.fbx_textures import base_layer, fbx_images
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
-from texbake.mesh.files.mtl import library_paths, map_path
+from texbake.mesh.files.mtl import library_names, map_name
 from texbake.mesh.files.passed_over import passed_over
-from texbake.mesh.files.source import decode_name, is_file, read_bytes
+from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_materials import usd_channels
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage
 
@@ -156,7 +161,7 @@ def _of_obj(path: Path) -> FileContents:
     data = read_bytes(path)
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for library in library_paths(path, data):
+    for library in _allowed(path, library_names(path, data)):
         if is_file(library):
             for match in _STATEMENT.finditer(read_bytes(library)):
                 _add_statement(library, match[1], match[2], materials, images)
@@ -182,9 +187,18 @@ def _add_statement(
         if statement in _VALUES:
             channels.setdefault(channel, None)
             return
-        image = map_path(library, words)[0]
-        channels[channel] = image.name
-        images[image.name] = read_bytes(image) if is_file(image) else None
+        name = map_name(words)[0]
+        image = next(_allowed(library, [name]), None)
+        channels[channel] = Path(name).name
+        content = None if image is None or not is_file(image) else read_bytes(image)
+        images[Path(name).name] = content
+
+
+def _allowed(path: Path, names: Iterable[str]) -> Iterator[Path]:
+    """Yield the paths of files that another one names and that may be read."""
+    for name in names:
+        with suppress(FileError):
+            yield file_beside(path, name)
 
 
 # Channels of FBX, by the properties that textures are connected to.

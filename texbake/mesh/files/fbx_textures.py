@@ -18,8 +18,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from texbake.files import read_bytes
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
-from texbake.mesh.files.source import read_bytes
 from texbake.mesh.materials import UNPLACED, Placing
 from texbake.mesh.mesh import FloatArray
 

@@ -19,6 +19,7 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from texbake.limits import file_beside
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
@@ -224,7 +225,7 @@ class Document:
         elif "://" in uri:
             self.fail(f"buffers[{index}] is at {uri[:60]!r}, and only local files are read")
         else:
-            data = read_array(self.path.parent / unquote(uri))
+            data = read_array(file_beside(self.path, unquote(uri)))
         if len(data) < n_bytes:
             self.fail(f"it is cut short: buffers[{index}] has {len(data)} of {n_bytes} bytes")
         return data[:n_bytes]

@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from texbake.files import read_bytes
+from texbake.limits import file_beside
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.source import read_bytes
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
@@ -217,6 +218,8 @@ def image_path(document: Document, index: int) -> Path | None:
 
     Raises
     ------
+    FileError
+        It lies outside the folder of the file, and that is not allowed.
     FileFormatError
         The document is damaged, or the image is not on this machine.
     """
@@ -225,7 +228,7 @@ def image_path(document: Document, index: int) -> Path | None:
         return None
     if "://" in uri:
         document.fail(f"images[{index}] is at {uri[:60]!r}; only local files are read")
-    return document.path.parent / unquote(uri)
+    return file_beside(document.path, unquote(uri))
 
 
 def image_bytes(document: Document, index: int) -> bytes:

@@ -19,11 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
+from texbake.files import is_file, read_bytes
+from texbake.limits import file_beside
 from texbake.errors import FileError, FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
-from texbake.mesh.files.source import decode_name, is_file, read_array, read_bytes
+from texbake.mesh.files.source import decode_name, read_array
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -103,9 +105,9 @@ def _read_libraries(
 ) -> dict[str, MeshMaterial]:
     """Materials by their names; the first library that has a name counts."""
     known: dict[str, MeshMaterial] = {}
-    for library in library_paths(path, data):
+    for library in library_names(path, data):
         try:
-            known = {**_read_library(library, missing), **known}
+            known = {**_read_library(file_beside(path, library), missing), **known}
         except FileFormatError:
             raise
         except FileError as error:
@@ -113,13 +115,13 @@ def _read_libraries(
     return known
 
 
-def library_paths(path: Path, data: bytes | memoryview) -> Iterator[Path]:
-    """Yield the paths of the .mtl files that an OBJ file names."""
+def library_names(path: Path, data: bytes | memoryview) -> Iterator[str]:
+    """Yield the names of the .mtl files that an OBJ file needs."""
     for match in _LIBRARY.finditer(data):
         name = decode_name(match[1].strip())
         # One name with spaces in it, or several without.
         names = [name] if is_file(path.parent / name) else name.split()
-        yield from (path.parent / library for library in names)
+        yield from names
 
 
 def _read_library(path: Path, missing: MissingParts) -> dict[str, MeshMaterial]:
@@ -149,7 +151,7 @@ def _with_statement(
             raise
         except FileError as error:
             line = f"{material.name}: {error}; the material keeps its factors"
-            missing.add(channel, line, image=map_path(path, words)[0].name)
+            missing.add(channel, line, image=Path(map_name(words)[0]).name)
     else:
         channel = VALUES[statement.lower()]
         known = channels.get(channel)
@@ -177,7 +179,8 @@ def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float,
 
 def _mapped(path: Path, channel: str, words: str) -> ChannelSource:
     """Read the image that a statement names."""
-    file, wrap = map_path(path, words)
+    name, wrap = map_name(words)
+    file = file_beside(path, name)
     kind = CHANNELS[channel]
     image = ChannelImage(
         data=read_bytes(file),
@@ -188,8 +191,8 @@ def _mapped(path: Path, channel: str, words: str) -> ChannelSource:
     return ChannelSource((1.0,) * len(kind.default), image)
 
 
-def map_path(path: Path, words: str) -> tuple[Path, str]:
-    """File and wrapping of a map statement: options, then the name of a file, spaces and all."""
+def map_name(words: str) -> tuple[str, str]:
+    """Name and wrapping of a map statement: options, then the name of a file, spaces and all."""
     wrap, rest = "repeat", words
     while (parts := rest.split(maxsplit=1)) and parts[0] in _OPTION_WORDS:
         option, rest = parts[0], parts[1] if len(parts) > 1 else ""
@@ -200,7 +203,7 @@ def map_path(path: Path, words: str) -> tuple[Path, str]:
             if option == "-clamp" and value == "on":
                 wrap = "clamp"
             rest = after.lstrip()
-    return path.parent / rest.replace("\\", "/"), wrap
+    return rest.replace("\\", "/"), wrap
 
 
 def _is_number(word: str) -> bool:

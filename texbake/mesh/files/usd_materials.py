@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from texbake.files import read_bytes
 from texbake.errors import FileError
 from texbake.files import PathLike
-from texbake.mesh.files.source import read_bytes
+from texbake.limits import file_beside
 from texbake.mesh.files.usd import UsdPart, read_parts
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
 from texbake.mesh.materials import (
@@ -283,15 +284,17 @@ def _image_file(shader: Any) -> tuple[str, str, bytes | None]:
     """Path of an image as the file has it and as it was found, and its content; None without it."""
     asset = _value(shader.GetInput("file"))
     resolved = str(getattr(asset, "resolvedPath", ""))
-    data = _asset_bytes(resolved) if resolved else None
+    root = shader.GetPrim().GetStage().GetRootLayer().realPath
+    data = _asset_bytes(root, resolved) if resolved else None
     return str(getattr(asset, "path", "")), resolved, data
 
 
-def _asset_bytes(resolved: str) -> bytes | None:
+def _asset_bytes(root: str, resolved: str) -> bytes | None:
     """Content of an image beside the file, or in a package; None where there is none."""
     from pxr import Ar
 
     try:
+        file_beside(root, resolved)  # raises where it lies outside the folder of the stage
         if not Ar.IsPackageRelativePath(resolved):
             return read_bytes(resolved)
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))

@@ -14,9 +14,10 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from texbake.files import require_file
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike
-from texbake.mesh.files.source import require_file
+from texbake.limits import file_beside
 from texbake.mesh.weld import weld_rows
 
 
@@ -38,7 +39,7 @@ def open_stage(path: PathLike) -> Any:
     DependencyError
         usd-core is not installed.
     FileError
-        There is no such file.
+        There is no such file, or it refers to a file outside its folder, which is not allowed.
     FileFormatError
         It is not a USD file, or it is damaged.
     """
@@ -57,6 +58,9 @@ def open_stage(path: PathLike) -> Any:
         stage = Usd.Stage.Open(str(path))
     if stage is None:
         raise FileFormatError(f"{path}: it is not a USD file; export it again")
+    for used in stage.GetUsedLayers():
+        if used.realPath:
+            file_beside(path, used.realPath)
     return stage
 
 

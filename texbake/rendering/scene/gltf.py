@@ -16,6 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from texbake.limits import file_beside
 from texbake.errors import MeshError, OptionError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf import PrimitiveMesh, mesh_matrix, placed_nodes, read_primitive
@@ -126,7 +127,7 @@ class _Reader:
                   *document.objects(document.content, "images")]  # fmt: skip
         uris = [item.get("uri") for item in owners]
         return tuple(
-            document.path.parent / unquote(uri)
+            file_beside(document.path, unquote(uri))
             for uri in uris
             if isinstance(uri, str) and not uri.startswith("data:")
         )

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from texbake.files import require_file
 from texbake.errors import FileError
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
@@ -25,7 +26,6 @@ from texbake.mesh.files.gltf_material_read import (
     image_path,
     read_material,
 )
-from texbake.mesh.files.source import require_file
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
 from texbake.texture.image import Image, decode_image

@@ -1,0 +1,88 @@
+"""A store that somebody else writes to cannot make a build write outside its folder."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from texbake import write_mesh
+from texbake.building.digests import checksum
+from texbake.building.store import DamagedError, Store
+from texbake.mesh.shapes import uv_sphere
+
+STEPS = """
+[[assets]]
+inputs.high = "*.ply"
+[steps.clean]
+do = "repair"
+mesh = "high"
+output = "{asset}.{ext}"
+"""
+
+
+@pytest.fixture
+def built(tmp_path: Path, write: Callable[..., Path], run: Callable[..., Any]) -> Path:
+    """A pipeline of one asset, which is built."""
+    write_mesh(uv_sphere(4, 8), tmp_path / "a.ply")
+    path = write(STEPS, "")
+    run(path)
+    return path
+
+
+def poison(pipeline: Path, change: Callable[[dict[str, Any]], None]) -> str:
+    """Change the one manifest of a store, with a checksum that fits; return its key."""
+    (path,) = (pipeline.parent / "build").rglob("manifest.json")
+    manifest = json.loads(path.read_text())
+    del manifest["checksum"]
+    change(manifest)
+    path.write_text(json.dumps({**manifest, "checksum": checksum(manifest)}))
+    return str(manifest["key"])
+
+
+def outside(manifest: dict[str, Any]) -> None:
+    (output,) = manifest["outputs"].values()
+    output["file"], output["files"][0]["path"] = ".", "../../evil.ply"
+
+
+@pytest.mark.parametrize("options", [{}, {"verify": True}])
+def test_a_manifest_cannot_name_a_file_outside(
+    built: Path, run: Callable[..., Any], tmp_path: Path, options: dict[str, bool]
+) -> None:
+    (stored,) = (tmp_path / "build" / ".texbake").rglob("*.ply")
+    poison(built, outside)
+    # Where the path leads to from the entry there is a file with the right checksum.
+    shutil.copy(stored, stored.parents[2] / "evil.ply")
+    (tmp_path / "build" / "a.ply").unlink()
+    before = {path for path in tmp_path.rglob("*.ply") if path.name == "evil.ply"}
+    result, steps = run(built, **options)
+    assert steps == ["a.clean"]  # made anew
+    assert not result.failed
+    assert {path for path in tmp_path.rglob("*.ply") if path.name == "evil.ply"} == before
+    assert (tmp_path / "build" / "a.ply").is_file()
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "a/../../x", "/etc/x", "C:/x", "C:x", "a\\..\\..\\x", "a//x", ".", "a/."]
+)
+def test_names_that_are_not_below_an_entry_are_damage(built: Path, name: str) -> None:
+    def change(manifest: dict[str, Any]) -> None:
+        (output,) = manifest["outputs"].values()
+        output["file"] = name
+
+    key = poison(built, change)
+    (folder,) = (path for path in (built.parent / "build").rglob("manifest.json"))
+    with pytest.raises(DamagedError, match="outside its folder"):
+        Store(str(folder.parents[2])).find(key)
+
+
+@pytest.mark.parametrize("outputs", [None, [], {"mesh": {}}, {"mesh": {"file": 3, "files": []}}])
+def test_a_manifest_of_another_shape_is_damage(
+    built: Path, run: Callable[..., Any], outputs: Any
+) -> None:
+    poison(built, lambda manifest: manifest.update(outputs=outputs))
+    result, steps = run(built)
+    assert steps == ["a.clean"]
+    assert not result.failed

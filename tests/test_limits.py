@@ -1,0 +1,225 @@
+"""What a file may make texbake do: images by their headers, and files outside its folder."""
+
+import base64
+import json
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from texbake_cli.main import texbake as command
+
+import texbake
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.limits import ALLOW_OUTSIDE, MAX_IMAGE, file_beside, is_within, require_image_size
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.contents import read_contents
+from texbake.mesh.materials import read_materials
+from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.scene.read import read_scene
+from texbake.texture.image import decode_image, image_shape, read_header, read_image, write_image
+
+
+def bomb(side: int) -> bytes:
+    """A gray PNG file of side x side black pixels, a thousandth of that in bytes."""
+    rows = zlib.compressobj(9)
+    data = b"".join(rows.compress(bytes(side + 1)) for _ in range(side)) + rows.flush()
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)), (b"IDAT", data)]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in [*chunks, (b"IEND", b"")]
+    )
+
+
+@pytest.fixture(scope="module")
+def large_png():
+    return bomb(20_000)
+
+
+@pytest.fixture
+def gltf(tmp_path):
+    """Write a triangle with a texture as a glTF file that names its buffer and its image."""
+
+    def write(buffer: str, image: str):
+        positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+        uvs = np.array([[0, 0], [1, 0], [0, 1]], "<f4")
+        data = positions.tobytes() + uvs.tobytes()
+        folder = tmp_path / "asset"
+        folder.mkdir()
+        for path in (folder / "mesh.bin", tmp_path / "mesh.bin"):
+            path.write_bytes(data)
+        for path in (folder / "wood.png", tmp_path / "secret.png"):
+            write_image(np.full((4, 4, 3), 0.5, np.float32), path, color=True)
+        inside = "data:;base64," + base64.b64encode(data).decode()
+        document = {
+            "asset": {"version": "2.0"},
+            "buffers": [{"byteLength": len(data), "uri": inside if buffer == "data" else buffer}],
+            "bufferViews": [
+                {"buffer": 0, "byteOffset": 0, "byteLength": 36},
+                {"buffer": 0, "byteOffset": 36, "byteLength": 24},
+            ],
+            "accessors": [
+                {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+            ],
+            "images": [{"uri": image}],
+            "textures": [{"source": 0}],
+            "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+            "meshes": [
+                {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}
+            ],
+            "nodes": [{"mesh": 0}],
+            "scenes": [{"nodes": [0]}],
+            "scene": 0,
+        }
+        path = folder / "wood.gltf"
+        path.write_text(json.dumps(document))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("size", "fits"),
+    [
+        ((16384, 16384, 4), True),
+        ((65536, 4096, 3), True),
+        ((16385, 16384, 1), False),
+        ((8192, 8192, 17), False),
+        ((1 << 20, 1 << 20, 1), False),
+    ],
+)
+def test_the_greatest_image(size, fits):
+    if fits:
+        require_image_size("a.png", *size)
+    else:
+        with pytest.raises(FileFormatError, match=r"a\.png: it has .* --max-image \d+"):
+            require_image_size("a.png", *size)
+
+
+def test_the_limit_of_images_can_be_raised(monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "30000")
+    require_image_size("a.png", 30000, 30000, 1)
+    monkeypatch.setenv(MAX_IMAGE, "many")
+    with pytest.raises(OptionError, match="not a number of pixels"):
+        require_image_size("a.png", 1, 1, 1)
+
+
+@pytest.mark.parametrize("read", [read_header, lambda path: read_image(path, color=False)])
+def test_large_images_are_refused_by_their_headers(large_png, tmp_path, read):
+    (tmp_path / "bomb.png").write_bytes(large_png)
+    with pytest.raises(FileFormatError, match="20000 x 20000 pixels of 1 channel, more than"):
+        read(tmp_path / "bomb.png")
+
+
+@pytest.mark.parametrize("read", [image_shape, lambda *a: decode_image(*a, color=True)])
+def test_large_images_in_other_files_are_refused(large_png, read):
+    with pytest.raises(FileFormatError, match="bomb: it has 20000 x 20000 pixels"):
+        read(large_png, "bomb")
+
+
+def test_a_large_image_takes_no_memory(large_png, tmp_path):
+    (tmp_path / "bomb.png").write_bytes(large_png)
+    code = """
+import resource
+resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+from texbake_cli.main import main
+import sys
+sys.argv = ["texbake", "height-to-normal", "bomb.png", "-o", "n.png"]
+main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert "--max-image 20000" in done.stderr
+    assert not (tmp_path / "n.png").exists()
+
+
+def test_an_image_may_be_large_if_the_user_says_so(tmp_path, monkeypatch):
+    monkeypatch.delenv(MAX_IMAGE, raising=False)
+    monkeypatch.chdir(tmp_path)
+    write_image(np.zeros((8, 8), np.float32), "height.png")
+    line = ["height-to-normal", "height.png", "-o", "n.png"]
+    assert CliRunner().invoke(command, ["--max-image", "7", *line]).exit_code == 1
+    assert CliRunner().invoke(command, ["--max-image", "8", *line]).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "within"),
+    [
+        ("a/b.png", True),
+        ("a/../b.png", True),
+        ("./b.png", True),
+        ("../a/b.png", True),
+        ("../b.png", False),
+        ("/etc/passwd", False),
+        ("a/../../b.png", False),
+    ],
+)
+def test_files_beside_another(tmp_path, monkeypatch, place, within):
+    monkeypatch.delenv(ALLOW_OUTSIDE, raising=False)
+    folder = tmp_path / "a"
+    assert is_within(folder, folder / place) is within
+    if within:
+        assert file_beside(folder / "x.gltf", place) == folder / place
+    else:
+        with pytest.raises(FileError, match="outside its folder"):
+            file_beside(folder / "x.gltf", place)
+
+
+@pytest.mark.parametrize("name", ["../mesh.bin", "%2e%2e/mesh.bin", "ABSOLUTE"])
+def test_buffers_of_gltf_stay_in_the_folder(gltf, tmp_path, monkeypatch, name):
+    name = str(tmp_path / "mesh.bin") if name == "ABSOLUTE" else name
+    path = gltf(name, "wood.png")
+    for read in (read_mesh, read_scene):
+        with pytest.raises(FileError, match="outside its folder; .* --allow-outside"):
+            read(path)
+    monkeypatch.setenv(ALLOW_OUTSIDE, "1")
+    assert read_mesh(path).n_faces == 1
+
+
+def test_images_of_gltf_stay_in_the_folder(gltf, monkeypatch):
+    path = gltf("data", "../secret.png")
+    materials = read_materials(path, read_mesh(path))
+    assert materials.materials[0].channels["base-color"].image is None
+    assert "outside its folder" in str(materials.missing)
+    with pytest.raises(FileError, match="outside its folder"):
+        read_scene(path)
+    monkeypatch.setenv(ALLOW_OUTSIDE, "1")
+    materials = read_materials(path, read_mesh(path))
+    assert materials.materials[0].channels["base-color"].image is not None
+
+
+@pytest.mark.parametrize("library", ["../wood.mtl", "wood.mtl"])
+def test_materials_of_obj_stay_in_the_folder(tmp_path, monkeypatch, library):
+    folder = tmp_path / "asset"
+    folder.mkdir()
+    write_mesh(uv_sphere(6, 6), folder / "ball.obj")
+    text = (folder / "ball.obj").read_text()
+    (folder / "ball.obj").write_text(f"mtllib {library}\nusemtl wood\n" + text)
+    image = "../secret.png" if library == "wood.mtl" else "secret.png"
+    (folder / library).write_text(f"newmtl wood\nmap_Kd {image}\n")
+    write_image(np.full((4, 4, 3), 0.5, np.float32), tmp_path / "secret.png", color=True)
+
+    def has_image():
+        materials = read_materials(folder / "ball.obj", read_mesh(folder / "ball.obj"))
+        channels = [material.channels.get("base-color") for material in materials.materials]
+        return any(channel is not None and channel.image is not None for channel in channels)
+
+    assert not has_image()
+    assert not any(read_contents(folder / "ball.obj").images.values())
+    monkeypatch.setenv(ALLOW_OUTSIDE, "1")
+    assert has_image()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes")
+def test_an_image_that_is_a_pipe_does_not_wait(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    for read in (read_header, lambda path: texbake.read_image(path, color=True)):
+        with pytest.raises(FileError, match="not a regular file"):
+            read(tmp_path / "pipe.png")

@@ -1,0 +1,110 @@
+"""What a file may make texbake do: how large its images may be, and which files it may name.
+
+Files come from anywhere. A small one can hold an image of gigabytes, or name any file of the
+machine. Each limit is an environment variable, so that worker processes have it too; `texbake
+--max-image` and `texbake --allow-outside` set them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.files import PathLike
+
+MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
+"""Environment variable: the greatest side of an image in pixels, if it were a square of RGB."""
+ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
+"""Environment variable: 1 if a file may name files outside its own folder."""
+
+DEFAULT_MAX_IMAGE = 16384
+
+
+@contextmanager
+def raised_limits(
+    *, max_image: int | None = None, allow_outside: bool = False
+) -> Iterator[None]:
+    """Raise limits for the block, in this process and in those that it starts.
+
+    Parameters
+    ----------
+    max_image
+        Greatest side of an image in pixels; None leaves the limit.
+    allow_outside
+        Whether files may name files outside their own folders; False leaves the limit.
+    """
+    before = {name: os.environ.get(name) for name in (MAX_IMAGE, ALLOW_OUTSIDE)}
+    if max_image is not None:
+        os.environ[MAX_IMAGE] = str(max_image)
+    if allow_outside:
+        os.environ[ALLOW_OUTSIDE] = "1"
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+
+
+def require_image_size(path: PathLike, width: int, height: int, n_channels: int) -> None:
+    """Raise `FileFormatError` if an image would take more memory than images may.
+
+    By default, it may have 16,384 x 16,384 pixels, whatever its shape, with up to four channels.
+
+    Raises
+    ------
+    FileFormatError
+        It has too many pixels, or too many channels for so many pixels.
+    OptionError
+        The environment variable is not a number of pixels.
+    """
+    side = _max_image()
+    if width * height > side * side or width * height * n_channels > 4 * side * side:
+        needed = max(width, height)
+        raise FileFormatError(
+            f"{path}: it has {width} x {height} pixels of {n_channels} "
+            f"channel{'s' * (n_channels != 1)}, more than {side} x {side}; if you trust the file, "
+            f"read it with texbake --max-image {needed}"
+        )
+
+
+def _max_image() -> int:
+    text = os.environ.get(MAX_IMAGE, "") or str(DEFAULT_MAX_IMAGE)
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1 << 20:
+        raise OptionError(f"{MAX_IMAGE}: {text[:40]!r} is not a number of pixels, such as 16384")
+    return int(text)
+
+
+def file_beside(path: PathLike, name: str) -> Path:
+    """Return the path of a file that another file names, relative to its folder.
+
+    Symbolic links in that folder are followed.
+
+    Parameters
+    ----------
+    path
+        The file that names it.
+    name
+
+    Raises
+    ------
+    FileError
+        It lies outside the folder of the file, and that is not allowed.
+    """
+    folder = Path(path).parent
+    place = folder / name
+    if not is_within(folder, place) and os.environ.get(ALLOW_OUTSIDE) != "1":
+        raise FileError(
+            f"{path}: it names {str(name)[:200]!r}, which lies outside its folder; if you trust "
+            "the file, read it with texbake --allow-outside"
+        )
+    return place
+
+
+def is_within(folder: PathLike, place: PathLike) -> bool:
+    """Whether a path lies in a folder or below, by their names."""
+    return Path(os.path.abspath(place)).is_relative_to(os.path.abspath(folder))
