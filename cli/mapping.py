@@ -16,7 +16,7 @@ from .types import FileOf
 
 # Headings of the help, with the options below them.
 SECTIONS = {
-    "Method": ("method", "size", "only"),
+    "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
         "padding",
         "quality",

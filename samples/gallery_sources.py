@@ -15,6 +15,8 @@ from texbake.baking.texture.photo import Photo, PhotoCamera
 from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.light_maps import bake_light_maps
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.shapes import cube
 from texbake.texture.height_options import HeightToNormalOptions
 from texbake.texture.heights_and_normals import height_to_normal
 from texbake.texture.procedures import evaluate
@@ -350,6 +352,37 @@ def write_bakes(scenes: Path) -> None:
     baked = bake_light_maps(room, texbake.BakeOptions(size=192, samples=16))
     for item in baked.maps:
         save(scenes / "textures" / f"light_{item.name}.png", item.values)
+    write_stairs(scenes)
+
+
+def write_stairs(scenes: Path) -> None:
+    """Make steps whose bricks repeat on the first set, and bake their light on a second one."""
+    block = cube()
+    low, high = block.bounds
+    unit = (block.positions - low) / (high - low) - (0.5, 0.0, 1.0)
+    steps = [
+        block.replace(positions=unit * (2.4, 0.5, depth) + (0.0, 0.5 * i, 1.4 - 2.8 + depth))
+        for i, depth in enumerate((2.8, 1.9, 1.0))
+    ]
+    ground = texbake.make("plane", width=6, height=5)
+    ground = texbake.transform(ground, texbake.TransformOptions(rotate=(-90.0, 0.0, 0.0)))
+    stairs = join_meshes([ground, *steps]).replace(normals=None, normal_faces=None)
+    corners = stairs.positions[stairs.faces]
+    edges = corners[:, 1:] - corners[:, :1]
+    across = np.abs(np.cross(edges[:, 0], edges[:, 1])).argmax(axis=1)
+    axes = np.array([[2, 1], [0, 2], [0, 1]])[across]
+    uvs = np.take_along_axis(corners, axes[:, None, :].repeat(3, axis=1), axis=2)
+    rows = np.arange(3 * len(uvs), dtype=np.int32).reshape(-1, 3)
+    stairs = stairs.replace(uvs=uvs.reshape(-1, 2), uv_faces=rows)
+    stairs = texbake.unwrap(stairs, uv_set="lightmap", size=384, padding=4)
+    texbake.write_mesh(stairs, scenes / "meshes" / "stairs.glb")
+    lamp = texbake.Light(kind="point", position=(1.9, 2.4, 1.6), color=(1.0, 0.75, 0.45),
+                         intensity=6.0)  # fmt: skip
+    sky = texbake.Ambient(color=(0.10, 0.13, 0.2))
+    item = texbake.SceneObject(mesh=stairs.on_uv_set("lightmap"))
+    scene = texbake.Scene(objects=(item,), lighting=texbake.Lighting(lights=(lamp,), ambient=sky))
+    (light,) = bake_light_maps(scene, texbake.BakeOptions(size=384, samples=16)).maps
+    save(scenes / "textures" / "light_stairs.png", light.values)
 
 
 # Small parts

@@ -12,11 +12,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, check_writable, replacing
 from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
+
+if TYPE_CHECKING:
+    from texbake.mesh.mesh import Mesh
 
 Report = TypeVar("Report")
 
@@ -111,6 +114,27 @@ def check_page(path: PathLike | None) -> None:
         if suffix.lower() not in _PAGE_SUFFIXES:
             raise FileFormatError(f"{path}: a page cannot be written as {suffix!r}; use .html")
         check_writable(path)
+
+
+SUFFIXES_OF_UV_SETS = (".glb", ".obj")
+
+
+def check_uv_set(outputs: Sequence[Path]) -> None:
+    """Raise `OptionError` where a file has no place for a further set of texture coordinates."""
+    for path in outputs:
+        if path.suffix.lower() not in SUFFIXES_OF_UV_SETS:
+            raise OptionError(
+                f"uv_set: {path.suffix} files have one set of texture coordinates; write a .glb or "
+                "an .obj file"
+            )
+
+
+def uv_set_files(mesh: Mesh, output: PathLike) -> tuple[Path, ...]:
+    """Return the file beside an OBJ file that holds the further sets of a mesh, if it has any."""
+    from texbake.mesh.files.obj_uv_sets import uv_sets_path
+
+    has_file = mesh.uv_sets and Path(output).suffix.lower() == ".obj"
+    return (uv_sets_path(output),) if has_file else ()
 
 
 def check_distinct(

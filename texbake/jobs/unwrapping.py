@@ -17,6 +17,7 @@ from texbake.jobs.outputs import (
     check_mesh,
     check_picture,
     check_report,
+    check_uv_set,
     given,
     write_report,
 )
@@ -92,6 +93,8 @@ def unwrap_files(
     check_distinct([*outputs, layout, checker, report])
     check_distinct([layout, checker, report], paths)  # an output may replace its mesh
     check_picture(checker)
+    if options.uv_set is not None:
+        check_uv_set(outputs)
     check_report(report)
     if layout is not None:
         check_layout(layout)
@@ -100,10 +103,10 @@ def unwrap_files(
     if len(paths) > 1:
         make_folder(output)
     written = [
-        _written(source, high, mesh, path, mtl=mtl)
+        _written(source, high, mesh, path, mtl=mtl, is_further=options.uv_set is not None)
         for source, high, (mesh, _), path in zip(paths, read, results, outputs, strict=True)
     ]
-    unwrapped = [mesh for mesh, _ in results]
+    unwrapped = [mesh.on_uv_set(options.uv_set) for mesh, _ in results]
     if layout is not None:
         write_layout(join_meshes(unwrapped), layout, options.size, heat=heat, threads=threads)
     if checker is not None:
@@ -124,11 +127,14 @@ def unwrap_files(
 
 
 def _written(
-    source: Path, read: Mesh, mesh: Mesh, output: Path, *, mtl: bool
+    source: Path, read: Mesh, mesh: Mesh, output: Path, *, mtl: bool, is_further: bool
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write a mesh with new texture coordinates and its materials, which lose their images."""
+    """Write a mesh with new texture coordinates and its materials.
+
+    These lose their images, unless the coordinates are a further set.
+    """
     found = SourceMaterials.read(source, read)
-    if found.materials is None or not found.materials.has_images:
+    if is_further or found.materials is None or not found.materials.has_images:
         return write_with_materials(mesh, output, found, mtl=mtl)
     # A .mtl file that names images is not written over by one without them.
     is_over = os.path.realpath(output.with_suffix("")) == os.path.realpath(source.with_suffix(""))

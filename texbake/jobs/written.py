@@ -13,7 +13,7 @@ import numpy as np
 
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
-from texbake.jobs.outputs import BARE_MESH_SUFFIXES, given
+from texbake.jobs.outputs import BARE_MESH_SUFFIXES, given, SUFFIXES_OF_UV_SETS, uv_set_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
@@ -160,6 +160,9 @@ def write_with_materials(
         materials, without = mtl_images(_of_uvs(mesh, materials, lost))
         lost += without
         files = write_obj_materials(mesh, output, materials)
+    if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:
+        lost.append("further texture coordinates")
+    files = (*files, *uv_set_files(mesh, output))
     lost += source.passed_over
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")

@@ -28,6 +28,7 @@ from texbake.mapping.options.transform import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.uv_sets import UvSet
 from texbake.progress import ProgressSink, StageRecord, Stages
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
@@ -132,7 +133,9 @@ def unwrap_together(
     stages = Stages(progress)
     results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, stages, threads)
     with stages.stage("measure"):
-        measured = [_measured(mesh, options, threads) for mesh, _ in results]
+        measured = [
+            _measured(mesh.on_uv_set(options.uv_set), options, threads) for mesh, _ in results
+        ]
     return [
         (
             mesh,
@@ -166,6 +169,11 @@ def _unwrapped(
         raise OptionError("meshes: there are none to unwrap")
     for mesh in meshes:
         check_measurable(mesh)
+        if options.uv_set is not None and mesh.uvs is None:
+            raise UvError(
+                f"{mesh.name}: it has no texture coordinates yet, and a further set comes after the "
+                "first; leave out uv_set"
+            )
     if options.only is None:
         chosen = [np.ones(mesh.n_faces, dtype=bool) for mesh in meshes]
         parts = list(meshes)
@@ -188,8 +196,15 @@ def _unwrapped(
         corners, n_without = with_selected_corners(mesh, faces, corners)
         if n_without:
             part.tallies["faces of other groups without coordinates"] = n_without
-        results.append((with_coordinates(mesh, corners), part))
+        made = with_coordinates(mesh, corners)
+        results.append((made if options.uv_set is None else _as_further(mesh, made, options.uv_set), part))
     return results
+
+
+def _as_further(mesh: Mesh, made: Mesh, name: str) -> Mesh:
+    """Return a mesh with the coordinates that were made as a further set."""
+    assert made.uvs is not None and made.uv_faces is not None
+    return mesh.replace(uv_sets={**mesh.uv_sets, name: UvSet(made.uvs, made.uv_faces)})
 
 
 def _check_reach(corners: FloatArray) -> None:
@@ -300,6 +315,7 @@ def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
     """The options that the method reads; a warp function by its name."""
     shared = ("method", "size", "only", *TransformOptions.__dataclass_fields__)
     names = [*shared, *METHOD_OPTIONS[options.method]]
+    names += ["uv_set"] if options.uv_set is not None else []
     values = {name: getattr(options, name) for name in names}
     if callable(options.warp):
         values["warp"] = getattr(options.warp, "__name__", "a function")

@@ -295,6 +295,11 @@ class UnwrapStep(UnwrapOptions):
 
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.uv_set is not None and self.format != "glb":
+            raise OptionError(f"uv_set: a product has no file beside it; set format = 'glb'")
+
 
 def _unwrap(job: Job) -> dict[str, Any]:
     from texbake.jobs.unwrapping import unwrap_files

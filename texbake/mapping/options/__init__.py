@@ -73,8 +73,21 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         ),
     ] = None
 
+    uv_set: Annotated[
+        str | None,
+        Option(
+            "Write the coordinates as a further set of this name, such as lightmap, and leave the "
+            "first as it is.",
+            metavar="NAME",
+            flag="--set",
+            default="the first set",
+        ),
+    ] = None
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.uv_set is not None and (not self.uv_set.strip() or not self.uv_set.isprintable()):
+            raise OptionError(f"uv_set: {self.uv_set!r} is not a name")
         read = METHOD_OPTIONS[self.method]
         for field in fields(self):
             unread = field.name in _OF_SOME_METHODS and field.name not in read

@@ -34,7 +34,9 @@ from texbake.mesh.compose import (
 from texbake.mesh.files.conversion import strip_triangles
 from texbake.mesh.files.gltf_compression import DRACO, decode_draco
 from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
 
 _MAX_CORNERS = (1 << 31) - 1
@@ -43,7 +45,7 @@ _MAX_CORNERS = (1 << 31) - 1
 def read_gltf(path: PathLike) -> Mesh:
     """Read a .glb or .gltf file; see the module for how a scene is converted.
 
-    Positions, NORMAL, TEXCOORD_0 (v turned up), TANGENT where all primitives have it, and COLOR_0.
+    Positions, NORMAL, TEXCOORD_n (v turned up), TANGENT where all primitives have it, and COLOR_0.
     Groups are named after the node, else the mesh.
 
     Raises
@@ -65,7 +67,8 @@ def read_gltf(path: PathLike) -> Mesh:
         name = str(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
         primitives = document.objects(mesh, "primitives")
         for i, primitive in enumerate(primitives):
-            piece = read_primitive(document, primitive)
+            numbers = further_sets(document, primitive)
+            piece = read_primitive(document, primitive, further=numbers)
             if piece is None:
                 continue
             piece = piece.placed(mesh_matrix(node, matrix))
@@ -75,19 +78,21 @@ def read_gltf(path: PathLike) -> Mesh:
                 document.fail("it places more triangles than 32-bit indices can count")
             if len(piece.faces):
                 group = name if len(primitives) == 1 else f"{name} {i}"
-                parts.append(_part(piece, group, Path(path).name))
+                names = uv_set_names(document, mesh, numbers)
+                parts.append(_part(piece, group, Path(path).name, names))
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     return join_parts(parts, Path(path).name)
 
 
-def _part(piece: PrimitiveMesh, group: str, name: str) -> Mesh:
+def _part(piece: PrimitiveMesh, group: str, name: str, uv_sets: Mapping[int, str]) -> Mesh:
     """Mesh of one group."""
     return Mesh(
         positions=piece.positions,
         faces=piece.faces,
         uvs=piece.uvs,
         uv_faces=None if piece.uvs is None else piece.corners,
+        uv_sets={uv_sets[i]: UvSet(rows, piece.corners) for i, rows in piece.further_uvs.items()},
         normals=piece.normals,
         normal_faces=None if piece.normals is None else piece.corners,
         tangents=None if piece.tangents is None else piece.tangents[piece.corners],

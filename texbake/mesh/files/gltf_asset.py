@@ -96,9 +96,9 @@ class GltfAsset:
             material["emissiveFactor"] = [1.0, 1.0, 1.0]
         self.append_material(material)
 
-    def add_mesh(self, name: str, primitives: list[dict[str, Any]]) -> int:
+    def add_mesh(self, name: str, primitives: list[dict[str, Any]], **fields: Any) -> int:
         """Add a mesh, and return its index."""
-        self._json["meshes"].append({"name": as_text(name), "primitives": primitives})
+        self._json["meshes"].append({"name": as_text(name), "primitives": primitives, **fields})
         return len(self._json["meshes"]) - 1
 
     def add_primitive(

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import MeshError
+from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_compression import ordered_triangles
 from texbake.mesh.files.gltf_material_write import uv_numbers
 from texbake.mesh.files.gltf_quantization import Quantization, color_codes, unit_codes
@@ -85,6 +86,11 @@ class CornerVertices:
             for number, (uv_set, uvs) in enumerate(self._uv_sets.items()):
                 turned = np.stack([uvs[rows, 0], 1.0 - uvs[rows, 1]], axis=1)
                 columns[f"TEXCOORD_{number}"] = self._stored_uvs(uv_set, turned)
+            for number, name in self._further_sets.items():
+                item = mesh.uv_sets[name]
+                u, v = item.uvs[item.faces[faces].ravel()].T
+                further = np.stack([u, 1.0 - v], axis=1).astype(np.float32)
+                columns.setdefault(f"TEXCOORD_{number}", further)
             if self._has_normal_map:
                 tangents = self._tangents_for(*self._normal_map_place(material))
                 columns["TANGENT"] = _sound_tangents(
@@ -121,6 +127,31 @@ class CornerVertices:
             return {0: self.mesh.uvs}
         known = {**self.materials.uv_sets, 0: self.mesh.uvs}
         return {uv_set: known[uv_set] for uv_set in uv_numbers(self.materials)}
+
+    @cached_property
+    def _further_sets(self) -> dict[int, str]:
+        """Names of the mesh's further sets, by their numbers; those of materials may be the same."""
+        mesh = self.mesh
+        written = {
+            number: uvs[mesh.uv_faces] for number, uvs in enumerate(self._uv_sets.values()) if number
+        }
+        names: dict[int, str] = {}
+        for name in mesh.uv_sets:
+            corners = mesh.corner_uvs(name)
+            alike = (n for n, known in written.items() if np.array_equal(known, corners))
+            number = next((n for n in alike if n not in names), None)
+            if number is None:
+                number = max(len(self._uv_sets) - 1, *names, 0) + 1
+            names[number] = name
+        return names
+
+    def uv_set_names(self) -> dict[str, Any]:
+        """Fields of a mesh that name its further sets, where their attributes do not."""
+        if self.mesh.uvs is None:
+            return {}
+        numbered = {f"TEXCOORD_{i}": as_text(name) for i, name in self._further_sets.items()}
+        extras = {attribute: name for attribute, name in numbered.items() if attribute != name}
+        return {"extras": extras} if extras else {}
 
     @cached_property
     def _has_normal_map(self) -> bool:

@@ -3,7 +3,8 @@
 Corners become vertices of a GPU stream: corners of a primitive whose attributes all agree, bit for
 bit, become one vertex. Triangles keep their order within a primitive, except in a compressed file,
 where neighbors follow one another. The format has no place for names of primitives, so each group
-is a mesh and a node with its name.
+is a mesh and a node with its name. Names of further sets of texture coordinates are in the `extras`
+of the meshes.
 
 Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
 finest level.
@@ -208,7 +209,8 @@ def _add_groups(
                         written[of_faces] = add_material(asset, material, numbers, uv_matrices)
                 columns, indices = vertices.stream(part, of_faces, compress=asset.is_compressed)
                 primitives.append(asset.add_primitive(columns, indices, written[of_faces]))
-            nodes.append(asset.add_node(group, mesh=asset.add_mesh(group, primitives), **place))
+            index = asset.add_mesh(group, primitives, **vertices.uv_set_names())
+            nodes.append(asset.add_node(group, mesh=index, **place))
     return nodes
 
 

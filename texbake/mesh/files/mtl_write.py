@@ -56,6 +56,7 @@ def write_obj_materials(mesh: Mesh, path: PathLike, materials: Materials) -> tup
             library=library.name,
             face_materials=materials.face_materials,
             material_names=names,
+            beside=path,
         )
     return path, *contents
 

@@ -37,6 +37,7 @@ from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, require_text
+from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
@@ -92,7 +93,7 @@ def read_obj(path: PathLike) -> Mesh:
             "face_groups": groups if polygons is None else groups[polygons],
             "group_names": names,
         }
-    return Mesh(**fields)
+    return Mesh(**fields, uv_sets=read_uv_sets(path, fields["faces"]))
 
 
 def _read_colors(
@@ -249,12 +250,14 @@ def write_obj(
     library: str = "",
     face_materials: IntArray | None = None,
     material_names: Sequence[str] = (),
+    beside: PathLike | None = None,
 ) -> None:
     """Write positions, colors, texture coordinates, normals, faces, groups and materials.
 
     What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
     in the order in which faces use them, names without a face are dropped, and control characters
-    in a name become spaces. Corner tangents have no place in the format.
+    in a name become spaces. Corner tangents have no place in the format. Further sets of texture
+    coordinates are written into a file beside it; see `obj_uv_sets`.
 
     Parameters
     ----------
@@ -266,6 +269,8 @@ def write_obj(
         Index into `material_names` of each face.
     material_names
         As they stand in the library.
+    beside
+        The path of the file in the end, where `path` is a temporary one.
 
     Raises
     ------
@@ -300,6 +305,7 @@ def write_obj(
                 material = face_materials[start]
                 file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
             write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
+    write_uv_sets(mesh, path if beside is None else beside)
 
 
 def _corner_indices(mesh: Mesh) -> IntArray:

@@ -1,0 +1,149 @@
+"""Further sets of texture coordinates: in a mesh, through files and through what changes meshes."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from texbake.errors import FileFormatError, MeshError, OptionError, UvError
+from texbake.jobs.convert import transform_file
+from texbake.jobs.unwrapping import unwrap_files
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.compose import excerpt, join_meshes, transformed
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.shapes import cube, uv_sphere
+from texbake.mesh.turn import turned_over
+from texbake.mesh.uv_sets import UvSet
+from texbake_cli.main import texbake
+
+
+@pytest.fixture
+def mesh():
+    """A sphere whose second set has a random place for each corner of each face."""
+    sphere = uv_sphere(5, 8)
+    rng = np.random.default_rng(3)
+    uvs = rng.random((3 * sphere.n_faces, 2)).astype(np.float32).astype(np.float64)
+    faces = rng.permutation(len(uvs)).reshape(-1, 3)
+    return sphere.replace(uv_sets={"lightmap": UvSet(uvs, faces), "decals": UvSet(uvs, faces[::-1])})
+
+
+def corners_by_position(mesh, name):
+    """Corners of all faces with their places, in an order that does not depend on the file's."""
+    rows = np.concatenate([mesh.positions[mesh.faces], mesh.corner_uvs(name)], axis=2)
+    return rows.astype(np.float32)
+
+
+def test_arrays_are_checked_and_read_only(mesh):
+    found = mesh.uv_set("lightmap")
+    assert found.faces.dtype == np.int32 and not found.uvs.flags.writeable
+    for wrong, message in (
+        (UvSet(found.uvs[:3], found.faces), "out of range"),
+        (UvSet(found.uvs, found.faces[:2]), "shapes"),
+        (UvSet(found.uvs * np.nan, found.faces), "not finite"),
+    ):
+        with pytest.raises(MeshError, match=message):
+            mesh.replace(uv_sets={"a": wrong})
+    with pytest.raises(MeshError, match="not a name"):
+        mesh.replace(uv_sets={"\n": found})
+    with pytest.raises(UvError, match="it has lightmap, decals; make it with"):
+        mesh.uv_set("other")
+
+
+def test_new_faces_leave_further_sets_out(mesh):
+    assert mesh.replace(faces=mesh.faces[:2], uv_faces=None, uvs=None).uv_sets == {}
+    assert set(mesh.replace(name="a").uv_sets) == {"lightmap", "decals"}
+
+
+def test_what_changes_a_mesh_carries_its_sets_along(mesh):
+    chosen = np.arange(mesh.n_faces) % 3 == 0
+    part = excerpt(mesh, chosen)
+    np.testing.assert_array_equal(part.corner_uvs("decals"), mesh.corner_uvs("decals")[chosen])
+    mirrored = transformed(mesh, np.diag([-1.0, 1.0, 1.0, 1.0]))
+    np.testing.assert_array_equal(
+        mirrored.corner_uvs("lightmap"), mesh.corner_uvs("lightmap")[:, ::-1]
+    )
+    over = turned_over(mesh, chosen)
+    np.testing.assert_array_equal(
+        over.corner_uvs("lightmap")[chosen], mesh.corner_uvs("lightmap")[chosen][:, ::-1]
+    )
+    both = join_meshes([cube(), mesh])
+    np.testing.assert_array_equal(
+        both.corner_uvs("lightmap")[12:], mesh.corner_uvs("lightmap")
+    )
+    assert (both.corner_uvs("lightmap")[:12] == 0.0).all()
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj"])
+def test_files_keep_all_sets(mesh, tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    write_mesh(mesh, path)
+    read = read_mesh(path)
+    assert list(read.uv_sets) == ["lightmap", "decals"]
+    for name in (None, "lightmap", "decals"):
+        np.testing.assert_allclose(
+            corners_by_position(read, name), corners_by_position(mesh, name), atol=1e-7
+        )
+
+
+def test_a_compressed_glb_keeps_them(mesh, tmp_path):
+    write_mesh(mesh, tmp_path / "a.glb", quantize=True)
+    read = read_mesh(tmp_path / "a.glb")
+    np.testing.assert_allclose(read.corner_uvs("decals"), mesh.corner_uvs("decals"), atol=1e-7)
+
+
+def test_the_file_beside_an_obj(mesh, tmp_path):
+    path, beside = tmp_path / "a.obj", tmp_path / "a.uvs.npz"
+    write_mesh(mesh, path)
+    first = beside.read_bytes()
+    write_mesh(mesh, path)
+    assert beside.read_bytes() == first
+    # Another program has changed the faces.
+    path.write_text(path.read_text() + "f 1 2 3\n")
+    with pytest.raises(FileFormatError, match=r"a\.uvs\.npz: it belongs to other faces"):
+        read_mesh(path)
+    np.savez(beside, names=np.array([{}], dtype=object))
+    with pytest.raises(FileFormatError, match="not a file of UV sets"):
+        read_mesh(path)
+    np.savez_compressed(beside, names=np.array(["a"]))
+    with pytest.raises(FileFormatError, match="compressed"):
+        read_mesh(path)
+    # A mesh without sets takes the file away.
+    write_mesh(mesh.replace(uv_sets={}), path)
+    assert not beside.exists() and read_mesh(path).uv_sets == {}
+
+
+def test_unwrap_adds_a_set_and_leaves_the_first(tmp_path):
+    sphere = uv_sphere(8, 16)
+    made = unwrap(sphere, uv_set="lightmap", size=256)
+    np.testing.assert_array_equal(made.uvs, sphere.uvs)
+    np.testing.assert_array_equal(made.uv_faces, sphere.uv_faces)
+    alone = unwrap(sphere, size=256)
+    np.testing.assert_array_equal(made.corner_uvs("lightmap"), alone.corner_uvs())
+    assert not overlapping_faces(made.corner_uvs("lightmap")).any()
+    with pytest.raises(UvError, match="no texture coordinates yet"):
+        unwrap(sphere.replace(uvs=None, uv_faces=None), uv_set="lightmap")
+
+    write_mesh(sphere, tmp_path / "in.obj")
+    run = CliRunner().invoke(
+        texbake,
+        ["unwrap", str(tmp_path / "in.obj"), "--set", "lightmap", "-o", str(tmp_path / "out.obj")],
+    )
+    assert run.exit_code == 0, run.output
+    read = read_mesh(tmp_path / "out.obj")
+    np.testing.assert_array_equal(read.corner_uvs(), sphere.corner_uvs())
+    assert not overlapping_faces(read.corner_uvs("lightmap")).any()
+    assert (tmp_path / "out.uvs.npz").is_file()
+    with pytest.raises(OptionError, match=r"\.ply files have one set"):
+        unwrap_files(tmp_path / "in.obj", tmp_path / "a.ply", UnwrapOptions(uv_set="a"))
+
+
+def test_convert_keeps_sets_or_says_so(mesh, tmp_path):
+    write_mesh(mesh, tmp_path / "a.obj")
+    done = transform_file(tmp_path / "a.obj", tmp_path / "b.glb")
+    assert list(read_mesh(tmp_path / "b.glb").uv_sets) == ["lightmap", "decals"]
+    assert done.warnings == ()
+    done = transform_file(tmp_path / "b.glb", tmp_path / "c.obj")
+    assert tmp_path / "c.uvs.npz" in done.files
+    done = transform_file(tmp_path / "b.glb", tmp_path / "d.ply")
+    assert "further texture coordinates" in done.warnings[0]

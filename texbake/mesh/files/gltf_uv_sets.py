@@ -1,0 +1,38 @@
+"""Which further sets of texture coordinates a glTF primitive has, and what they are called.
+
+The format numbers its sets. A file of texbake has their names in the `extras` of its meshes, by the
+names of the attributes: `"extras": {"TEXCOORD_1": "lightmap"}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from texbake.mesh.files.gltf_document import Document
+
+
+def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
+    """Numbers of the sets of texture coordinates of a primitive after the first."""
+    names = (key.partition("_") for key in document.mapping(primitive, "attributes"))
+    return sorted(
+        int(number)
+        for kind, _, number in names
+        if kind == "TEXCOORD" and number.isascii() and number.isdigit() and int(number) > 0
+    )
+
+
+def uv_set_names(
+    document: Document, mesh: dict[str, Any], numbers: Collection[int]
+) -> dict[int, str]:
+    """Names of sets of texture coordinates: those in the `extras` of the mesh, else attributes."""
+    extras = mesh.get("extras")
+    given = extras if isinstance(extras, dict) else {}
+    names: dict[int, str] = {}
+    for number in numbers:
+        name = given.get(f"TEXCOORD_{number}")
+        names[number] = f"TEXCOORD_{number}"
+        if isinstance(name, str) and name.strip() and name.isprintable():
+            if name not in names.values():
+                names[number] = name
+    return names

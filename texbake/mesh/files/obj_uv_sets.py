@@ -1,0 +1,92 @@
+"""Further sets of texture coordinates of an OBJ file, in a file beside it.
+
+The format has one set. The others of `rock.obj` are in `rock.uvs.npz`, a NumPy archive of plain
+arrays: `names`, and for the set of number i `uvs_i` (T, 2) float64 and `faces_i` (F, 3) int32.
+`of_faces` is a checksum of the faces that they belong to. Other programs leave the file as it is,
+so that it no longer fits once one of them has changed the faces.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike, replacing
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.uv_sets import UvSet
+
+
+def uv_sets_path(path: PathLike) -> Path:
+    """Return the path of the file with the further sets of an OBJ file."""
+    return Path(path).with_suffix(".uvs.npz")
+
+
+def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
+    """Write the further sets of a mesh beside its OBJ file; without any, remove that of before.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    beside = uv_sets_path(path)
+    if not mesh.uv_sets:
+        beside.unlink(missing_ok=True)
+        return
+    arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces)}
+    arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
+    for i, item in enumerate(mesh.uv_sets.values()):
+        arrays |= {f"uvs_{i}": item.uvs, f"faces_{i}": item.faces}
+    with replacing(beside) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]  # the stub takes them for an option
+
+
+def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
+    """Read the further sets of an OBJ file with these faces; none where there is no such file.
+
+    Raises
+    ------
+    FileFormatError
+        The file is damaged, or belongs to other faces.
+    """
+    beside = uv_sets_path(path)
+    if not beside.is_file():
+        return {}
+    try:
+        with zipfile.ZipFile(beside) as archive:
+            # Nothing is packed, so that no array is larger than the file.
+            if any(item.compress_type != zipfile.ZIP_STORED for item in archive.infolist()):
+                raise ValueError("it is compressed")
+        with np.load(beside, allow_pickle=False) as arrays:
+            names = [str(name) for name in arrays["names"]]
+            fits = np.array_equal(arrays["of_faces"], _checksum(faces))
+            sets = {
+                name: UvSet(arrays[f"uvs_{i}"], arrays[f"faces_{i}"])
+                for i, name in enumerate(names)
+            }
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise FileFormatError(f"{beside}: it is not a file of UV sets: {error}") from error
+    if not fits:
+        raise FileFormatError(
+            f"{beside}: it belongs to other faces than those of {path}; delete it, and make the "
+            "sets anew with: texbake unwrap --set"
+        )
+    return sets
+
+
+def _checksum(faces: IntArray) -> npt.NDArray[np.uint8]:
+    return np.frombuffer(hashlib.sha256(faces.tobytes()).digest(), np.uint8)
+
+
+def uv_set_names_beside(path: PathLike) -> tuple[str, ...]:
+    """Return the names of the further sets of an OBJ file; none where the file is damaged."""
+    try:
+        with np.load(uv_sets_path(path), allow_pickle=False) as arrays:
+            return tuple(str(name) for name in arrays["names"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return ()
