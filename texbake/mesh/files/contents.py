@@ -23,12 +23,8 @@ from texbake.mesh.files.fbx_textures import base_layer, fbx_images
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
-<<<<<<< HEAD
 from texbake.mesh.files.mtl import library_names, map_name
-=======
-from texbake.mesh.files.mtl import library_paths, map_path
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
->>>>>>> 0b129a7 (mesh: further sets of texture coordinates by name, through GLB and OBJ files; unwrap --set makes one)
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_materials import usd_channels
