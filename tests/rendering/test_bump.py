@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
-from texbake.mesh.shapes import cube, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
@@ -278,6 +278,59 @@ def test_embossing_never_takes_more_light_than_there_is(wall):
     assert not wall.light(bump(WAVES, height=50.0, form="emboss"), behind).any()
 
 
+SLANTED = (-0.6, 0.3, -1.0)
+
+
+@pytest.mark.parametrize("space", ["world", "object"])
+@pytest.mark.parametrize("height", [1.25, -2.0])
+def test_normalized_embossing_is_the_light_on_the_tilted_wall(wall, height, space):
+    """On a slope of 0.25 and one of 0.4, where the numerator alone is too bright."""
+    slope = np.array([0.2 * height, 0.0])
+    expected = 0.8 * max(tilted(slope) @ -unit(np.array(SLANTED)), 0.0)
+    whole, numerator = (
+        wall.light(bump(2.0 * U, height=height, form=form, light_space=space), lamps(SLANTED))
+        for form in ("emboss-normalized", "emboss")
+    )
+    # float32 heights up to 2, over 1/1024.
+    np.testing.assert_allclose(whole, expected, atol=2e-4)
+    np.testing.assert_allclose(numerator, expected * np.sqrt(1.0 + slope @ slope), atol=2e-4)
+    assert (numerator - expected).min() > 0.01
+
+
+def embossed_block(form, space, scale, seen_from=(0.4, 0.7, 3.0)):
+    """A wavy wall under a turning and scaling transform, in light from one side."""
+    turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    transform = np.eye(4)
+    transform[:3, :3] = turn @ np.diag(scale)
+    material = bump(WAVES, height=0.02, form=form, light_space=space)
+    scene = Scene(
+        objects=(SceneObject(mesh=plane(), material=material, transform=transform),),
+        lighting=lamps((-0.5, -0.6, -np.sign(seen_from[2]))),
+    )
+    camera = Camera.looking_at(seen_from, (0.0, 0.0, 0.0), fov=0.3, near=0.01)
+    frame = draw(prepare(scene, replace(CLOSE, back_faces="show")), camera)
+    assert (frame.coverage == 1).any()
+    return frame.color[frame.coverage == 1][:, 0].astype(np.float64)
+
+
+@pytest.mark.parametrize("seen_from", [(0.4, 0.7, 3.0), (0.4, 0.7, -3.0)])
+def test_normalized_embossing_is_blinn_also_where_scaled_and_from_behind(seen_from):
+    scaled = (2.0, 1.0, 0.5)
+    blinn = embossed_block("blinn", "world", scaled, seen_from)
+    whole = embossed_block("emboss-normalized", "world", scaled, seen_from)
+    # Seen at a slant, steps are several texels wide, and along the light other than along u and v.
+    np.testing.assert_allclose(whole, blinn, atol=6e-3)
+    assert np.ptp(blinn) > 0.05
+
+
+def test_light_in_object_space_is_the_same_unless_axes_are_scaled_apart():
+    for form in "emboss", "emboss-normalized":
+        evenly = [embossed_block(form, space, (1.7,) * 3) for space in ("world", "object")]
+        np.testing.assert_allclose(*evenly, atol=1e-5)
+        apart = [embossed_block(form, space, (2.0, 1.0, 0.5)) for space in ("world", "object")]
+        assert np.abs(apart[0] - apart[1]).max() > 0.02
+
+
 def test_metals_and_shine_are_not_embossed(wall):
     lighting = lamps((-0.6, 0.3, -1.0))
     flat = Material(shading="metallic-roughness", metalness=1.0)
@@ -296,7 +349,7 @@ def test_a_point_light_embosses_from_where_it_is(wall):
     np.testing.assert_allclose(found, 0.8 * np.maximum(expected, 0.0), atol=2e-4)
 
 
-@pytest.mark.parametrize("form", ["blinn", "exact", "emboss"])
+@pytest.mark.parametrize("form", ["blinn", "exact", "emboss", "emboss-normalized"])
 def test_pictures_are_finite_and_the_same_for_any_number_of_threads(form):
     # Coordinates of the sphere meet in its poles, where triangles have no area on the texture.
     material = bump(np.random.default_rng(2).random((64, 64)), height=3.0, form=form)
@@ -313,7 +366,8 @@ def test_what_cannot_be_a_bump_map_is_one_line():
     with pytest.raises(UvError):
         normals_of(cube(), bump(WAVES), FACING, CLOSE)
     for fields, words in (
-        ({"form": "phong"}, "form: phong is not one of blinn, exact, emboss"),
+        ({"form": "phong"}, "form: phong is not one of blinn, exact, emboss, emboss-normalized"),
+        ({"light_space": "tangent"}, "light_space: tangent is not one of world, object"),
         ({"height": float("nan")}, "height: nan is not a finite number"),
     ):
         with pytest.raises(OptionError, match=words):

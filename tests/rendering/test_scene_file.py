@@ -351,7 +351,7 @@ def test_wrong_lights(folder, text, message):
         ("normal_map = {texture = 'gray.png', convention = 'gl'}",
          "normal_map.convention: 'gl' is not one of opengl, directx"),
         ("bump_map = {texture = {procedure = 'noise'}, form = 'blin'}",
-         "bump_map.form: 'blin' is not one of blinn, exact, emboss; did you mean 'blinn'?"),
+         "bump_map.form: 'blin' is not one of blinn, exact, emboss, emboss-normalized; did you mean 'blinn'?"),
         ("reflection = {environment = 'room'}",
          "reflection.environment: 'room' is not one of scene, rendered"),
         ("shading = 'phong'", "shading: 'phong' is not one of unlit, lambert, blinn-phong, "

@@ -113,7 +113,11 @@ def test_every_slot_shading_procedure_and_buffer_is_shown():
         f"buffer_{buffer}" for buffer in BUFFERS
     }
     forms = {item.bump_map.form for item in materials if item.bump_map is not None}
-    assert forms == {"blinn", "exact", "emboss"}
+    assert forms == {"blinn", "exact", "emboss", "emboss-normalized"}
+    assert {item.bump_map.light_space for item in materials if item.bump_map is not None} == {
+        "world",
+        "object",
+    }
 
 
 @pytest.mark.parametrize(

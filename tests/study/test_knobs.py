@@ -73,6 +73,7 @@ def test_every_knob_runs(quick_study, name):
         ("bump-gradient", ["forward 1/64", "central 1/64", "analytic 1/64"]),
         ("bump-gradient", ["central 1/32", "central 1/64"]),
         ("bump-form", ["blinn, d = 0.1", "exact, d = 0.1"]),
+        ("bump-light", ["emboss, d = 0.1", "blinn, d = 0.1", "exact, d = 0.1"]),
         ("surface-detail", ["bare", "normal map", "displacement", "both"]),
         ("tessellation", ["16 px", "8 px", "4 px"]),
         ("texture-lookup", ["bilinear", "trilinear", "EWA 2", "EWA 4", "EWA 8", "EWA 16"]),
@@ -100,6 +101,13 @@ def test_first_order_bumps_are_off_in_proportion_to_their_height(errors):
         for d in (0.01, 0.1)
     }
     assert excess[0.1] > 10.0 * excess[0.01] > 0.0
+
+
+def test_normalized_embossing_lights_as_the_first_order_form_does(errors):
+    normalized, blinn = (
+        errors["bump-light"][f"{form}, d = 0.1"] for form in ("emboss normalized", "blinn")
+    )
+    assert normalized == pytest.approx(blinn, rel=0.02)
 
 
 def test_eight_bits_round_as_much_as_they_must(errors):

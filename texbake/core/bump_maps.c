@@ -180,7 +180,8 @@ void find_light_steps(
             continue;
         const double *u = frame.p_u, *v = frame.p_v;
         const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v);
-        const double along = dot(light, u) / size, up = dot(light, v) / size;
+        const double side = back_facing[i] ? -size : size;
+        const double along = dot(light, u) / side, up = dot(light, v) / side;
         const double x = -(along * vv - up * uv) / (uu * vv - uv * uv);
         const double y = -(up * uu - along * uv) / (uu * vv - uv * uv);
         const double longest = max_f64(fabs(x) / steps[i][0], fabs(y) / steps[i][1]);
@@ -189,6 +190,50 @@ void find_light_steps(
             shifts[i][0] = x * lengths[i];
             shifts[i][1] = y * lengths[i];
         }
+    }
+}
+
+/* Turn slopes along the light into what they add to N·L, with the light in the other space or the
+   length of the bent normal, or both. Those without a frame stay. */
+void bend_embossed(
+    int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
+    const double surface_steps[n_faces][4], const double to_object[3][3],
+    const int32_t of_fragments[n], const double weights[n][2], const float shading[n][3],
+    const bool back_facing[n], const float directions[n_directions][3],
+    const double directions_to_object[3][3], const double to_world[3][3],
+    const double slopes[n][2], bool in_object, bool normalized, double lifts[n])
+{
+    const struct surface surface = {
+        positions, faces, normals, normal_faces, surface_steps, to_object,
+        of_fragments, weights, shading, back_facing};
+    struct frame frame;
+    for (int64_t i = 0; i < n; i++) {
+        const float *toward = directions[row_of(n_directions, i)];
+        double light[3], bent[3], turned[3];
+        const double size = turn(directions_to_object, toward[0], toward[1], toward[2], light);
+        const double area = find_frame(&surface, i, &frame);
+        if (area == 0.0 || !isfinite(area) || !(size > 0.0))
+            continue;
+        const double *u = frame.p_u, *v = frame.p_v;
+        const double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v);
+        const double along = (slopes[i][0] * vv - slopes[i][1] * uv) / (uu * vv - uv * uv);
+        const double up = (slopes[i][1] * uu - slopes[i][0] * uv) / (uu * vv - uv * uv);
+        for (int k = 0; k < 3; k++)
+            bent[k] = frame.n[k] - along * u[k] - up * v[k];
+        const double facing = dot_f32(shading[i], toward);
+        const double side = back_facing[i] ? -1.0 : 1.0;
+        double value, length;
+        if (in_object) {
+            value = side * dot(frame.n, light) / size + lifts[i];
+            length = sqrt(dot(bent, bent));
+        } else {
+            const double stretch = turn(to_world, frame.n[0], frame.n[1], frame.n[2], turned);
+            value = facing + lifts[i] * size / stretch;
+            length = turn(to_world, bent[0], bent[1], bent[2], turned) / stretch;
+        }
+        lifts[i] = (normalized ? value / length : value) - facing;
     }
 }
 

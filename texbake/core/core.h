@@ -120,6 +120,15 @@ void find_light_steps(
     const bool back_facing[n], const float directions[n_directions][3],
     const double directions_to_object[3][3], const double steps[n][2], double shifts[n][2],
     double lengths[n]);
+void bend_embossed(
+    int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
+    const double positions[n_positions][3], const int32_t faces[n_faces][3],
+    const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
+    const double surface_steps[n_faces][4], const double to_object[3][3],
+    const int32_t of_fragments[n], const double weights[n][2], const float shading[n][3],
+    const bool back_facing[n], const float directions[n_directions][3],
+    const double directions_to_object[3][3], const double to_world[3][3],
+    const double slopes[n][2], bool in_object, bool normalized, double lifts[n]);
 void add_embossed(
     int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_metalness,
     const float normals[n][3], const float directions[n_directions][3],

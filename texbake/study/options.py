@@ -19,6 +19,7 @@ KNOB_NAMES = (
     "atlas-quality",
     "bump-gradient",
     "bump-form",
+    "bump-light",
     "surface-detail",
     "tessellation",
     "texture-lookup",

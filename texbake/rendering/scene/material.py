@@ -22,7 +22,9 @@ from texbake.rendering.scene.textures import (
 from texbake.schema import Option, check_fields
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
-BUMP_FORMS = ("blinn", "exact", "emboss")
+EMBOSS_FORMS = ("emboss", "emboss-normalized")
+BUMP_FORMS = ("blinn", "exact", *EMBOSS_FORMS)
+LIGHT_SPACES = ("world", "object")
 NORMAL_SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
 DISPLACEMENT_SPACES = ("tangent", "object")
@@ -78,8 +80,8 @@ class BumpMap:
     """A height d over the surface that only tilts its normal.
 
     `form` is `blinn` (first order: N + d_u (N x P_v) ... normalized), `exact` (with the terms
-    d N_u and d N_v of the displaced surface) or `emboss` (d at the point and a step toward the
-    light, subtracted). `height` is what value 1 stands for, in model units of the object.
+    d N_u and d N_v of the displaced surface), `emboss` (d at the point and a step toward the
+    light, subtracted) or `emboss-normalized` (divided by the length of the bent normal). `height` is what value 1 stands for, in model units of the object.
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights.")]
@@ -87,10 +89,16 @@ class BumpMap:
     form: Annotated[
         str,
         Option(
-            "Formula of the tilted normal: exact, blinn (first order) or emboss.",
+            "Formula of the tilted normal: exact, blinn (first order), emboss, emboss-normalized.",
             choices=BUMP_FORMS,
         ),
     ] = "exact"
+    light_space: Annotated[
+        str,
+        Option(
+            "Space in which embossing compares the light with the normal.", choices=LIGHT_SPACES
+        ),
+    ] = "world"
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -22,6 +22,7 @@ MODULES = {
     "atlas-quality": "low_poly_mesh",
     "bump-gradient": "bumps",
     "bump-form": "bumps",
+    "bump-light": "bumps",
     "surface-detail": "displacement",
     "tessellation": "displacement",
     "texture-lookup": "textures",

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -109,6 +109,7 @@ BUMP_GRADIENT_KNOB = Knob(
 
 
 _FORMS = ("blinn", "exact")
+_LIT_FORMS = ("emboss", "emboss-normalized", "blinn", "exact")
 _BUMP_FORM_SIZES = (0.01, 0.03, 0.1, 0.3)
 _BUMP_FORM_QUICK_SIZES = (0.01, 0.1)
 # Every so many rows and columns, for a crop that shows the whole ball.
@@ -118,15 +119,23 @@ _EYE = (4.0, 0.0, 0.6)
 _LEAST_COSINE = 0.4
 
 
-def _bump_form_bench(case: Case) -> Bench:
-    side = case.choose(400, 80)
-    n_lat = case.choose(256, 64)
-    ball = uv_sphere(n_lat, 2 * n_lat)
-    heights = _heights(case.choose(1024, 256)).astype(np.float32)[..., None]
-    texture = ImageTexture(image=heights, filter="bilinear", wrap="repeat")
-    camera = Camera.looking_at(
+def _view() -> Camera:
+    return Camera.looking_at(
         _EYE, (0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=math.radians(30.0), near=0.01
     )
+
+
+def _ball_and_heights(case: Case) -> tuple[Mesh, ImageTexture]:
+    n_lat = case.choose(256, 64)
+    heights = _heights(case.choose(1024, 256)).astype(np.float32)[..., None]
+    texture = ImageTexture(image=heights, filter="bilinear", wrap="repeat")
+    return uv_sphere(n_lat, 2 * n_lat), texture
+
+
+def _bump_form_bench(case: Case) -> Bench:
+    side = case.choose(400, 80)
+    ball, texture = _ball_and_heights(case)
+    camera = _view()
     options = RenderOptions(width=side, height=side, supersampling=1)
     lighting = Lighting(
         lights=(Light(direction=(-1.0, 0.7, -0.8)),), ambient=Ambient(color=(0.08, 0.08, 0.1))
@@ -198,4 +207,72 @@ BUMP_FORM_KNOB = Knob(
     kind="angle",
     needs="nothing",
     prepare=_bump_form_bench,
+)
+
+
+_LIGHT = (-1.0, 0.35, -0.4)
+# Least cosine of the angle to the light, with bumps and without: no form bends light around a side.
+_LEAST_LIT = 0.15
+
+
+def _bump_light_bench(case: Case) -> Bench:
+    side = case.choose(400, 80)
+    ball, texture = _ball_and_heights(case)
+    camera = _view()
+    options = RenderOptions(width=side, height=side, supersampling=1)
+    points, cosines = ball_points(camera, sight_rays(camera, side, side), np.zeros(3), 1.0)
+    to_light = -np.asarray(_LIGHT) / np.linalg.norm(_LIGHT)
+    seen = (cosines > _LEAST_COSINE) & (points @ to_light > _LEAST_LIT)
+
+    def work(value: tuple[str, float]) -> Frame:
+        form, size = value
+        bumps = BumpMap(texture=texture, height=size, form=form)
+        material = Material(shading="lambert", base_color=(1.0, 1.0, 1.0), bump_map=bumps)
+        lighting = Lighting(lights=(Light(direction=_LIGHT),))
+        scene = Scene(objects=(SceneObject(mesh=ball, material=material),), lighting=lighting)
+        return draw(prepare(scene, options, threads=case.threads), camera)
+
+    def judge(value: tuple[str, float], frame: Frame) -> Judgment:
+        truth = _surface(value[1]).normals(points[seen]) @ to_light
+        lit = truth > _LEAST_LIT
+        light = frame.color[seen][lit, 0].astype(np.float64)
+        angles = np.degrees(np.abs(np.arccos(np.clip(light, 0.0, 1.0)) - np.arccos(truth[lit])))
+        return Judgment(
+            error=float(angles.mean()),
+            picture=crop(frame.color[::_SKIPPED, ::_SKIPPED]),
+            figures={
+                "angle, maximum (°)": float(angles.max()),
+                "too bright by, maximum": float((light - truth[lit]).max()),
+            },
+        )
+
+    sizes = case.choose(_BUMP_FORM_SIZES, _BUMP_FORM_QUICK_SIZES)
+    return Bench(
+        subject=f"a white ball of radius 1 with bumps of height d in one light, {side} x {side} "
+        "pixels",
+        truth="closed form",
+        truth_text="The angle between the light and the normal of the surface r = 1 + d, where "
+        "both the ball and the surface face the light. That of a picture is the arc cosine of its "
+        "brightness.",
+        settings=tuple(
+            Setting(f"{form.replace('-', ' ')}, d = {size:g}", (form, size), form, f"d = {size:g}")
+            for size in sizes
+            for form in _LIT_FORMS
+        ),
+        work=work,
+        judge=judge,
+    )
+
+
+BUMP_LIGHT_KNOB = Knob(
+    name="bump-light",
+    title="Light on bumps",
+    about="Embossing takes the slope of the heights along the light. Without the length of the "
+    "bent normal slopes are too bright. Divided by it, the light is that of Blinn's form, and the "
+    "exact form also knows that the surface under the bumps is curved.",
+    error="angle to the light, mean",
+    unit="°",
+    kind="angle",
+    needs="nothing",
+    prepare=_bump_light_bench,
 )

@@ -33,6 +33,7 @@ from texbake.rendering.scene.material import (
     CONVENTIONS,
     DISPLACEMENT_SPACES,
     ENVIRONMENTS,
+    LIGHT_SPACES,
     NORMAL_SPACES,
     SHADINGS,
     BumpMap,
@@ -56,7 +57,11 @@ NormalMapTable = table(
     },
     short="texture",
 )
-BumpMapTable = table(BumpMap, {"texture": Texture, "form": choice(BUMP_FORMS)}, short="texture")
+BumpMapTable = table(
+    BumpMap,
+    {"texture": Texture, "form": choice(BUMP_FORMS), "light_space": choice(LIGHT_SPACES)},
+    short="texture",
+)
 DisplacementTable = table(
     Displacement, {"texture": Texture, "space": choice(DISPLACEMENT_SPACES)}, short="texture"
 )
