@@ -35,6 +35,15 @@ from texbake.mesh.files.conversion import strip_triangles
 from texbake.mesh.files.gltf_compression import DRACO, decode_draco
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
+from texbake.mesh.files.gltf_nodes import (
+    FAN,
+    INDICES,
+    STRIP,
+    TRIANGLES,
+    mesh_matrix,
+    placed_nodes,
+    require_placeable,
+)
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
@@ -58,7 +67,9 @@ def read_gltf(path: PathLike) -> Mesh:
         There are no triangles, or a coordinate is not finite.
     """
     document = read_document(path)
+    require_placeable(document)
     parts: list[Mesh] = []
+    pieces: dict[tuple[int, int], PrimitiveMesh | None] = {}  # of meshes that several nodes place
     n_corners = 0
     for node, matrix in placed_nodes(document):
         if "mesh" not in node:
@@ -68,7 +79,9 @@ def read_gltf(path: PathLike) -> Mesh:
         primitives = document.objects(mesh, "primitives")
         for i, primitive in enumerate(primitives):
             numbers = further_sets(document, primitive)
-            piece = read_primitive(document, primitive, further=numbers)
+            if (node["mesh"], i) not in pieces:
+                pieces[node["mesh"], i] = read_primitive(document, primitive, further=numbers)
+            piece = pieces[node["mesh"], i]
             if piece is None:
                 continue
             piece = piece.placed(mesh_matrix(node, matrix))
@@ -103,77 +116,6 @@ def _part(piece: PrimitiveMesh, group: str, name: str, uv_sets: Mapping[int, str
     )
 
 
-def placed_nodes(document: Document) -> Iterator[tuple[dict[str, Any], FloatArray]]:
-    """Nodes of the scene, depth first, each with its (4, 4) matrix to the world.
-
-    A file without nodes has each of its meshes once, where it is.
-    """
-    nodes = document.items("nodes")
-    if not nodes:
-        for i in range(len(document.items("meshes"))):
-            yield {"mesh": i}, np.eye(4)
-        return
-    pending = [(root, np.eye(4)) for root in reversed(_roots(document, nodes))]
-    seen = set()
-    while pending:
-        index, parent = pending.pop()
-        node = document.item("nodes", index)
-        if index in seen:
-            document.fail(f"nodes[{index}] stands twice in the scene")
-        seen.add(index)
-        matrix = parent @ _local_matrix(document, node)
-        yield node, matrix
-        pending += [(child, matrix) for child in reversed(_indices(document, node, "children"))]
-
-
-def mesh_matrix(node: dict[str, Any], matrix: FloatArray) -> FloatArray:
-    """Matrix of a node's mesh: one with a skin stands where its joints are, not at the node."""
-    return np.eye(4) if "skin" in node else matrix
-
-
-def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
-    """Indices of the nodes at the top: of the scene, else of the first, else of the whole file."""
-    if document.items("scenes"):
-        return _indices(
-            document, document.item("scenes", document.content.get("scene", 0)), "nodes"
-        )
-    children = {child for node in nodes for child in _indices(document, node, "children")}
-    return [i for i in range(len(nodes)) if i not in children]
-
-
-def _indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
-    indices = owner.get(key, [])
-    if not isinstance(indices, list) or not all(isinstance(index, int) for index in indices):
-        document.fail(f"{key!r} is not a list of indices")
-    return indices
-
-
-def _local_matrix(document: Document, node: dict[str, Any]) -> FloatArray:
-    """(4, 4) matrix of a node, from its columns or its translation, rotation and scale."""
-    columns = document.numbers(node, "matrix", 16)
-    if columns is not None:
-        return columns.reshape(4, 4).T
-    matrix = np.eye(4)
-    rotation = document.numbers(node, "rotation", 4)
-    if rotation is not None:
-        length = float(np.linalg.norm(rotation))
-        x, y, z, w = rotation / length if length > 0.0 else (0.0, 0.0, 0.0, 1.0)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    scale = document.numbers(node, "scale", 3)
-    if scale is not None:
-        matrix[:3, :3] *= scale
-    translation = document.numbers(node, "translation", 3)
-    if translation is not None:
-        matrix[:3, 3] = translation
-    return matrix
-
-
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_INDICES = "indices"
 
 
 @dataclass(frozen=True)
@@ -251,16 +193,16 @@ def read_primitive(
     MeshError
         A number of an attribute is not finite.
     """
-    mode = primitive.get("mode", _TRIANGLES)
+    mode = primitive.get("mode", TRIANGLES)
     attributes = document.mapping(primitive, "attributes")
-    if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
+    if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
         return None
     arrays = _primitive_arrays(document, primitive, attributes)
     positions = _attribute(document, arrays, "POSITION", (3,), None)
     assert positions is not None
     n = len(positions)
     # Draco has made triangles of a strip.
-    mode = _TRIANGLES if arrays.decoded else mode
+    mode = TRIANGLES if arrays.decoded else mode
     corners = _triangles(_corner_indices(document, arrays, n), mode)
     uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
     others = {number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further}
@@ -279,17 +221,6 @@ def read_primitive(
         tangents=_attribute(document, arrays, "TANGENT", (4,), n),
         colors=None if colors is None else colors[kept].astype(np.float32),
     )
-
-
-def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
-    """Number of triangles that `read_primitive` finds, without reading them."""
-    mode = primitive.get("mode", _TRIANGLES)
-    attributes = document.mapping(primitive, "attributes")
-    if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
-        return 0
-    counted = primitive.get(_INDICES, attributes["POSITION"])
-    count = document.integer(document.item("accessors", counted), "count", 0)
-    return count // 3 if mode == _TRIANGLES else max(count - 2, 0)
 
 
 def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:
@@ -333,8 +264,8 @@ def _primitive_arrays(
     document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
 ) -> _PrimitiveArrays:
     accessors = dict(attributes)
-    if _INDICES in primitive:
-        accessors[_INDICES] = primitive[_INDICES]
+    if INDICES in primitive:
+        accessors[INDICES] = primitive[INDICES]
     draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
     # A file may hold the same arrays uncompressed, for programs that do not read Draco.
     if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
@@ -347,8 +278,8 @@ def _primitive_arrays(
     arrays = {name: rows[number] for name, number in numbers.items() if number in rows}
     return _PrimitiveArrays(
         document,
-        {_INDICES: None, **accessors},
-        {**arrays, _INDICES: indices.reshape(-1, 1)},
+        {INDICES: None, **accessors},
+        {**arrays, INDICES: indices.reshape(-1, 1)},
     )
 
 
@@ -375,9 +306,9 @@ def _attribute(
 def _corner_indices(
     document: Document, arrays: _PrimitiveArrays, n_vertices: int
 ) -> npt.NDArray[np.int64]:
-    if _INDICES not in arrays.accessors:
+    if INDICES not in arrays.accessors:
         return np.arange(n_vertices)
-    indices = arrays.read(_INDICES)
+    indices = arrays.read(INDICES)
     if indices.shape[1] != 1 or indices.dtype.kind != "u":
         document.fail("indices are not unsigned integers")
     if len(indices) and indices.max() >= n_vertices:
@@ -387,9 +318,9 @@ def _corner_indices(
 
 def _triangles(indices: npt.NDArray[np.int64], mode: int) -> IntArray:
     """(F, 3) corners of a list, a strip or a fan; an incomplete triangle at the end is dropped."""
-    if mode == _TRIANGLES:
+    if mode == TRIANGLES:
         triangles = indices[: len(indices) // 3 * 3].reshape(-1, 3)
-    elif mode == _STRIP:
+    elif mode == STRIP:
         triangles = strip_triangles(indices)
     else:
         i = np.arange(max(len(indices) - 2, 0))

@@ -16,7 +16,8 @@ import numpy as np
 
 from texbake.errors import FileError, FileFormatError
 from texbake.files import PathLike
-from texbake.mesh.files.gltf import placed_nodes, primitive_uvs, triangle_count
+from texbake.mesh.files.gltf import primitive_uvs
+from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (

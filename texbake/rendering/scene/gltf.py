@@ -19,7 +19,8 @@ import numpy as np
 from texbake.limits import file_beside
 from texbake.errors import MeshError, OptionError
 from texbake.files import PathLike
-from texbake.mesh.files.gltf import PrimitiveMesh, mesh_matrix, placed_nodes, read_primitive
+from texbake.mesh.files.gltf import PrimitiveMesh, read_primitive
+from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -79,6 +80,7 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
         for name in document.texts("extensionsRequired"):
             if name not in SHOWN:
                 document.fail(f"it requires {name}, which is not supported")
+        require_placeable(document)
         return _Reader(document).scene()
 
 
