@@ -143,7 +143,7 @@ def _image_opacity(material: Material) -> ImageTexture | None:
     texture = material.base_color
     if material.alpha_mode == "opaque" or not isinstance(texture, ImageTexture):
         return None
-    if texture.channel is not None or not has_opacity(texture.image):
+    if texture.channel is not None or texture.colors or not has_opacity(texture.image):
         return None
     return replace(texture, channel=3, factor=1.0, color=False)
 

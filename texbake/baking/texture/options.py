@@ -56,7 +56,7 @@ class SolidOptions(TextureBakeOptions):
     """How `bake_solid` evaluates a procedure over the surface.
 
     Without a `scale` the longest side of the mesh's bounding box becomes 2 long, so that every
-    model has as much detail as a sphere of radius 1. Colors are linear.
+    model has as much detail as a sphere of radius 1; `gradient` and `distance` measure in model units. Colors are linear.
     """
 
     procedure: Annotated[

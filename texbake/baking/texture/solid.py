@@ -18,7 +18,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.options import COLORED_PROCEDURES
+from texbake.texture.procedures.options import COLORED_PROCEDURES, MEASURING_PROCEDURES
 
 
 def bake_solid(
@@ -96,6 +96,8 @@ def bake_solid(
 def _scale(mesh: Mesh, options: SolidOptions) -> float | tuple[float, float, float]:
     if options.scale is not None:
         return options.scale
+    if options.procedure in MEASURING_PROCEDURES:
+        return 1.0
     low, high = mesh.bounds
     longest = float((high - low).max())
     return 2.0 / longest if longest > 0.0 else 1.0

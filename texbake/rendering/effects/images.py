@@ -34,7 +34,7 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
 )
 from texbake.texture.image import FloatImage
-from texbake.texture.lookup import Wrap
+from texbake.texture.lookup import Wrap, ramp_lookup
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
 from texbake.texture.sample import sample
 
@@ -68,6 +68,8 @@ class LoadedImage:
         Space of a normal map.
     uv_set : str, optional
         Further set of texture coordinates that it lies on; None for the first.
+    legend : (K, 3) float32, optional
+        Colors for the values from the first to the second number of `range`.
     origin : tuple, optional
         Source of the texels; images of equal origin have equal texels.
     is_shared : bool
@@ -84,6 +86,8 @@ class LoadedImage:
     offset: FloatArray
     space: str = ""
     uv_set: str | None = None
+    legend: Floats | None = None
+    range: tuple[float, float] = (0.0, 1.0)
     origin: Origin | None = None
     is_shared: bool = False
 
@@ -160,7 +164,8 @@ def _origin(state: RenderState, target: int, name: str, texture: ImageTexture) -
         holder = state.request.material(target).normal_map
         assert holder is not None
         return place, "normal", holder.convention, holder.space
-    return place, name in COLOR_SLOTS, texture.channel, texture.color
+    channel = 0 if texture.channel is None and texture.colors else texture.channel
+    return place, name in COLOR_SLOTS, channel, texture.color
 
 
 def placed_image(
@@ -191,11 +196,13 @@ def placed_image(
         wrap=texture.wrap
         or wrap_of(uvs if plain else None if uvs is None else uvs @ turn.T + texture.offset),
         border=_spread(texture.border, n_channels, f"{name}.border"),
-        factor=_spread(texture.factor, n_channels, f"{name}.factor"),
+        factor=_spread(texture.factor, 3 if texture.colors else n_channels, f"{name}.factor"),
         turn=None if plain else turn,
         offset=np.asarray(texture.offset, np.float64),
         space=space,
         uv_set=texture.uv_set,
+        legend=np.asarray(texture.colors, np.float32) if texture.colors else None,
+        range=texture.range,
     )
 
 
@@ -212,8 +219,10 @@ def _pixels(
         return normals, "normal", space
     is_color = name in COLOR_SLOTS
     source: MapSource = texture.image
-    if texture.channel is not None:
-        return channel_of(source, texture.channel, color=texture.color or False), "data", ""
+    if texture.colors is not None and not is_color:
+        raise OptionError(f"{name}.colors: it takes numbers; leave the colors out")
+    if texture.channel is not None or texture.colors is not None:
+        return channel_of(source, texture.channel or 0, color=texture.color or False), "data", ""
     if is_color:
         return colors_from(source, color=texture.color is not False), "color", ""
     return data_from(source, color=bool(texture.color)), "data", ""
@@ -313,6 +322,10 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
     )  # fmt: skip
     if image.filter == "bicubic":  # overshoots at edges
         np.clip(values, *image.limits, out=values)
+    if image.legend is not None:
+        low, high = image.range
+        shares = ((values[:, 0] - low) / (high - low)).astype(np.float32)
+        values = ramp_lookup(image.legend, shares, threads=1)
     if (image.factor != 1.0).any():
         values *= image.factor
     return values

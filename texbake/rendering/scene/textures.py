@@ -78,13 +78,23 @@ class ImageTexture:
         bool | None, Option("Whether integer values are sRGB colors; without it as the slot needs.")
     ] = None
     uv_set: Annotated[str | None, _UV_SET] = None
+    colors: Annotated[
+        tuple[Rgb, ...] | None,
+        Option("Colors of a legend for the first channel, from the low to the high end of range."),
+    ] = None
+    range: Annotated[
+        tuple[float, float], Option("Values at the ends of the legend, with colors.")
+    ] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_ramp(self.colors)
+        if self.range[0] == self.range[1]:
+            raise OptionError("range: both ends are equal; give two numbers")
         for word in (self.wrap,) if isinstance(self.wrap, str | None) else self.wrap:
             if word not in (None, *WRAPS):
                 raise OptionError(f"wrap: {word} is not one of {', '.join(WRAPS)}")
-        for name in "border", "scale", "offset", "factor":
+        for name in "border", "scale", "offset", "factor", "range":
             _check_finite(name, getattr(self, name))
 
 
@@ -117,10 +127,15 @@ class ProcedureTexture:
         check_fields(self)
         for name in "scale", "factor":
             _check_finite(name, getattr(self, name))
-        if self.colors is not None and not self.colors:
-            raise OptionError("colors: a ramp needs at least one color")
-        for color in self.colors or ():
-            _check_finite("colors", color)
+        check_ramp(self.colors)
+
+
+def check_ramp(colors: tuple[Rgb, ...] | None) -> None:
+    """Raise `OptionError` if a ramp has no color, or one that is not finite."""
+    if colors is not None and not colors:
+        raise OptionError("colors: a ramp needs at least one color")
+    for color in colors or ():
+        _check_finite("colors", color)
 
 
 def _check_finite(name: str, value: float | Iterable[float]) -> None:

@@ -49,8 +49,12 @@ PROCEDURE_DEFAULTS: dict[str, dict[str, Any]] = {
         "seed": 0,
     },
     "worley": {"feature": "f1", "jitter": 1.0, "dimensions": None, "seed": 0},
+    "gradient": {"direction": (0.0, 1.0, 0.0), "start": 0.0, "end": 1.0, "wrap": "clamp"},
+    "distance": {"center": (0.0, 0.0, 0.0), "start": 0.0, "end": 1.0, "wrap": "clamp"},
 }
 PROCEDURE_NAMES = tuple(PROCEDURE_DEFAULTS)
+# Procedures that measure: their points are not scaled unless a scale is given.
+MEASURING_PROCEDURES = ("gradient", "distance")
 # Procedures with colors; the others return a single value.
 COLORED_PROCEDURES = ("marble", "wood", "granite")
 
@@ -59,6 +63,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "profile": PROFILES,
     "feature": FEATURES,
     "dimensions": (2, 3, None),
+    "wrap": ("clamp", "repeat", "mirror"),
 }
 # Least and greatest values. After 32 octaves of doubled frequency, float64 has no digits left even
 # near the origin; the limits of the frequencies keep every product finite.
@@ -73,9 +78,11 @@ _RANGES = {
     "amount": (0.0, 1e6),
     "wobble": (0.0, 1e6),
     "grain": (0.0, 1.0),
+    "start": (-1e12, 1e12),
+    "end": (-1e12, 1e12),
 }
 _INNER_RANGES = {"width": (0.0, 1.0)}
-_VECTORS = ("direction", "axis")
+_VECTORS = ("direction", "axis", "center")
 
 
 def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,6 +122,8 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
                 f"{name}.{key}: it is not a parameter of {name}; those are {', '.join(defaults)}"
             )
         full[key] = _checked(f"{name}.{key}", key, value)
+    if "start" in full and full["start"] == full["end"]:
+        raise OptionError(f"{name}.end: it is that of the start; give another number")
     return full
 
 
@@ -164,7 +173,7 @@ def _checked(where: str, key: str, value: Any) -> Any:
             raise OptionError(f"{where}: {value!r} is not a whole number; give one such as 7")
         return int(value)
     if key in _VECTORS:
-        return _checked_direction(where, value)
+        return _checked_vector(where, value, is_direction=key != "center")
     return _checked_number(where, key, value)
 
 
@@ -190,15 +199,16 @@ def _is_real(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _checked_direction(where: str, value: Any) -> tuple[float, ...]:
+def _checked_vector(where: str, value: Any, *, is_direction: bool) -> tuple[float, ...]:
     if (
         isinstance(value, str)
         or not isinstance(value, Sequence)
         or len(value) != 3
         or not all(_is_real(number) and math.isfinite(number) for number in value)
-        or not 1e-100 < math.hypot(*value) < 1e100
+        or not (1e-100 if is_direction else -1.0) < math.hypot(*value) < 1e100
     ):
         raise OptionError(
-            f"{where}: {value!r} is not a direction; give three numbers such as 1, 0, 0"
+            f"{where}: {value!r} is not {'a direction' if is_direction else 'a point'}; "
+            "give three numbers such as 1, 0, 0"
         )
     return tuple(float(number) for number in value)

@@ -64,6 +64,7 @@ ImageTable = table(
         "channel": Channel,
         "factor": Factor,
         "color": Switch,
+        "range": numbers(2),
     },
     short="image",
 )
