@@ -203,7 +203,7 @@ def write_tiles(folder: Path, size: int = 384) -> None:
 
 
 def write_slides(folder: Path) -> None:
-    """Draw a sunset, by itself and as a slide, a window, a sticker and a fern."""
+    """Draw a sunset, a window, a sticker and a fern."""
     height, width = 256, 384
     y, x = np.mgrid[0:height, 0:width] + 0.5
     x, y = x / height, 1 - y / height  # in heights of the picture, y up
@@ -221,10 +221,6 @@ def write_slides(folder: Path) -> None:
                                + np.sin(17 * x + 20 * base) * 0.4)  # fmt: skip
         picture = np.where((y < ridge)[..., None], tone, picture)
     save(folder / "sunset.png", picture)
-    # In a mount: the cone of a spot just holds its corners.
-    mount = np.zeros((464, 464, 3))
-    mount[104:360, 40:424] = picture
-    save(folder / "slide.png", mount)
     size = 256
     v, u = (np.mgrid[0:size, 0:size] + 0.5) / size
     bars = (np.abs(((u - 0.1) * 2.5) % 1.0 - 0.5) < 0.42) & (

@@ -46,7 +46,7 @@ def spot(slide: np.ndarray | None, height: float = 4.0, **more: object) -> Light
     profile = None if slide is None else ImageTexture(image=slide, filter="nearest")
     return Light(
         kind="spot", position=(0, height, 0), direction=(0, -2, 0), up=(0, 0, -1), angle=50.0,
-        blend=0.0, decay=0.0, profile=profile, **more,
+        blend=0.0, decay=0.0, profile=profile, gate="round", **more,
     )  # fmt: skip
 
 
@@ -65,9 +65,35 @@ def test_a_slide_colors_the_light_of_a_spot() -> None:
     assert (colored[~lit] == 0.0).all()
 
 
+@pytest.mark.parametrize("size", [(32, 48), (48, 32), (40, 40)])
+def test_a_white_slide_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) -> None:
+    """A slide of 48 x 32 lights a rectangle of 3:2, whose longer side fills the angle."""
+    slide = replace(spot(np.ones((*size, 3), np.float32)), gate="rectangle", blend=0.3)
+    found = drawn(WHITE, slide)[..., 0] > 0.0
+    height, width = 4.0 * math.tan(math.radians(25)) * np.array(size) / max(size)
+    at = floor_points()
+    expected = (np.abs(at[..., 0]) < width) & (np.abs(at[..., 1]) < height)
+    np.testing.assert_array_equal(found, expected)
+    x, z = (np.ptp(at[found], axis=0) + 0.0).tolist()
+    # To the width of a pixel of 6 x 2 tan 25 / 120 on either side.
+    assert x / z == pytest.approx(size[1] / size[0], abs=0.05)
+
+
+def test_the_shape_of_a_slide_may_be_given_and_its_gate_round() -> None:
+    white = np.ones((32, 48, 3), np.float32)
+    bare = drawn(WHITE, spot(None))
+    # Without a slide there is no gate but the cone; a slide fills it with its shorter side.
+    np.testing.assert_array_equal(drawn(WHITE, spot(white)), bare)
+    np.testing.assert_array_equal(drawn(WHITE, replace(spot(white), aspect=1.0)), bare)
+    given = drawn(WHITE, replace(spot(white), gate="rectangle", aspect=1.0))[..., 0] > 0.0
+    limit = 4.0 * math.tan(math.radians(25))
+    np.testing.assert_array_equal(given, (np.abs(floor_points()) < limit).all(axis=-1))
+
+
 def test_a_slide_reaches_to_the_rim_of_the_cone() -> None:
     # A ramp over the slide: the value at the rim is 1, whatever the distance.
     ramp = np.repeat((np.arange(64, dtype=np.float32) + 0.5)[None, :, None] / 64, 3, axis=2)
+    ramp = np.repeat(ramp, 64, axis=0)
     texture = ImageTexture(image=ramp, filter="bilinear")
     colored = drawn(WHITE, replace(spot(None), profile=texture))
     bare = drawn(WHITE, spot(None))

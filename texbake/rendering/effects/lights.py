@@ -2,7 +2,8 @@
 
 A white surface that faces a light reflects its color times its intensity. Point and spot lights
 fall off as 1 / d^decay with the distance d. A spot has full strength inside its inner cone and
-fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. At the position of a point light itself, the
+fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. A slide in a rectangular gate bounds the light
+instead of the cone, which is then one around its corners. At the position of a point light itself, the
 light comes along the normal with its strength at a distance of 0.001.
 
 Kernel: `core/lamps.c`.
@@ -35,9 +36,13 @@ from texbake.rendering.fragments import (
 )
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.transforms import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9
+
+# Factor of the cosine of a slide's corners: the cone leaves pixels on its border to the slide.
+_AROUND_CORNERS = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +103,6 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
     if follows and camera is not None:
         position = position + camera.eye
     length = float(np.linalg.norm(direction))
-    half = math.radians(light.angle) / 2.0
-    inner = half * (1.0 - min(max(light.blend, 0.0), 1.0))
     is_spot = light.kind == "spot"
     return PlacedLight(
         kind=light.kind,
@@ -107,9 +110,28 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
         position=position,
         direction=direction / length if length > 0.0 else direction,
         up=up,
-        cosines=(math.cos(inner), math.cos(half)) if is_spot else (-1.0, -1.0),
+        cosines=_cosines(light) if is_spot else (-1.0, -1.0),
         decay=float(light.decay),
     )
+
+
+def _cosines(light: Light) -> tuple[float, float]:
+    """Cosines of the inner and outer cone of a spot."""
+    if light.profile is not None and light.gate == "rectangle":
+        corner = _AROUND_CORNERS / math.hypot(1.0, *slide_extent(light))
+        return corner, corner
+    half = math.radians(light.angle) / 2.0
+    inner = half * (1.0 - min(max(light.blend, 0.0), 1.0))
+    return math.cos(inner), math.cos(half)
+
+
+def slide_extent(light: Light) -> tuple[float, float]:
+    """Half the width and height of a spot's slide at distance 1."""
+    assert light.profile is not None
+    aspect = picture_aspect(light.profile) if light.aspect is None else light.aspect
+    side = max(aspect, 1.0) if light.gate == "rectangle" else min(aspect, 1.0)
+    reach = math.tan(math.radians(light.angle) / 2.0)
+    return reach * aspect / side, reach / side
 
 
 def in_world(light: Light, camera: Camera) -> Light:

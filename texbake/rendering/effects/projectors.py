@@ -1,7 +1,8 @@
 """Pictures projected onto surfaces: slides of spot lights, and projected textures.
 
-The slide of a spot light (a light profile) fills the square around its outer cone, upright along
-the light's `up`, and multiplies its light. Projected textures are blended over the base color one
+The slide of a spot light (a light profile) has the shape of its image and stands upright along the
+light's `up`. It multiplies the light. In a rectangular gate its longer side fills the angle of the
+light, and its border is that of the light; in a round gate its shorter side fills the cone. Projected textures are blended over the base color one
 after another, by their own opacity times their strength; other surfaces do not block them. Nothing
 is projected behind a projector or outside the unit square of its picture.
 
@@ -23,6 +24,7 @@ Kernel: `core/projected_pictures.c`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -44,7 +46,7 @@ from texbake.rendering.effects.images import (
     placed_image,
     with_levels,
 )
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining, slide_extent
 from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
@@ -170,12 +172,16 @@ def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None
     """Return the slide of a placed spot light; reads its image unless `image` is given."""
     if image is None:
         image = _image_of(light, "bilinear", None)
+    width, height = slide_extent(light)
+    # A square slide has exactly the angle of the light.
+    fov = light.angle if width == height else math.degrees(2.0 * math.atan(height))
     place, ahead = placed.position, placed.position + placed.direction
     matrix = projector_matrix(
         position=(place[0], place[1], place[2]),
         target=(ahead[0], ahead[1], ahead[2]),
         up=tuple(placed.axes[1]),
-        fov=light.angle,
+        fov=fov,
+        aspect=width / height,
     )
     return Slide(image, matrix)
 

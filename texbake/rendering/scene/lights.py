@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 KINDS = ("directional", "point", "spot")
+GATES = ("rectangle", "round")
 FOG_MODES = ("linear", "exp", "exp2")
 
 
@@ -97,6 +98,18 @@ class Light:
     ] = None
     profile: Annotated[
         ImageTexture | None, Option("Image that a spot light projects, as a slide.")
+    ] = None
+    gate: Annotated[
+        str,
+        Option(
+            "Opening around the profile: its own rectangle, whose longer side fills the angle, or "
+            "the round cone, which its shorter side fills.",
+            choices=GATES,
+        ),
+    ] = "rectangle"
+    aspect: Annotated[
+        float | None,
+        Option("Width of the profile divided by its height; without it that of the image.", above=0),
     ] = None
     static: Annotated[bool, Option("Whether light maps contain the light.")] = True
     follows_camera: Annotated[

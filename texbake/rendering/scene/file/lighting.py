@@ -14,6 +14,7 @@ from texbake.rendering.scene.file.textures import ImageOnly
 from texbake.rendering.scene.file.values import FILE, Vector, choice, existing_file
 from texbake.rendering.scene.lights import (
     FOG_MODES,
+    GATES,
     KINDS,
     Ambient,
     AmbientOcclusion,
@@ -34,6 +35,8 @@ _READ_BY = {
     "blend": ("spot",),
     "decay": ("point", "spot"),
     "profile": ("spot",),
+    "gate": ("spot",),
+    "aspect": ("spot",),
 }
 
 
@@ -60,6 +63,7 @@ LightTable = table(
         "kind": choice(KINDS),
         "shadow": made(ShadowTable, Shadow),
         "profile": ImageOnly,
+        "gate": choice(GATES),
     },
     required=("kind",),
     more={
