@@ -37,8 +37,8 @@ SECTIONS = {
     ),
     "Light": (
         "shadow_directional", "shadow_point", "shadow_spot", "slide_projector", "light_profile",
-        "projected_texture", "hemisphere", "ambient_occlusion", "light_map_room", "light_map",
-        "fog",
+        "projected_texture", "projected_visibility", "hemisphere", "ambient_occlusion",
+        "light_map_room", "light_map", "fog",
     ),
     "Environments": (
         "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",

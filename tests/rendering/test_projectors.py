@@ -236,3 +236,61 @@ def test_factors_and_their_faults() -> None:
     broken = replace(spot(None), profile=ImageTexture(image=np.ones((4, 4, 2, 2), np.float32)))
     with pytest.raises(OptionError, match="shape"):
         drawn(WHITE, broken)
+
+
+def shelf_scene(**options: object) -> np.ndarray:
+    """(H, W, 3): a floor at 0 and a shelf of 1 x 1 at height 2, lit by a picture from height 4."""
+    matrix = projector_matrix(position=(0, 4, 0), target=(0, 0, 0), up=(0, 0, -1), fov=60)
+    white = ImageTexture(image=np.ones((2, 2, 3), np.float32), filter="nearest")
+    thrown_on = replace(
+        GRAY,
+        double_sided=True,
+        projected=(ProjectedTexture(texture=white, matrix=matrix, **options),),
+    )
+    floor = transform_matrix(scale=6, rotate=(-90, 0, 0), translate=(-3, 0, 3))
+    shelf = transform_matrix(scale=1, rotate=(-90, 0, 0), translate=(-0.5, 2, 0.5))
+    objects = tuple(
+        SceneObject(mesh=plane(), material=thrown_on, transform=place) for place in (floor, shelf)
+    )
+    camera = Camera.looking_at((0, 1.0, 5), (0, 1.0, 0), fov=math.radians(50), near=0.01)
+    return draw(prepare(Scene(objects=objects), OPTIONS), camera).color[..., :3]
+
+
+def side_points(height: float) -> np.ndarray:
+    """(H, W, 2): x and z where pixels of that camera meet a level plane; NaN above the horizon."""
+    camera = Camera.looking_at((0, 1.0, 5), (0, 1.0, 0), fov=math.radians(50), near=0.01)
+    rays = camera.view_rays(120, 120)
+    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(120) + 0.5)
+    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    along = (height - 1.0) / rays[..., 1:2]
+    return np.where(along > 0.0, camera.eye + along * rays, np.nan)[..., [0, 2]]
+
+
+def test_a_picture_is_not_thrown_on_what_is_hidden() -> None:
+    """The shadow of a shelf half way down is twice as wide on the floor."""
+    plain, hidden = shelf_scene(), shelf_scene(occlusion=True)
+    widest = np.abs(side_points(0.0)).max(axis=-1)
+    lit, dark = (widest > 1.1) & (widest < 2.2), widest < 0.9
+    assert lit.sum() > 500 and dark.sum() > 300
+    np.testing.assert_array_equal(plain[lit | dark], 1.0)
+    np.testing.assert_array_equal(hidden[lit], 1.0)
+    np.testing.assert_array_equal(hidden[dark], 0.5)
+
+
+def test_a_picture_is_not_thrown_on_what_faces_away() -> None:
+    """The camera sees the shelf from below and the floor from above."""
+    plain, facing = shelf_scene(), shelf_scene(facing=True)
+    below = np.abs(side_points(2.0)).max(axis=-1) < 0.48
+    floor = np.abs(side_points(0.0)).max(axis=-1) < 2.2
+    assert below.sum() > 50 and floor.sum() > 500
+    np.testing.assert_array_equal(plain[below | floor], 1.0)
+    np.testing.assert_array_equal(facing[below], 0.5)
+    np.testing.assert_array_equal(facing[floor], 1.0)
+
+
+def test_parallel_rays_have_no_projector_to_face() -> None:
+    texture = texture_of(QUARTERS)
+    ProjectedTexture(texture=texture, matrix=np.eye(4))
+    for name in "facing", "occlusion":
+        with pytest.raises(OptionError, match="its rays are parallel"):
+            ProjectedTexture(texture=texture, matrix=np.eye(4), **{name: True})

@@ -3,7 +3,8 @@
 The slide of a spot light (a light profile) has the shape of its image and stands upright along the
 light's `up`. It multiplies the light. In a rectangular gate its longer side fills the angle of the
 light, and its border is that of the light; in a round gate its shorter side fills the cone. Projected textures are blended over the base color one
-after another, by their own opacity times their strength; other surfaces do not block them. Nothing
+after another, by their own opacity times their strength. Other surfaces block them only with
+`occlusion`; see `texbake.rendering.effects.projected_visibility`. Nothing
 is projected behind a projector or outside the unit square of its picture.
 
 A projector's matrix maps a point P in world space to s, t and q, each linear in P; the picture is
@@ -47,13 +48,19 @@ from texbake.rendering.effects.images import (
     with_levels,
 )
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining, slide_extent
+from texbake.rendering.effects.projected_visibility import (
+    ProjectorView,
+    facing_projector,
+    projector_view,
+    unhidden,
+)
 from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
-from texbake.rendering.scene.transforms import projector_matrix
+from texbake.rendering.scene.transforms import projector_matrix, projector_position
 from texbake.texture.image import FloatImage
 
 _NO_STEPS = np.empty((0, 2, 3))
@@ -227,6 +234,9 @@ LIGHT_PROFILES = Effect(
 )
 
 
+ProjectorViews = list[ProjectorView | None]
+
+
 @dataclass(frozen=True, eq=False)
 class ThrownPicture:
     """A picture to project, with four channels: color premultiplied by opacity, and opacity."""
@@ -271,21 +281,36 @@ def _thrown_picture(state: RenderState, item: ProjectedTexture, place: int) -> T
     return ThrownPicture(image, np.asarray(item.matrix, np.float64), item.strength)
 
 
+def _view_from_projectors(state: RenderState, target: Target) -> ProjectorViews:
+    assert target is not None
+    projected = state.request.material(target).projected
+    return [projector_view(state, item) if item.occlusion else None for item in projected]
+
+
 def _throw(fragments: Fragments, state: RenderState) -> None:
+    assert fragments.target is not None
     base = fragments.values.base_color
     pictures = state.of(THROWN_PICTURES, fragments.target)
     steps = None
     if any(item.image.filter in FILTERS_WITH_FOOTPRINT for item in pictures):
         steps = pixel_steps(fragments, state)
     assert fragments.positions is not None
-    for item in pictures:
+    projected = state.request.material(fragments.target).projected
+    views = state.of(PROJECTOR_VIEWS, fragments.target)
+    for item, options, view in zip(pictures, projected, views, strict=True):
         values, coverage = thrown(item.image, item.matrix, fragments.positions, steps)
+        if options.facing:
+            coverage *= facing_projector(fragments, state, projector_position(item.matrix))
+        if view is not None:
+            coverage *= unhidden(fragments, state, view)
         share = (item.strength * coverage)[:, None]
         base = base * (1.0 - share * values[:, 3:]) + share * values[:, :3]
     fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))
 
 
 THROWN_PICTURES = Result(_load_projected)
+
+PROJECTOR_VIEWS = Result(_view_from_projectors)
 
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
@@ -294,5 +319,6 @@ PROJECTED_TEXTURES = Effect(
     left_out="nothing in the picture has a projected texture",
     needs=lambda request, target: ("slots", "positions"),
     load=THROWN_PICTURES,
+    prepare=PROJECTOR_VIEWS,
     shade=_throw,
 )

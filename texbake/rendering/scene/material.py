@@ -19,6 +19,7 @@ from texbake.rendering.scene.textures import (
     Slot,
     Texture,
 )
+from texbake.rendering.scene.transforms import projector_position
 from texbake.schema import Option, check_fields
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
@@ -242,6 +243,17 @@ class ProjectedTexture:
         FloatArray, Option("4 x 4 numbers that take a point of the world to (s, t, r, q).")
     ]
     strength: Annotated[float, Option("Factor of the image's opacity.")] = 1.0
+    facing: Annotated[
+        bool, Option("Whether surfaces that face away from the projector get no image.")
+    ] = False
+    occlusion: Annotated[
+        bool, Option("Whether surfaces that others hide from the projector get no image.")
+    ] = False
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.facing or self.occlusion:
+            projector_position(self.matrix)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

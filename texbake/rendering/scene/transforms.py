@@ -64,6 +64,9 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
 
 
+# Share of the greatest stretch of a matrix below which its rays count as parallel, by rounding.
+_PARALLEL = 1e-12
+
 # Maps clip coordinates from -w to w to s and t from 0 to q; r and q are the depth.
 _PICTURE_FROM_CLIP = np.array(
     [
@@ -110,6 +113,21 @@ def projector_matrix(
     # The near plane does not affect s, t and q.
     camera = Camera.looking_at(position, target, up=up, fov=math.radians(fov), near=1.0)
     return _PICTURE_FROM_CLIP @ camera.clip_from_world(aspect)
+
+
+def projector_position(matrix: FloatArray) -> FloatArray:
+    """(3,): the point where s, t and q of a projector's matrix (4, 4) are all 0.
+
+    Raises
+    ------
+    OptionError
+        There is none, because its rays are parallel.
+    """
+    rows = np.asarray(matrix, np.float64)[[0, 1, 3]]
+    _, sizes, _ = np.linalg.svd(rows[:, :3])
+    if not sizes[2] > _PARALLEL * sizes[0]:
+        raise OptionError("matrix: its rays are parallel; leave out facing and occlusion")
+    return np.asarray(-np.linalg.solve(rows[:, :3], rows[:, 3]))
 
 
 def picture_aspect(texture: ImageTexture) -> float:

@@ -108,17 +108,19 @@ Matrix = Annotated[
 def _projected(
     texture: ImageTexture, matrix: FloatArray | None = None, **given: Any
 ) -> ProjectedTexture:
-    strength = {"strength": given.pop("strength")} if "strength" in given else {}
+    options = {
+        name: given.pop(name) for name in ("strength", "facing", "occlusion") if name in given
+    }
     if matrix is not None:
         if given:
             raise OptionError(f"{min(given)}: it conflicts with the matrix; give only one")
-        return ProjectedTexture(texture=texture, matrix=matrix, **strength)
+        return ProjectedTexture(texture=texture, matrix=matrix, **options)
     for name in "position", "target":
         if name not in given:
             raise OptionError(f"{name}: it is missing; give position and target, or a matrix")
     if "aspect" not in given:
         given["aspect"] = picture_aspect(texture)
-    return ProjectedTexture(texture=texture, matrix=projector_matrix(**given), **strength)
+    return ProjectedTexture(texture=texture, matrix=projector_matrix(**given), **options)
 
 
 ProjectedTable = table(
