@@ -79,6 +79,7 @@ def main(scenes: Path) -> None:
     write_slides(textures)
     write_sky(textures)
     write_small_maps(textures)
+    write_scan(textures)
     write_orange(scenes)
     write_bakes(scenes)
 
@@ -334,6 +335,17 @@ def write_orange(scenes: Path) -> None:
     sphere = texbake.make("sphere", resolution=(128, 64))
     baked = bake_photos(sphere, photos, PhotoOptions(size=(768, 384), falloff=3.0, max_angle=70.0))
     save(scenes / "textures" / "orange_photo.png", baked.values)
+
+
+def write_scan(folder: Path, size: int = 48) -> None:
+    """Write a volume like a scan: shells of different density, with folds."""
+    steps = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    z, y, x = np.meshgrid(steps, -steps, steps, indexing="ij")
+    folds = fractal(np.stack([x, y, z], axis=-1).reshape(-1, 3) * 1.7, seed=3, octaves=4)
+    radius = np.sqrt(x**2 + 1.2 * y**2 + z**2) + 0.45 * (folds.reshape(x.shape) - 0.5)
+    density = 0.5 + 0.5 * np.cos(9.0 * radius)
+    density *= np.clip(1.6 - 1.1 * radius, 0.0, 1.0)
+    np.save(folder / "scan.npy", np.round(255.0 * density).astype(np.uint8))
 
 
 def write_bakes(scenes: Path) -> None:

@@ -33,7 +33,7 @@ from ..types import FileOf
 
 CAMERA_SUFFIXES = (".toml", ".txt")
 
-_SOLID = ("procedure", "param", "scale", "colors")
+_SOLID = ("procedure", "param", "volume", "scale", "colors")
 _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlusion")
 
 
@@ -58,7 +58,7 @@ _PHOTO = ("photo", "camera", "max_angle", "falloff", "feather", "margin", "occlu
     metavar="KEY=VALUE",
     help="Set a parameter of the procedure; repeatable.",
 )
-@options_of(SolidOptions, "scale", "colors")
+@options_of(SolidOptions, "volume", "scale", "colors")
 @click.option(
     "--data", is_flag=True, help="Treat the values as data, such as roughness, not as colors."
 )
@@ -98,7 +98,7 @@ def bake_texture(
 ) -> None:
     """Bake a procedure or photographs into a texture.
 
-    A solid procedure has no seams, because it is evaluated in space. Photographs are blended by how
+    A solid procedure or a volume has no seams, because it is evaluated in space. Photographs are blended by how
     well each shows a point. Texels that no photograph shows are filled from their surroundings and
     reported.
     """
@@ -129,8 +129,9 @@ def _options(
     """Return the options of the requested bake: a procedure or photographs."""
     solid = {name: choices.pop(name) for name in _SOLID}
     cast = {name: choices.pop(name) for name in _PHOTO if name in choices}
-    if (solid["procedure"] is None) == (not photos):
-        raise OptionError("procedure, photo: give a procedure or photographs, one of the two")
+    given = (solid["procedure"] is not None, bool(solid["volume"]), bool(photos))
+    if sum(given) != 1:
+        raise OptionError("procedure, volume, photo: give a procedure or photographs, or a volume")
     if photos:
         if len(photos) != len(cameras):
             raise OptionError(
@@ -141,7 +142,8 @@ def _options(
     if cameras:
         raise OptionError("camera: it goes with --photo; a procedure has none")
     return SolidOptions(
-        procedure=solid["procedure"],
+        procedure=solid["procedure"] or SolidOptions.procedure,
+        volume=solid["volume"],
         parameters=dict(map(_parameter, solid["param"])),
         scale=solid["scale"],
         colors=None if solid["colors"] is None else _ramp(solid["colors"]),

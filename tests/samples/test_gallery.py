@@ -105,7 +105,7 @@ def test_every_slot_shading_procedure_and_buffer_is_shown():
         for slot in vars(item).values()
         for value in (slot, getattr(slot, "texture", None))
     ]
-    procedures = [value.procedure for value in textures if isinstance(value, ProcedureTexture)]
+    procedures = [value.procedure for value in textures if type(value) is ProcedureTexture]
     assert set(procedures) == set(PROCEDURE_NAMES)
     wraps = {value.wrap for value in textures if isinstance(value, ImageTexture)}
     assert wraps >= {"repeat", "mirror", "clamp", "border"}

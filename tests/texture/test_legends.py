@@ -37,7 +37,7 @@ def test_a_distance_is_linear_between_its_marks(wrap):
     points = np.random.default_rng(1).uniform(-5, 5, (500, 3))
     parameters = {"center": (1, 2, 3), "start": 1.0, "end": 2.5, "wrap": wrap}
     expected = WRAPPED[wrap]((np.linalg.norm(points - (1, 2, 3), axis=1) - 1.0) / 1.5)
-    found = evaluate("distance", points, parameters=parameters)
+    found = evaluate("radial", points, parameters=parameters)
     np.testing.assert_allclose(found[:, 0], expected, atol=1e-6)
 
 

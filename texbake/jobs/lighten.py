@@ -247,14 +247,17 @@ def lighten_file(
         missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
-    done = JobResult(
-        files=given(output, report, html), report=figures, warnings=(*warnings, *made.warnings)
-    )
+    lines = _once([*warnings, *made.warnings], comparison)
+    done = JobResult(files=given(output, report, html), report=figures, warnings=lines)
     if report is not None:
         write_report(report, figures.to_json())
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _once(lines: list[str], comparison: ModelComparison | None) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([*lines, *(() if comparison is None else comparison.notes)]))
 
 
 def _too_many_parts(model: PathLike) -> str:

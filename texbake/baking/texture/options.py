@@ -56,7 +56,8 @@ class SolidOptions(TextureBakeOptions):
     """How `bake_solid` evaluates a procedure over the surface.
 
     Without a `scale` the longest side of the mesh's bounding box becomes 2 long, so that every
-    model has as much detail as a sphere of radius 1; `gradient` and `distance` measure in model units. Colors are linear.
+    model has as much detail as a sphere of radius 1; `gradient` and `radial` measure in model
+    units. Colors are linear.
     """
 
     procedure: Annotated[
@@ -74,6 +75,15 @@ class SolidOptions(TextureBakeOptions):
             default="2 / the longest side of the mesh",
         ),
     ] = None
+    volume: Annotated[
+        tuple[str, ...],
+        Option(
+            "A .npy file of a volume to look up instead, or the image of each slice; it fills the "
+            "bounding cube of the mesh.",
+            metavar="FILE",
+            many=True,
+        ),
+    ] = ()
     colors: Annotated[
         tuple[Rgb, ...] | None,
         Option(

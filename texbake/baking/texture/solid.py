@@ -16,8 +16,9 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
-from texbake.texture.lookup import ramp_lookup
+from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
+from texbake.texture.volumes import read_volume
 from texbake.texture.procedures.options import COLORED_PROCEDURES, MEASURING_PROCEDURES
 
 
@@ -65,21 +66,29 @@ def bake_solid(
     scaled = mesh.positions[mesh.faces] * scale
     widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
+    volume = read_volume(options.volume if len(options.volume) > 1 else options.volume[0]) if options.volume else None
     n_channels = 3 if ramp is not None or options.procedure in COLORED_PROCEDURES else 1
+    if volume is not None and ramp is None:
+        n_channels = volume.shape[3]
+    corner = mesh.bounds[0] if volume is not None and options.scale is None else np.zeros(3)
     grid = coverage.grid
     values = np.zeros((grid.height, grid.width, n_channels), np.float32)
     has_color = np.zeros((grid.height, grid.width), np.bool_)
     for band in coverage.bands(stages):
         with stages.part("evaluate"):
             points = field.rays(band.samples).origins
-            results = evaluate(
-                options.procedure,
-                (points / frame.scale + frame.center) * scale,
-                widths[band.samples.faces],
-                parameters=options.parameters,
-                scalar=ramp is not None,
-                threads=options.threads,
-            )
+            places = (points / frame.scale + frame.center - corner) * scale
+            if volume is not None:
+                results = volume_lookup(volume, places, wrap="clamp", threads=options.threads)
+            else:
+                results = evaluate(
+                    options.procedure,
+                    places,
+                    widths[band.samples.faces],
+                    parameters=options.parameters,
+                    scalar=ramp is not None,
+                    threads=options.threads,
+                )
             if ramp is not None:
                 results = ramp_lookup(ramp, results[:, 0], threads=options.threads)
             counts = band.counts()
@@ -89,15 +98,15 @@ def bake_solid(
             has_color[rows] = (counts > 0).reshape(-1, grid.width)
     return finish_texture(
         mesh, options, coverage, values, has_color, stages,
-        source=options.procedure, scale=tuple(scale.tolist()),
+        source="volume" if options.volume else options.procedure, scale=tuple(scale.tolist()),
     )  # fmt: skip
 
 
 def _scale(mesh: Mesh, options: SolidOptions) -> float | tuple[float, float, float]:
     if options.scale is not None:
         return options.scale
-    if options.procedure in MEASURING_PROCEDURES:
+    if options.procedure in MEASURING_PROCEDURES and not options.volume:
         return 1.0
     low, high = mesh.bounds
     longest = float((high - low).max())
-    return 2.0 / longest if longest > 0.0 else 1.0
+    return (1.0 if options.volume else 2.0) / longest if longest > 0.0 else 1.0

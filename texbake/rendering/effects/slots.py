@@ -19,8 +19,8 @@ from texbake.rendering.effects.images import COLOR_SLOTS, look_up
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
-from texbake.texture.lookup import ramp_lookup
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, VolumeTexture
+from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
 
 # Slots that are clipped to the range from 0 to 1.
@@ -66,10 +66,13 @@ def slot_values(
 def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: int) -> Floats:
     """(n, channels) float32: value of a procedure at each fragment."""
     points, footprint = _points(fragments, texture)
-    values = evaluate(
-        texture.procedure, points, footprint, parameters=texture.parameters,
-        scalar=texture.colors is not None or channels == 1, threads=1,
-    )  # fmt: skip
+    if isinstance(texture, VolumeTexture):
+        values = _volume_values(texture, points)
+    else:
+        values = evaluate(
+            texture.procedure, points, footprint, parameters=texture.parameters,
+            scalar=texture.colors is not None or channels == 1, threads=1,
+        )  # fmt: skip
     if texture.colors is not None:
         values = ramp_lookup(np.asarray(texture.colors, np.float32), values[:, 0], threads=1)
     values = values * np.asarray(texture.factor, np.float32)
@@ -77,6 +80,17 @@ def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: 
         return np.ascontiguousarray(values, np.float32)
     shown = values[:, :1] if channels == 1 else np.repeat(values[:, :1], channels, axis=1)
     return np.ascontiguousarray(shown, np.float32)
+
+
+def _volume_values(texture: VolumeTexture, points: FloatArray) -> Floats:
+    values = volume_lookup(
+        texture.texels, points + texture.offset, wrap=texture.wrap, filter=texture.filter,
+        border=texture.border, threads=1,
+    )  # fmt: skip
+    if texture.colors is None:
+        return values
+    low, high = texture.range
+    return ((values - low) / (high - low)).astype(np.float32)
 
 
 def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray, Floats | None]:

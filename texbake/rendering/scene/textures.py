@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
@@ -27,6 +28,7 @@ WRAPS = ("repeat", "mirror", "clamp", "border")
 FILTERS_WITH_FOOTPRINT = ("trilinear", "ewa", "supersampled")
 # Filters that need mip levels.
 FILTERS_WITH_LEVELS = ("trilinear", "ewa")
+VOLUME_FILTERS = ("trilinear", "nearest")
 SPACES = ("object", "world", "uv")
 
 _UV_SET = Option(
@@ -128,6 +130,45 @@ class ProcedureTexture:
         for name in "scale", "factor":
             _check_finite(name, getattr(self, name))
         check_ramp(self.colors)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VolumeTexture(ProcedureTexture):
+    """Stored values over a cube: a scan, or a stack of images."""
+
+    volume: Annotated[
+        PathLike | tuple[PathLike, ...] | npt.NDArray[np.float32],
+        Option("A .npy file of a volume, or the images of its slices, from front to back."),
+    ]
+    procedure: Annotated[str, Option("Always volume.")] = "volume"
+    offset: Annotated[
+        tuple[float, float, float],
+        Option("Added to the points after scale; the volume then fills the unit cube."),
+    ] = (0.0, 0.0, 0.0)
+    filter: Annotated[str, Option("Filter between texels.", choices=VOLUME_FILTERS)] = "trilinear"
+    wrap: Annotated[str, Option("What lies outside the cube.", choices=WRAPS)] = "clamp"
+    border: Annotated[float, Option("Value outside the cube if wrap is border.")] = 0.0
+    range: Annotated[
+        tuple[float, float], Option("Values at the ends of the ramp, with colors.")
+    ] = (0.0, 1.0)
+    filtered: Annotated[bool, Option("Not used.")] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in "offset", "range":
+            _check_finite(name, getattr(self, name))
+        if self.space == "uv":
+            raise OptionError("space: a volume needs points in space; give object or world")
+        if self.range[0] == self.range[1]:
+            raise OptionError("range: both ends are equal; give two numbers")
+
+    @cached_property
+    def texels(self) -> npt.NDArray[np.float32]:
+        """(D, H, W, C) values, read when they are first asked for."""
+        from texbake.texture.volumes import read_volume
+
+        is_array = hasattr(self.volume, "ndim")
+        return self.volume if is_array else read_volume(self.volume)  # type: ignore
 
 
 def check_ramp(colors: tuple[Rgb, ...] | None) -> None:

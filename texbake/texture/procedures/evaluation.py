@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.parallel import run_bands
-from texbake.texture.procedures.legends import distance, gradient
+from texbake.texture.procedures.legends import gradient, radial
 from texbake.texture.procedures.noise import fractal, noise, turbulence, worley
 from texbake.texture.procedures.options import (
     COLORED_PROCEDURES,
@@ -54,7 +54,7 @@ class Procedure:
     work: Callable[[ProcedurePoints, dict[str, Any]], Work]
 
 
-_WORKS = (checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley, gradient, distance)
+_WORKS = (checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley, gradient, radial)
 PROCEDURES: Mapping[str, Procedure] = MappingProxyType(
     {
         work.__name__: Procedure(

@@ -31,7 +31,7 @@ def gradient(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     return work
 
 
-def distance(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
+def radial(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     """Distance from `center`, from `start` to `end`."""
     center = np.array(parameters["center"])[: samples.n_dimensions]
 

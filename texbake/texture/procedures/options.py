@@ -50,11 +50,11 @@ PROCEDURE_DEFAULTS: dict[str, dict[str, Any]] = {
     },
     "worley": {"feature": "f1", "jitter": 1.0, "dimensions": None, "seed": 0},
     "gradient": {"direction": (0.0, 1.0, 0.0), "start": 0.0, "end": 1.0, "wrap": "clamp"},
-    "distance": {"center": (0.0, 0.0, 0.0), "start": 0.0, "end": 1.0, "wrap": "clamp"},
+    "radial": {"center": (0.0, 0.0, 0.0), "start": 0.0, "end": 1.0, "wrap": "clamp"},
 }
 PROCEDURE_NAMES = tuple(PROCEDURE_DEFAULTS)
 # Procedures that measure: their points are not scaled unless a scale is given.
-MEASURING_PROCEDURES = ("gradient", "distance")
+MEASURING_PROCEDURES = ("gradient", "radial")
 # Procedures with colors; the others return a single value.
 COLORED_PROCEDURES = ("marble", "wood", "granite")
 

@@ -44,7 +44,7 @@ from texbake.rendering.scene.file.tables import (
     made,
     table,
 )
-from texbake.rendering.scene.file.textures import ImageTable, ProcedureTable
+from texbake.rendering.scene.file.textures import ImageTable, ProcedureTable, VolumeTable
 from texbake.rendering.scene.file.values import COLOR, Text, color_of, is_number
 from texbake.rendering.scene.scene import CameraView
 from texbake.schema import JsonSchema, option
@@ -160,6 +160,7 @@ TABLES: dict[str, type[Table]] = {
     "[materials.NAME]": MaterialTable,
     "an image": ImageTable,
     "a procedure": ProcedureTable,
+    "a volume": VolumeTable,
     "normal_map": NormalMapTable,
     "bump_map": BumpMapTable,
     "displacement": DisplacementTable,

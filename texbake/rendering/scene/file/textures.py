@@ -31,6 +31,7 @@ from texbake.rendering.scene.file.values import (
     Channel,
     Factor,
     File,
+    Files,
     Switch,
     choice,
     is_number,
@@ -41,9 +42,11 @@ from texbake.rendering.scene.file.values import (
 from texbake.rendering.scene.textures import (
     FILTERS,
     SPACES,
+    VOLUME_FILTERS,
     WRAPS,
     ImageTexture,
     ProcedureTexture,
+    VolumeTexture,
 )
 from texbake.schema import JsonSchema
 from texbake.texture.procedures.options import (
@@ -93,6 +96,21 @@ ProcedureTable = table(
     takes_more=True,
 )
 ProcedureTable.further_keys = parameter_schemas()
+VolumeTable = table(
+    VolumeTexture,
+    {
+        "volume": Files,
+        "space": choice(SPACES[:2]),
+        "scale": numbers(3, or_one=True),
+        "offset": numbers(3),
+        "filter": choice(VOLUME_FILTERS),
+        "wrap": choice(WRAPS),
+        "range": numbers(2),
+        "factor": Factor,
+    },
+    without=("procedure", "parameters", "filtered", "uv_set"),
+)
+Volume = made(VolumeTable, VolumeTexture)
 ImageOnly = made(ImageTable, ImageTexture)
 Procedure = converted(ProcedureTable, _procedure_texture)
 
@@ -102,6 +120,8 @@ def _kind_of(value: Any) -> str:
     if isinstance(value, ImageTexture | ProcedureTexture):
         return "<made>"
     if isinstance(value, dict):
+        if "volume" in value:
+            return "<volume>"
         return "<procedure>" if "procedure" in value and "image" not in value else "<image>"
     is_name = isinstance(value, str) and not value.startswith("#") and "." in value
     return "<image>" if is_name else "<constant>"
@@ -112,7 +132,8 @@ def _slot(check: Callable[[Any], Any], schema: JsonSchema) -> Any:
     return Annotated[
         Annotated[Any, PlainValidator(check), WithJsonSchema(schema), Tag("<constant>")]
         | Annotated[ImageOnly, Tag("<image>")]
-        | Annotated[Procedure, Tag("<procedure>")],
+        | Annotated[Procedure, Tag("<procedure>")]
+        | Annotated[Volume, Tag("<volume>")],
         Discriminator(_kind_of),
     ]
 

@@ -191,6 +191,20 @@ FILE = {"type": "string", "minLength": 1}
 File = Annotated[Any, PlainValidator(existing_file), WithJsonSchema(FILE)]
 
 
+def _existing_files(value: Any, info: ValidationInfo) -> Path | tuple[Path, ...]:
+    if isinstance(value, list) and value:
+        return tuple(existing_file(item, info) for item in value)
+    return existing_file(value, info)
+
+
+# A file, or several.
+Files = Annotated[
+    Any,
+    PlainValidator(_existing_files),
+    WithJsonSchema({"anyOf": [FILE, {"type": "array", "items": FILE, "minItems": 1}]}),
+]
+
+
 def _channel(value: Any) -> int:
     if isinstance(value, str) and len(value) == 1 and value in "rgba":
         return "rgba".index(value)

@@ -1,0 +1,70 @@
+"""Volumes from files: a NumPy array, or a stack of images.
+
+Slice k of a stack holds the values at r from k / depth to (k + 1) / depth; see `lookup`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike
+from texbake.files import require_file
+from texbake.texture.image import read_image
+
+
+def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32]:
+    """Read a volume.
+
+    Parameters
+    ----------
+    source
+        A `.npy` file of shape (D, H, W), or (D, H, W, 3) for colors, or images of one size.
+
+    Returns
+    -------
+    (D, H, W, 1 or 3) float32
+        Integers are divided by the greatest of their type; floats stay as they are. Values of an
+        array are linear; images are data with their first channel.
+
+    Raises
+    ------
+    FileError
+        A file is missing or cannot be read.
+    FileFormatError
+        The array has another shape or a number that is not finite, or the images differ in size.
+    """
+    if not isinstance(source, str | os.PathLike):
+        slices = [read_image(path, color=False).pixels[:, :, :1] for path in source]
+        for path, layer in zip(source, slices, strict=True):
+            if layer.shape != slices[0].shape:
+                height, width = slices[0].shape[:2]
+                raise FileFormatError(
+                    f"{path}: it is {layer.shape[1]} x {layer.shape[0]} texels, and the first "
+                    f"slice {width} x {height}"
+                )
+        return np.stack(slices).astype(np.float32)
+    require_file(source)
+    try:
+        array = np.load(Path(source), allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise FileFormatError(f"{source}: it is not a .npy file: {error}") from error
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "uif":
+        raise FileFormatError(f"{source}: it is not one array of numbers")
+    if array.ndim == 3:
+        array = array[..., None]
+    if array.ndim != 4 or array.shape[3] not in (1, 3) or array.size == 0:
+        raise FileFormatError(
+            f"{source}: the shape {array.shape} is not (depth, height, width), nor that with 3 "
+            "channels"
+        )
+    divisor = np.iinfo(array.dtype).max if array.dtype.kind in "ui" else 1
+    volume: npt.NDArray[np.float32] = (array / divisor).astype(np.float32)
+    if not np.isfinite(volume).all():
+        raise FileFormatError(f"{source}: a value is not finite")
+    return volume
