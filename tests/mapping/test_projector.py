@@ -268,6 +268,19 @@ def test_sixteen_numbers_row_by_row(text: str, tmp_path: Path) -> None:
     assert read_matrix(tmp_path / "m.txt") == ROWS
 
 
+def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path: Path) -> None:
+    """The 3 x 4 matrix of a camera places the same coordinates as the 4 x 4 one without its r."""
+    three = (ROWS[0], ROWS[1], ROWS[3])
+    (tmp_path / "m.txt").write_text("\n".join(" ".join(map(str, row)) for row in three))
+    assert read_matrix(tmp_path / "m.txt") == (ROWS[0], ROWS[1], ROWS[3], ROWS[3])
+    with pytest.raises(FileFormatError, match="it has 12 words; a matrix needs 16 numbers, row"):
+        read_matrix(tmp_path / "m.txt", projector=False)
+    whole, short = (cast(plane(3, 3), matrix=matrix) for matrix in (ROWS, three))
+    np.testing.assert_array_equal(short.corners, whole.corners)
+    with pytest.raises(OptionError, match="4 rows of 4 numbers, or 3"):
+        cast(plane(), matrix=ROWS[:2])
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [

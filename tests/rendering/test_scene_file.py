@@ -32,6 +32,25 @@ def material(folder, text):
     return read(folder, f"{BALL}material = {{{text}}}").objects[0].material
 
 
+def test_a_light_without_shadow_may_say_so(folder):
+    light = '[[lights]]\nkind = "directional"\n'
+    for text, casts in (("", False), ("shadow = false", False), ("shadow = true", True)):
+        assert (read(folder, f"{light}{text}\n{BALL}").lighting.lights[0].shadow is not None) == casts
+
+
+def test_the_matrix_of_a_projector_may_have_three_rows(folder):
+    """Without the row of r, which no picture is looked up by."""
+    (folder / "three.txt").write_text("1 0 0 5\n0 1 0 0\n0 0 -1 2\n")
+    expected = [[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, -1, 2], [0, 0, -1, 2]]
+    for matrix in (
+        "[1, 0, 0, 5, 0, 1, 0, 0, 0, 0, -1, 2]",
+        "[[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, -1, 2]]",
+        '"three.txt"',
+    ):
+        text = f'projected = [{{texture = "gray.png", matrix = {matrix}}}]'
+        np.testing.assert_array_equal(material(folder, text).projected[0].matrix, expected)
+
+
 def test_everything_that_a_file_says_is_there(folder):
     scene = read(folder, '''
         name = "all of it"

@@ -18,6 +18,7 @@ rays, face by face, instead of by a depth map, pixel by pixel.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -173,7 +174,7 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
     if options.matrix is None:
         matrix = camera_matrix(mesh, options.camera, options.fov)
     else:
-        matrix = np.array(options.matrix, dtype=np.float64)
+        matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = np.column_stack([matrix[:, :3] / local.scale, matrix @ [*local.center, 1.0]])
         if not matrix[3, :3].any() and matrix[3, 3] != 0.0:
@@ -288,13 +289,26 @@ def mostly_hidden(
     return hidden
 
 
-def read_matrix(path: PathLike) -> Matrix:
-    """Read a 4 x 4 matrix: sixteen numbers, row by row, with blanks, commas or line breaks between.
+def whole_matrix(rows: Sequence[Sequence[float]]) -> Matrix:
+    """Return the four rows of a projector's matrix; with three rows s, t and q, r is q."""
+    s, t, r, q = (
+        (float(row[0]), float(row[1]), float(row[2]), float(row[3]))
+        for row in (*rows[:3], rows[-1])
+    )
+    return s, t, r, q
+
+
+def read_matrix(path: PathLike, *, projector: bool = True) -> Matrix:
+    """Read a matrix: sixteen numbers, row by row, with blanks, commas or line breaks between.
+
+    The matrix of a projector may have three rows, s, t and q, as cameras in computer vision do.
 
     Parameters
     ----------
     path
         A text file; whatever follows `#` in a line is ignored.
+    projector
+        Whether twelve numbers are taken for the rows s, t and q; r is then q.
 
     Returns
     -------
@@ -306,14 +320,14 @@ def read_matrix(path: PathLike) -> Matrix:
     FileError
         The file cannot be read.
     FileFormatError
-        It does not hold sixteen finite numbers.
+        It does not hold sixteen finite numbers, or twelve.
     """
     lines = read_lines(path, "a matrix")
     n_words = sum(len(line.words) for line in lines)
-    if n_words != 16:
+    if n_words != 16 and not (projector and n_words == 12):
+        others = ", or 12 without the row of r" if projector else ""
         raise FileFormatError(
-            f"{path}: it has {n_words} words; a matrix needs 16 numbers, row by row"
+            f"{path}: it has {n_words} words; a matrix needs 16 numbers{others}, row by row"
         )
     values = [v for line in lines for v in parse_row(path, line, len(line.words), "a matrix")]
-    a, b, c, d = ((v[0], v[1], v[2], v[3]) for v in (values[i : i + 4] for i in range(0, 16, 4)))
-    return a, b, c, d
+    return whole_matrix([values[i : i + 4] for i in range(0, n_words, 4)])

@@ -130,7 +130,8 @@ class ProjectionOptions(CheckedOptions):
     matrix: Annotated[
         Matrix | None,
         Option(
-            "Projector: 4 x 4 numbers that take (x, y, z, 1) to (s, t, r, q), instead of a camera.",
+            "Projector: 4 x 4 numbers that take (x, y, z, 1) to (s, t, r, q), or 3 x 4 to (s, t, "
+            "q), instead of a camera.",
             metavar="FILE",
         ),
     ] = None
@@ -173,7 +174,7 @@ class ProjectionOptions(CheckedOptions):
         if self.matrix is not None:
             if self.fov != ProjectionOptions.fov:
                 raise OptionError("fov: the matrix has its own field of view; give one of them")
-            if not isinstance(self.matrix, Sequence) or len(self.matrix) != 4:
-                raise OptionError("matrix: it must be 4 rows of 4 numbers")
+            if not isinstance(self.matrix, Sequence) or len(self.matrix) not in (3, 4):
+                raise OptionError("matrix: it must be 4 rows of 4 numbers, or 3")
             for row in self.matrix:
                 check_numbers("matrix", row, 4)

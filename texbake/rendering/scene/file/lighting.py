@@ -9,7 +9,7 @@ from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 
 from texbake.errors import OptionError
 from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.tables import described, list_of, made, table
+from texbake.rendering.scene.file.tables import described, list_of, made, switched, table
 from texbake.rendering.scene.file.textures import ImageOnly
 from texbake.rendering.scene.file.values import FILE, Vector, choice, existing_file
 from texbake.rendering.scene.lights import (
@@ -61,7 +61,7 @@ LightTable = table(
     Light,
     {
         "kind": choice(KINDS),
-        "shadow": made(ShadowTable, Shadow),
+        "shadow": switched(ShadowTable, Shadow),
         "profile": ImageOnly,
         "gate": choice(GATES),
     },

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 
 from texbake.errors import FileError, OptionError
-from texbake.mapping.classical.projector import read_matrix
+from texbake.mapping.classical.projector import read_matrix, whole_matrix
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import described, list_of, made, table
@@ -73,9 +73,18 @@ RefractionTable = table(Refraction, _ENVIRONMENT, short="strength")
 
 def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
     """(4, 4): matrix from sixteen numbers row by row, from four rows, or from a file."""
+    return _read(value, info, projector=False)
+
+
+def _projector_matrix(value: Any, info: ValidationInfo) -> FloatArray:
+    """(4, 4): as `_matrix`, or from the twelve numbers of the rows s, t and q."""
+    return _read(value, info, projector=True)
+
+
+def _read(value: Any, info: ValidationInfo, *, projector: bool) -> FloatArray:
     if isinstance(value, str):
         try:
-            return np.array(read_matrix(existing_file(value, info)))
+            return np.array(read_matrix(existing_file(value, info), projector=projector))
         except FileError as error:
             raise fault(str(error)) from error
     flat = [
@@ -83,26 +92,27 @@ def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
         for row in (value if isinstance(value, list) else [])
         for number in (row if isinstance(row, list) else [row])
     ]
-    if len(flat) != 16 or not all(map(is_number, flat)):
-        raise fault(f"{shown(value)} is neither 16 numbers, row by row, nor a file of them")
-    return np.array(flat, np.float64).reshape(4, 4)
+    if len(flat) not in ((12, 16) if projector else (16,)) or not all(map(is_number, flat)):
+        numbers = "12 or 16" if projector else "16"
+        raise fault(f"{shown(value)} is neither {numbers} numbers, row by row, nor a file of them")
+    rows = np.array(flat, np.float64).reshape(-1, 4)
+    return np.array(whole_matrix(rows.tolist()))
 
 
 _NUMBER = {"type": "number"}
 _ROW = {"type": "array", "items": _NUMBER, "minItems": 4, "maxItems": 4}
-Matrix = Annotated[
-    Any,
-    PlainValidator(_matrix),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "array", "items": _NUMBER, "minItems": 16, "maxItems": 16},
-                {"type": "array", "items": _ROW, "minItems": 4, "maxItems": 4},
-                FILE,
-            ]
-        }
-    ),
-]
+
+
+def _schema(n_rows: tuple[int, ...]) -> WithJsonSchema:
+    flat = [
+        {"type": "array", "items": _NUMBER, "minItems": 4 * n, "maxItems": 4 * n} for n in n_rows
+    ]
+    rows = {"type": "array", "items": _ROW, "minItems": min(n_rows), "maxItems": max(n_rows)}
+    return WithJsonSchema({"anyOf": [*flat, rows, FILE]})
+
+
+Matrix = Annotated[Any, PlainValidator(_matrix), _schema((4,))]
+ProjectorMatrix = Annotated[Any, PlainValidator(_projector_matrix), _schema((4, 3))]
 
 
 def _projected(
@@ -129,7 +139,9 @@ ProjectedTable = table(
     without=("matrix",),
     more={
         "matrix": described(
-            Matrix, "4 x 4 numbers that take a point of the world to the picture, or their file."
+            ProjectorMatrix,
+            "4 x 4 numbers that take a point of the world to (s, t, r, q) of the picture, or 3 x 4 "
+            "to (s, t, q), or their file.",
         ),
         "position": described(Vector, "Position of the projector, without a matrix."),
         "target": described(Vector, "Point that the projector looks at."),

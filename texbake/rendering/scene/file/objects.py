@@ -22,7 +22,7 @@ from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.file.faults import at, nearest
-from texbake.rendering.scene.file.materials import MaterialOf, Matrix
+from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
 from texbake.rendering.scene.file.tables import (
     Table,
     described,
@@ -54,7 +54,7 @@ GLTF_SUFFIXES = (".glb", ".gltf")
 
 MappingTable = table(
     UnwrapOptions,
-    {"method": choice(METHODS), "matrix": Matrix},
+    {"method": choice(METHODS), "matrix": ProjectorMatrix},
     name="Mapping",
     required=("method",),
     short="method",

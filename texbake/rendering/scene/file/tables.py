@@ -16,7 +16,9 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
+    ValidatorFunctionWrapHandler,
     WithJsonSchema,
+    WrapValidator,
     create_model,
     model_validator,
 )
@@ -60,7 +62,7 @@ class Table(BaseModel):
     short
         Key that is set by a plain value in place of the table; None if a table is required.
     switchable
-        Whether `true` is accepted as an empty table.
+        Whether `true` is accepted as an empty table, and `false` as none; see `switched`.
     takes_more
         Whether unknown keys are kept.
     further_keys
@@ -111,7 +113,7 @@ class Table(BaseModel):
         schema["additionalProperties"] = False
         schema.setdefault("properties", {}).update(cls.further_keys)
         schema["description"] = cls.__doc__ if cls.source is None else _summary(cls.source)
-        others: list[JsonSchema] = [{"const": True}] if cls.switchable else []
+        others: list[JsonSchema] = [{"type": "boolean"}] if cls.switchable else []
         if cls.short is not None:
             short = schema["properties"][cls.short]
             others.append({key: short[key] for key in short if key not in ("default", "title")})
@@ -226,6 +228,15 @@ def file_schema(model: type[Table], title: str) -> JsonSchema:
 def made(model: type[Table], make: Callable[..., Any]) -> Any:
     """Type of a table that becomes the result of `make(**given_keys)`."""
     return converted(model, lambda found: make(**found.given()))
+
+
+def switched(model: type[Table], make: Callable[..., Any]) -> Any:
+    """As `made`, of a switchable table; `false` becomes None."""
+
+    def unless_off(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+        return None if value is False else check(value)
+
+    return Annotated[made(model, make), WrapValidator(unless_off)]
 
 
 def converted(kind: Any, convert: Callable[[Any], Any]) -> Any:
