@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from types import SimpleNamespace
+from texbake.jobs.lighten import _once
 from texbake.errors import FileFormatError, OptionError
 from texbake.jobs.lighten import lighten_file
 from texbake.jobs.lighten_options import LightenOptions
@@ -247,3 +249,9 @@ def test_pictures_of_both_are_compared(model, tmp_path):
 def test_only_glb_files_hold_a_lightened_model(model, tmp_path):
     with pytest.raises(FileFormatError, match=r"use \.glb"):
         lighten_file(model, tmp_path / "light.obj", OPTIONS)
+
+
+def test_what_the_pictures_do_not_show_is_a_warning_once():
+    comparison = SimpleNamespace(notes=("a.glb: it uses KHR_x", "a.glb: it uses KHR_x"))
+    assert _once(["lost"], comparison) == ("lost", "a.glb: it uses KHR_x")
+    assert _once(["lost", "lost"], None) == ("lost",)
