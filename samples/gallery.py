@@ -25,8 +25,8 @@ SECTIONS = {
     ),
     "A planet": ("earth_spherical", "earth_cylindrical"),
     "Procedures": (
-        "marble", "wood", "granite", "worley", "stripes", "checker", "noise", "fractal_turbulence",
-        "ramp", "legends", "volume", "baked_marble",
+        "marble", "wood", "granite", "worley", "stripes", "checker", "noise",
+        "fractal_turbulence", "turbulence_levels", "ramp", "legends", "volume", "baked_marble",
     ),
     "Shading models and the slots of a material": (
         "shading_models", "roughness_metalness", "material_map", "gloss_map", "emission",
