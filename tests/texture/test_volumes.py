@@ -121,3 +121,11 @@ def test_a_scene_file_has_a_volume(scan, tmp_path):
             read_scene(file)
     with pytest.raises(OptionError):
         VolumeTexture(volume=scan, wrap="over")
+
+
+def test_a_shape_beyond_the_file_takes_no_memory(tmp_path):
+    header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (65536, 65536, 64), }\n"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(64)
+    (tmp_path / "bomb.npy").write_bytes(content)
+    with pytest.raises(FileFormatError, match="not what its header promises"):
+        read_volume(tmp_path / "bomb.npy")

@@ -10,10 +10,6 @@ Images of materials are stored as the bytes of their files.
 from __future__ import annotations
 
 import json
-import tokenize
-import warnings
-import zipfile
-import zlib
 from dataclasses import MISSING, fields
 from functools import cache
 from pathlib import Path
@@ -23,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.files import require_file
-from texbake.baking.array_archive import read_arrays
+from texbake.arrays import DAMAGE, read_arrays
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.report import BakeReport
@@ -45,12 +41,6 @@ if TYPE_CHECKING:
 Arrays = dict[str, Any]  # of arrays
 
 _VERSION = 2
-# What numpy, zipfile and json raise for a damaged file. Headers of arrays are parsed as Python, and
-# a flipped bit may mark an entry as encrypted or compressed by an unknown method.
-_DAMAGE = (
-    ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
-    Warning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
-)  # fmt: skip
 _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
                 "colors", "face_groups")  # fmt: skip
 _IMAGE_FIELDS = ("name", "components", "wraps", "placing", "uv_set", "is_nearest")
@@ -120,7 +110,7 @@ def read_hits(path: PathLike) -> BakeResult:
     """
     require_file(path)
     try:
-        arrays = _loaded(path)
+        arrays = read_arrays(path)
         header = json.loads(arrays["header"].tobytes())
         if header["version"] != _VERSION:
             raise FileFormatError(
@@ -132,17 +122,10 @@ def read_hits(path: PathLike) -> BakeResult:
         raise
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise FileFormatError(
             f"{path}: it is not a file of hits, or it is damaged; bake again and keep the hits"
         ) from error
-
-
-def _loaded(path: PathLike) -> Arrays:
-    """Arrays of an archive by name; raises any of `_DAMAGE`."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # numpy repairs some headers, and counts may overflow
-        return read_arrays(path)
 
 
 def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:

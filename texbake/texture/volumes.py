@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from texbake.arrays import DAMAGE, read_array_file
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.files import require_file
@@ -51,10 +52,10 @@ def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32
         return np.stack(slices).astype(np.float32)
     require_file(source)
     try:
-        array = np.load(Path(source), allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        array = read_array_file(source)
+    except (OSError, *DAMAGE) as error:
         raise FileFormatError(f"{source}: it is not a .npy file: {error}") from error
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "uif":
+    if array.dtype.kind not in "uif":
         raise FileFormatError(f"{source}: it is not one array of numbers")
     if array.ndim == 3:
         array = array[..., None]

@@ -9,12 +9,12 @@ so that it no longer fits once one of them has changed the faces.
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.arrays import DAMAGE, read_arrays
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, replacing
 from texbake.mesh.mesh import IntArray, Mesh
@@ -58,18 +58,13 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
     if not beside.is_file():
         return {}
     try:
-        with zipfile.ZipFile(beside) as archive:
-            # Nothing is packed, so that no array is larger than the file.
-            if any(item.compress_type != zipfile.ZIP_STORED for item in archive.infolist()):
-                raise ValueError("it is compressed")
-        with np.load(beside, allow_pickle=False) as arrays:
-            names = [str(name) for name in arrays["names"]]
-            fits = np.array_equal(arrays["of_faces"], _checksum(faces))
-            sets = {
-                name: UvSet(arrays[f"uvs_{i}"], arrays[f"faces_{i}"])
-                for i, name in enumerate(names)
-            }
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(beside)
+        fits = np.array_equal(arrays["of_faces"], _checksum(faces))
+        sets = {
+            str(name): UvSet(arrays[f"uvs_{i}"], arrays[f"faces_{i}"])
+            for i, name in enumerate(arrays["names"])
+        }
+    except (OSError, *DAMAGE) as error:
         raise FileFormatError(f"{beside}: it is not a file of UV sets: {error}") from error
     if not fits:
         raise FileFormatError(
@@ -86,7 +81,6 @@ def _checksum(faces: IntArray) -> npt.NDArray[np.uint8]:
 def uv_set_names_beside(path: PathLike) -> tuple[str, ...]:
     """Return the names of the further sets of an OBJ file; none where the file is damaged."""
     try:
-        with np.load(uv_sets_path(path), allow_pickle=False) as arrays:
-            return tuple(str(name) for name in arrays["names"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return tuple(str(name) for name in read_arrays(uv_sets_path(path))["names"])
+    except (OSError, *DAMAGE):
         return ()

@@ -1,9 +1,12 @@
-"""Arrays in an uncompressed .npz archive, read without trusting what it says of itself."""
+"""Arrays in .npy files and uncompressed .npz archives, read without trusting what these promise."""
 
 from __future__ import annotations
 
 import math
+import tokenize
+import warnings
 import zipfile
+import zlib
 from pathlib import Path
 from typing import IO, Any
 
@@ -12,8 +15,14 @@ import numpy.typing as npt
 
 from texbake.files import PathLike
 
+DAMAGE = (
+    ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
+    Warning, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+)  # fmt: skip
+"""What numpy and zipfile raise for a damaged file. Headers of arrays are parsed as Python, and a
+flipped bit may mark an entry as encrypted or compressed by an unknown method."""
 _SUFFIX = ".npy"
-_KINDS = "biuf"  # Booleans, integers and floats
+_KINDS = "biufcU"  # Booleans, numbers and text
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
@@ -28,27 +37,32 @@ def read_arrays(path: PathLike) -> dict[str, npt.NDArray[Any]]:
     OSError
         The file cannot be read.
     Exception
-        What `zipfile` and `numpy` raise for a damaged file; `ValueError` where an entry promises
-        what is not there.
+        Any of `DAMAGE`: the file is damaged, or an entry promises what is not there.
     """
+    arrays = {}
     with Path(path).open("rb") as file, zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         if sum(entry.file_size for entry in entries) > Path(path).stat().st_size:
             raise ValueError("its entries are larger than the file")
-        arrays = {}
         for entry in entries:
             if entry.compress_type != zipfile.ZIP_STORED or not entry.filename.endswith(_SUFFIX):
                 raise ValueError(f"{entry.filename}: it is not an uncompressed array")
             with archive.open(entry) as content:
-                arrays[entry.filename.removesuffix(_SUFFIX)] = _array(content, entry.file_size)
+                arrays[entry.filename.removesuffix(_SUFFIX)] = _array(content)
     return arrays
 
 
-def _array(content: IO[bytes], size: int) -> npt.NDArray[Any]:
-    """The array of an entry of `size` bytes."""
-    read_header = _HEADERS[np.lib.format.read_magic(content)]
-    shape, is_fortran, dtype = read_header(content)
-    data = content.read(size)
+def read_array_file(path: PathLike) -> npt.NDArray[Any]:
+    """Read the array of a .npy file; raises what `read_arrays` raises."""
+    with Path(path).open("rb") as file:
+        return _array(file)
+
+
+def _array(content: IO[bytes]) -> npt.NDArray[Any]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy repairs some headers, and counts may overflow
+        shape, is_fortran, dtype = _HEADERS[np.lib.format.read_magic(content)](content)
+    data = content.read()
     if dtype.kind not in _KINDS or len(data) != math.prod(shape) * dtype.itemsize:
         raise ValueError("an array is not what its header promises")
     array = np.frombuffer(bytearray(data), dtype=dtype)
