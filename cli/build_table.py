@@ -67,7 +67,9 @@ class BuildTable:
             self._print(f"{event.asset}: {event.step}: {event.message}", "red")
 
     def _print(self, text: str, style: str) -> None:
-        self._console.print(printable(text), style=style, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(
+            printable(text), style=style, markup=False, highlight=False, soft_wrap=True
+        )
 
     def _table(self) -> Table:
         now = time.perf_counter()

@@ -25,7 +25,10 @@ def moved(mesh: Path, output: Path, options: TransformOptions, terminal: Termina
             ("faces", f"{done.report.n_faces:,}"),
             ("vertices", f"{done.report.n_vertices:,}"),
             ("size", " x ".join(f"{side:.6g}" for side in high - low)),
-            ("bounds", " to ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (low, high))),
+            (
+                "bounds",
+                " to ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (low, high)),
+            ),
         ]
     )
     terminal.wrote(done.files)

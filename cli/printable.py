@@ -6,11 +6,13 @@ import re
 
 # Control characters but the line feed, marks that reorder a line, and what stands for bytes that
 # are not UTF-8.
-_UNSAFE = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+_UNSAFE = re.compile(
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
 def printable(text: str) -> str:
-    r"""Return text with control characters as escapes, so that it moves no cursor and sets no color.
+    r"""Return text with control characters as escapes: it moves no cursor and sets no color.
 
     >>> print(printable("red\x1b[31m"))
     red\x1b[31m

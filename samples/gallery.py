@@ -43,7 +43,9 @@ SECTIONS = {
     "Environments": (
         "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",
     ),
-    "Filters and coordinates": ("filters", "magnified", "wrap_modes", "uv_sets", "affine", "scanline"),
+    "Filters and coordinates": (
+        "filters", "magnified", "wrap_modes", "uv_sets", "affine", "scanline",
+    ),
     "The inside of the renderer": (
         "buffers", "buffer_depth", "buffer_normals", "buffer_uv", "buffer_object-id", "texels",
         "buffer_texel-grid", "buffer_mip-level", "rings", "buffer_overdraw",

@@ -177,7 +177,7 @@ def test_buffers_of_gltf_stay_in_the_folder(gltf, tmp_path, monkeypatch, name):
     name = str(tmp_path / "mesh.bin") if name == "ABSOLUTE" else name
     path = gltf(name, "wood.png")
     for read in (read_mesh, read_scene):
-        with pytest.raises(FileError, match="outside its folder; .* --allow-outside"):
+        with pytest.raises(FileError, match=r"outside its folder; .* --allow-outside"):
             read(path)
     monkeypatch.setenv(ALLOW_OUTSIDE, "1")
     assert read_mesh(path).n_faces == 1

@@ -23,7 +23,10 @@ DAMAGE = (
 flipped bit may mark an entry as encrypted or compressed by an unknown method."""
 _SUFFIX = ".npy"
 _KINDS = "biufcU"  # Booleans, numbers and text
-_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_HEADERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 
 
 def read_arrays(path: PathLike) -> dict[str, npt.NDArray[Any]]:

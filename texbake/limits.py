@@ -24,9 +24,7 @@ DEFAULT_MAX_IMAGE = 16384
 
 
 @contextmanager
-def raised_limits(
-    *, max_image: int | None = None, allow_outside: bool = False
-) -> Iterator[None]:
+def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) -> Iterator[None]:
     """Raise limits for the block, in this process and in those that it starts.
 
     Parameters
@@ -107,4 +105,5 @@ def file_beside(path: PathLike, name: str) -> Path:
 
 def is_within(folder: PathLike, place: PathLike) -> bool:
     """Whether a path lies in a folder or below, by their names."""
-    return Path(os.path.abspath(place)).is_relative_to(os.path.abspath(folder))
+    inside, outside = (os.path.abspath(path) for path in (place, folder))  # noqa: PTH100
+    return Path(inside).is_relative_to(outside)

@@ -98,9 +98,9 @@ def bake_texture(
 ) -> None:
     """Bake a procedure or photographs into a texture.
 
-    A solid procedure or a volume has no seams, because it is evaluated in space. Photographs are blended by how
-    well each shows a point. Texels that no photograph shows are filled from their surroundings and
-    reported.
+    A solid procedure or a volume has no seams, because it is evaluated in space. Photographs are
+    blended by how well each shows a point. Texels that no photograph shows are filled from their
+    surroundings and reported.
     """
     photos, cameras = choices.pop("photo"), choices.pop("camera")
     options = _options(photos, cameras, choices)

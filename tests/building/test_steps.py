@@ -174,8 +174,8 @@ def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
     maps, _ = do("bake", {"size": 32, "padding": 1}, high=ball, low=ball)
     far, _ = do("simplify", {"faces": [150, 80], "seams": "keep"}, mesh=ball)
     files, figures = do(
-        "export", {"to": "unreal", "mesh_format": "glb"}, mesh=ball, levels=(far["lod0"], far["lod1"]),
-        normal=maps["normal"],
+        "export", {"to": "unreal", "mesh_format": "glb"}, mesh=ball,
+        levels=(far["lod0"], far["lod1"]), normal=maps["normal"],
     )  # fmt: skip
     made = {path.name: path for path in files["folder"].iterdir()}
     assert set(made) == {"SM_a.glb", "T_a_N.png", "SETTINGS.txt"}

@@ -133,8 +133,9 @@ def test_as_a_process(run: Callable, overlapping: str) -> None:
 
 
 def test_remedies_name_the_commands_that_there_are():
-    from texbake.checks.kinds import KINDS
     from texbake_cli.lazy import COMMANDS
+
+    from texbake.checks.kinds import KINDS
 
     named = {
         name: re.findall(r"texbake ([a-z-]+)", kind.remedy)

@@ -5,10 +5,10 @@ import subprocess
 
 import pytest
 from click.testing import CliRunner
-
-import texbake
 from texbake_cli.main import texbake as command
 from texbake_cli.printable import printable
+
+import texbake
 from texbake.mesh.shapes import icosphere
 
 

@@ -2,14 +2,13 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from types import SimpleNamespace
-from texbake.jobs.lighten import _once
 from texbake.errors import FileFormatError, OptionError
-from texbake.jobs.lighten import lighten_file
+from texbake.jobs.lighten import _once, lighten_file
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run_files
@@ -202,7 +201,9 @@ def test_a_missing_image_is_a_warning(model, tmp_path):
     compared = f"{tmp_path / 'a.obj'}: compared without its missing images: gone.png"
     assert compared in done.warnings
     assert done.report.missing_images == ("gone.png",)
-    assert any(label == "PSNR in 2 views without missing images" for label, _ in done.report.table())
+    assert any(
+        label == "PSNR in 2 views without missing images" for label, _ in done.report.table()
+    )
     ran = run_files(tmp_path / "a.obj", tmp_path / "run", RunOptions(n_faces=4, size=64))
     assert compared in ran.warnings
     # The shape is as it was, so there is nothing to bake.

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.errors import OptionError
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.classical.box import box
@@ -11,6 +10,7 @@ from texbake.mapping.classical.box_sides import box_sides
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.files import read_mesh
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane

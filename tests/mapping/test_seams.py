@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.errors import UvError
 from texbake.mapping.seams import border_edges, chart_ids, connected_faces, seam_edges, seam_length
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 

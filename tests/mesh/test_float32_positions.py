@@ -32,7 +32,7 @@ def test_sizes_that_float32_holds(suffix: str, scale: float, tmp_path: Path) -> 
 def test_a_place_too_far_away_for_stl(tmp_path: Path) -> None:
     ball = icosphere(2)
     far = ball.replace(positions=ball.positions + 1e8)
-    with pytest.raises(MeshError, match="would leave 1 of its 162 vertices.*move it first"):
+    with pytest.raises(MeshError, match=r"would leave 1 of its 162 vertices.*move it first"):
         write_mesh(far, tmp_path / "ball.stl")
     write_mesh(far, tmp_path / "ball.glb")  # its node has the place
 

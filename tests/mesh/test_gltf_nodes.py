@@ -27,9 +27,7 @@ def instances(tmp_path):
             "asset": {"version": "2.0"},
             "buffers": [{"byteLength": len(data), "uri": uri}],
             "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
-            "accessors": [
-                {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}
-            ],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
             "nodes": [{"mesh": 0, "translation": [i, 0, 0]} for i in range(n_nodes)],
             "scenes": [{"nodes": list(range(n_nodes))}],

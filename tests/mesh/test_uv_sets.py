@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from texbake_cli.main import texbake
 
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.jobs.convert import transform_file
@@ -15,7 +16,6 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.mesh.turn import turned_over
 from texbake.mesh.uv_sets import UvSet
-from texbake_cli.main import texbake
 
 
 @pytest.fixture
@@ -25,7 +25,9 @@ def mesh():
     rng = np.random.default_rng(3)
     uvs = rng.random((3 * sphere.n_faces, 2)).astype(np.float32).astype(np.float64)
     faces = rng.permutation(len(uvs)).reshape(-1, 3)
-    return sphere.replace(uv_sets={"lightmap": UvSet(uvs, faces), "decals": UvSet(uvs, faces[::-1])})
+    return sphere.replace(
+        uv_sets={"lightmap": UvSet(uvs, faces), "decals": UvSet(uvs, faces[::-1])}
+    )
 
 
 def corners_by_position(mesh, name):
@@ -68,9 +70,7 @@ def test_what_changes_a_mesh_carries_its_sets_along(mesh):
         over.corner_uvs("lightmap")[chosen], mesh.corner_uvs("lightmap")[chosen][:, ::-1]
     )
     both = join_meshes([cube(), mesh])
-    np.testing.assert_array_equal(
-        both.corner_uvs("lightmap")[12:], mesh.corner_uvs("lightmap")
-    )
+    np.testing.assert_array_equal(both.corner_uvs("lightmap")[12:], mesh.corner_uvs("lightmap"))
     assert (both.corner_uvs("lightmap")[:12] == 0.0).all()
 
 

@@ -73,7 +73,7 @@ def test_texture_settings_look_like_the_samples_beside_them(data_dir, name):
     x, y, _ = placed(item).bounds[0]
     corner = np.array([x + 0.12, y + 0.12])
     # Edges of the mark lie differently between the pixels.
-    assert difference(picture, center, side, corner, corner + (2.15, 0.0), 0.66) < 0.03
+    assert difference(picture, center, side, corner, corner + np.array([2.15, 0.0]), 0.66) < 0.03
     test = cell(picture, center, side, corner, 0.66)
     # Green, not the red of a cell that fails.
     assert test[..., 1].sum() > 1.1 * test[..., 0].sum()
@@ -142,8 +142,6 @@ def test_alpha_is_cut_off_where_the_arrows_stand(data_dir):
         assert top == pytest.approx((near[:, 1].min() + near[:, 1].max()) / 2, abs=0.03)
 
 
-
-
 @pytest.mark.parametrize(
     ("name", "lefts", "steps"),
     [
@@ -160,5 +158,5 @@ def test_normal_maps_look_like_the_geometry_beside_them(data_dir, name, lefts, s
             corner = np.array([left + 0.03, bottom + 0.03])
             assert cell(picture, center, side, corner, 0.24).std() > 0.02  # a ball
             for step in steps:
-                beside = corner + (step, 0.0)
+                beside = corner + np.array([step, 0.0])
                 assert difference(picture, center, side, corner, beside, 0.24) < 0.03

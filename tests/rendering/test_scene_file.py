@@ -35,7 +35,9 @@ def material(folder, text):
 def test_a_light_without_shadow_may_say_so(folder):
     light = '[[lights]]\nkind = "directional"\n'
     for text, casts in (("", False), ("shadow = false", False), ("shadow = true", True)):
-        assert (read(folder, f"{light}{text}\n{BALL}").lighting.lights[0].shadow is not None) == casts
+        assert (
+            read(folder, f"{light}{text}\n{BALL}").lighting.lights[0].shadow is not None
+        ) == casts
 
 
 def test_the_matrix_of_a_projector_may_have_three_rows(folder):
@@ -371,7 +373,8 @@ def test_wrong_lights(folder, text, message):
         ("normal_map = {texture = 'gray.png', convention = 'gl'}",
          "normal_map.convention: 'gl' is not one of opengl, directx"),
         ("bump_map = {texture = {procedure = 'noise'}, form = 'blin'}",
-         "bump_map.form: 'blin' is not one of blinn, exact, emboss, emboss-normalized; did you mean 'blinn'?"),
+         "bump_map.form: 'blin' is not one of blinn, exact, emboss, emboss-normalized; "
+         "did you mean 'blinn'?"),
         ("reflection = {environment = 'room'}",
          "reflection.environment: 'room' is not one of scene, rendered"),
         ("shading = 'phong'", "shading: 'phong' is not one of unlit, lambert, blinn-phong, "

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from texbake_cli.main import texbake
 
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
@@ -18,7 +19,6 @@ from texbake.rendering.scene.textures import VolumeTexture
 from texbake.texture.image import read_image, write_image
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.volumes import read_volume
-from texbake_cli.main import texbake
 
 SCAN = np.random.default_rng(6).integers(0, 65536, (5, 6, 7)).astype(np.uint16)
 LEGEND = ((0.0, 0.0, 0.5), (0.0, 0.5, 0.0), (1.0, 0.2, 0.0))

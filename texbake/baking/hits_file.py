@@ -12,13 +12,11 @@ from __future__ import annotations
 import json
 from dataclasses import MISSING, fields
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import require_file
 from texbake.arrays import DAMAGE, read_arrays
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
@@ -26,7 +24,7 @@ from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
 from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike, replacing, require_file
 from texbake.mesh.compose import used_rows
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import unquote
 
-from texbake.files import read_bytes
 from texbake.errors import TexbakeError
+from texbake.files import read_bytes
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)

@@ -17,11 +17,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from texbake.files import require_file
 from texbake.building.companions import SUFFIXES, companions
 from texbake.building.locations import file_signature, is_url, location_of
 from texbake.errors import FileError
-from texbake.files import replacing
+from texbake.files import replacing, require_file
 
 _TICK_NS = 50_000_000
 MISSING = "missing"  # in place of the digest of a missing file

@@ -14,13 +14,12 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model
 
-from texbake.limits import file_beside
-from texbake.files import require_file
 from texbake.building.locate import key_lines, line_of
 from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError
-from texbake.files import PathLike
+from texbake.files import PathLike, require_file
+from texbake.limits import file_beside
 from texbake.rendering.scene.file.faults import (
     fault,
     first_fault,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.checks.finding import Finding
 from texbake.checks.kinds import KINDS
 from texbake.checks.options import CheckOptions
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.frame import unit_scale
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.topology import duplicate_faces, repeated_vertices

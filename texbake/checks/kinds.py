@@ -45,8 +45,8 @@ _SURFACE = (
         high="note",
         problem="They repeat the three vertices of an earlier face. Which of the two is baked, hit "
         "or drawn depends on the order of the faces.",
-        remedy="Remove one of each pair: texbake repair. To draw a surface from both sides, show back "
-        "faces.",
+        remedy="Remove one of each pair: texbake repair. To draw a surface from both sides, "
+        "show back faces.",
     ),
     Kind(
         name="duplicate-vertices",
@@ -56,8 +56,8 @@ _SURFACE = (
         high="note",
         problem="They repeat an earlier vertex with all its attributes. texbake treats them as one "
         "vertex; other programs may shade a crease there or open a gap.",
-        remedy="Merge them: texbake repair. Where groups or materials meet, GLB files repeat vertices "
-        "all the same, and programs that read them expect that.",
+        remedy="Merge them: texbake repair. Where groups or materials meet, GLB files repeat "
+        "vertices all the same, and programs that read them expect that.",
     ),
     Kind(
         name="unused-vertices",
@@ -88,8 +88,8 @@ _SURFACE = (
         high="note",
         problem="Several fans of faces touch in a single vertex (a bow tie). Its normal is the "
         "mean of all of them and fits none.",
-        remedy="Split the vertex, and move the parts of the mesh slightly apart; or wrap it in a new "
-        "surface: texbake remesh.",
+        remedy="Split the vertex, and move the parts of the mesh slightly apart; or wrap it in a "
+        "new surface: texbake remesh.",
     ),
     Kind(
         name="cracks",
@@ -110,8 +110,8 @@ _SURFACE = (
         problem="Face {one} passes through face {other}, for example. On a low-poly mesh, the part "
         "inside the model takes up texels that nobody sees, and rays that start inside it hit the "
         "surface of the other part. On a high-poly mesh, the part inside is never hit.{unsure}",
-        remedy="Cut the parts along their intersection, bake them separately, as groups, or wrap them "
-        "in one surface: texbake remesh.",
+        remedy="Cut the parts along their intersection, bake them separately, as groups, or wrap "
+        "them in one surface: texbake remesh.",
     ),
     Kind(
         name="undecided-intersections",
@@ -240,8 +240,8 @@ _COORDINATES = (
         title="coordinates outside the UV tile",
         low="error",
         problem="Only what lies inside the unit square is baked.",
-        remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. To bake several tiles, move each of them "
-        "there in turn.",
+        remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. "
+        "To bake several tiles, move each of them there in turn.",
     ),
     Kind(
         name="overlapping-coordinates",

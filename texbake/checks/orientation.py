@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import next_half_edges
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
 from texbake.checks.finding import Finding
 from texbake.core import core
 from texbake.mapping.seams import connected_faces
+from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between
 

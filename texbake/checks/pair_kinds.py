@@ -22,8 +22,8 @@ PAIR_KINDS = (
         low="error",
         problem="The centers of the two meshes are {distance} apart: rays do not reach the "
         "high-poly mesh.",
-        remedy="Move the low-poly mesh by {offset}: texbake transform --move. Or export both from the "
-        "same scene.",
+        remedy="Move the low-poly mesh by {offset}: texbake transform --move. Or export both from "
+        "the same scene.",
     ),
     Kind(
         name="differing-axes",

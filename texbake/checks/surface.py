@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import next_half_edges
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
 from texbake.core import core
 from texbake.mapping.areas import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows

@@ -34,9 +34,9 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
 def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
     """Say why most rays of a bake missed, in the words of `check`; nothing if they did not.
 
-    What faces inwards of the high-poly mesh was turned over for the bake, and is here. The low-poly mesh is not: the
-    maps would be those of another mesh than the one in its file, with other normals and mirrored
-    charts, and a bake writes no meshes.
+    What faces inwards of the high-poly mesh was turned over for the bake, and is here. The low-poly
+    mesh is not: the maps would be those of another mesh than the one in its file, with other
+    normals and mirrored charts, and a bake writes no meshes.
 
     Raises
     ------

@@ -12,7 +12,6 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.limits import file_beside
 from texbake.baking.bake import bake
 from texbake.baking.report import BakeReport
 from texbake.errors import FileFormatError, OptionError
@@ -41,6 +40,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.limits import file_beside
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report

@@ -285,7 +285,7 @@ def _check_names(paths: Sequence[Path], pattern: str) -> None:
 def _why_missed(
     highs: Sequence[Mesh], lows: Sequence[Mesh], report: PartsReport
 ) -> tuple[str, ...]:
-    """Say why most rays of a set of maps missed; raise if all meshes together face opposite ways."""
+    """Say why most rays of a set of maps missed; raise if all meshes face opposite ways."""
     lines = [
         line
         for figures in report.targets.values()

@@ -13,7 +13,7 @@ import numpy as np
 
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
-from texbake.jobs.outputs import BARE_MESH_SUFFIXES, given, SUFFIXES_OF_UV_SETS, uv_set_files
+from texbake.jobs.outputs import BARE_MESH_SUFFIXES, SUFFIXES_OF_UV_SETS, given, uv_set_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
@@ -57,9 +57,7 @@ class SourceMaterials:
         if materials is not None and not any(item.channels for item in materials.materials):
             lost = ("materials",) if materials.missing else ()
             materials = None
-        return cls(
-            path=Path(path), materials=materials, lost=lost, passed_over=passed_over(path)
-        )
+        return cls(path=Path(path), materials=materials, lost=lost, passed_over=passed_over(path))
 
     def fit(self, output: PathLike, *, mtl: bool) -> bool:
         """Whether there are materials, and a file of the format of `output` holds them."""

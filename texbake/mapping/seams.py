@@ -13,13 +13,11 @@ Based on: K. Weiler, "Edge-based data structures for solid modeling in curved-su
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.core import core
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows

@@ -171,8 +171,8 @@ def _unwrapped(
         check_measurable(mesh)
         if options.uv_set is not None and mesh.uvs is None:
             raise UvError(
-                f"{mesh.name}: it has no texture coordinates yet, and a further set comes after the "
-                "first; leave out uv_set"
+                f"{mesh.name}: it has no texture coordinates yet, and a further set comes after "
+                "the first; leave out uv_set"
             )
     if options.only is None:
         chosen = [np.ones(mesh.n_faces, dtype=bool) for mesh in meshes]
@@ -197,7 +197,9 @@ def _unwrapped(
         if n_without:
             part.tallies["faces of other groups without coordinates"] = n_without
         made = with_coordinates(mesh, corners)
-        results.append((made if options.uv_set is None else _as_further(mesh, made, options.uv_set), part))
+        results.append(
+            (made if options.uv_set is None else _as_further(mesh, made, options.uv_set), part)
+        )
     return results
 
 

@@ -262,9 +262,7 @@ def _remeshed(
     with stages.stage("project"):
         tree = TriangleTree.build(points, mesh.faces, threads=threads)
         moved, faces = project(nets, tree, sharp_edges=options.sharp_edges, threads=threads)
-    moved, faces, n_crumbs = without_crumbs(
-        moved, faces, keep_cavities=options.keep_interior
-    )
+    moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=options.keep_interior)
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
     wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
     if options.sharp_edges:

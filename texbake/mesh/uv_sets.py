@@ -35,7 +35,6 @@ class UvSet:
     faces: npt.NDArray[np.int32]
 
 
-
 def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mapping[str, UvSet]:
     """Return sets with read-only arrays of their types.
 

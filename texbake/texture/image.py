@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import require_file
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike, replacing, require_file
 from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands

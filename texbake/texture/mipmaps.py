@@ -169,7 +169,13 @@ def mip_chain(
     chain = MipChain(texels, ends - sizes.prod(axis=1), sizes)
     for index in range(1, len(sizes)):
         smaller = texels[ends[index - 1] : ends[index]]
-        _reduce(chain.level(index - 1), smaller.reshape(*sizes[index], -1), filter, (along_u, along_v), threads)
+        _reduce(
+            chain.level(index - 1),
+            smaller.reshape(*sizes[index], -1),
+            filter,
+            (along_u, along_v),
+            threads,
+        )
         if roughness:
             # The length of the mean vector, not the mean of the lengths.
             smaller[:, n_channels] = np.linalg.norm(smaller[:, :n_channels], axis=1)

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_array_file
 from texbake.errors import FileFormatError
-from texbake.files import PathLike
-from texbake.files import require_file
+from texbake.files import PathLike, require_file
 from texbake.texture.image import read_image
 
 

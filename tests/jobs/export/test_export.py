@@ -303,7 +303,9 @@ def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
     contents = []
     for name in "one", "two":
         options = ExportOptions(to="blender", layers=True)
-        result = export_asset(mesh, find_maps(maps), tmp_path / name, options, levels=[coarser(mesh)])
+        result = export_asset(
+            mesh, find_maps(maps), tmp_path / name, options, levels=[coarser(mesh)]
+        )
         contents.append([path.read_bytes() for path in result.files])
     assert contents[0] == contents[1]
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.baking.scenes import measure_extent
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.triangle_tree import TriangleTree

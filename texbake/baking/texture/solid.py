@@ -18,8 +18,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
-from texbake.texture.volumes import read_volume
 from texbake.texture.procedures.options import COLORED_PROCEDURES, MEASURING_PROCEDURES
+from texbake.texture.volumes import read_volume
 
 
 def bake_solid(
@@ -66,7 +66,11 @@ def bake_solid(
     scaled = mesh.positions[mesh.faces] * scale
     widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
-    volume = read_volume(options.volume if len(options.volume) > 1 else options.volume[0]) if options.volume else None
+    volume = (
+        read_volume(options.volume if len(options.volume) > 1 else options.volume[0])
+        if options.volume
+        else None
+    )
     n_channels = 3 if ramp is not None or options.procedure in COLORED_PROCEDURES else 1
     if volume is not None and ramp is None:
         n_channels = volume.shape[3]

@@ -298,7 +298,7 @@ class UnwrapStep(UnwrapOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.uv_set is not None and self.format != "glb":
-            raise OptionError(f"uv_set: a product has no file beside it; set format = 'glb'")
+            raise OptionError("uv_set: a product has no file beside it; set format = 'glb'")
 
 
 def _unwrap(job: Job) -> dict[str, Any]:

@@ -11,8 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mapping.seams import merged_labels
+from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals
 from texbake.mesh.weld import weld_rows

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows

@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from texbake.errors import FileError
-from texbake.files import is_file, read_bytes
+from texbake.errors import FileError, TexbakeError
+from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
-from texbake.errors import TexbakeError
-from texbake.files import PathLike
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.fbx_textures import base_layer, fbx_images
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
@@ -168,7 +166,9 @@ def _of_obj(path: Path) -> FileContents:
                 _add_statement(library, match[1], match[2], materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
-        materials=tuple(materials), images=images, uv_sets=("vt", *uv_set_names_beside(path)) if has_uvs else ()
+        materials=tuple(materials),
+        images=images,
+        uv_sets=("vt", *uv_set_names_beside(path)) if has_uvs else (),
     )
 
 

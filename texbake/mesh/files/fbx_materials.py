@@ -18,7 +18,14 @@ import numpy as np
 from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
-from texbake.mesh.files.fbx_textures import base_layer, fbx_image_name, fbx_images, has_alpha, placing, wraps
+from texbake.mesh.files.fbx_textures import (
+    base_layer,
+    fbx_image_name,
+    fbx_images,
+    has_alpha,
+    placing,
+    wraps,
+)
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,

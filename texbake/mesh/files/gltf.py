@@ -14,7 +14,7 @@ installed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,6 @@ from texbake.mesh.compose import (
 from texbake.mesh.files.conversion import strip_triangles
 from texbake.mesh.files.gltf_compression import DRACO, decode_draco
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.files.gltf_nodes import (
     FAN,
     INDICES,
@@ -44,6 +43,7 @@ from texbake.mesh.files.gltf_nodes import (
     placed_nodes,
     require_placeable,
 )
+from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
@@ -114,8 +114,6 @@ def _part(piece: PrimitiveMesh, group: str, name: str, uv_sets: Mapping[int, str
         group_names=(group,),
         name=name,
     )
-
-
 
 
 @dataclass(frozen=True)
@@ -205,7 +203,9 @@ def read_primitive(
     mode = TRIANGLES if arrays.decoded else mode
     corners = _triangles(_corner_indices(document, arrays, n), mode)
     uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
-    others = {number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further}
+    others = {
+        number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further
+    }
     colors = _attribute(document, arrays, "COLOR_0", (3, 4), n)
     keys = positions
     if keeps_colors and colors is not None:
@@ -216,7 +216,11 @@ def read_primitive(
         faces=vertices.astype(np.int32)[corners],
         corners=corners,
         uvs=_turned_up(uvs),
-        further_uvs={i: rows for i, rows in ((i, _turned_up(o)) for i, o in others.items()) if rows is not None},
+        further_uvs={
+            i: rows
+            for i, rows in ((i, _turned_up(o)) for i, o in others.items())
+            if rows is not None
+        },
         normals=_attribute(document, arrays, "NORMAL", (3,), n),
         tangents=_attribute(document, arrays, "TANGENT", (4,), n),
         colors=None if colors is None else colors[kept].astype(np.float32),

@@ -19,9 +19,9 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from texbake.limits import file_beside
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
+from texbake.limits import file_beside
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.source import ByteArray, read_array
 

@@ -17,7 +17,6 @@ import numpy as np
 from texbake.errors import FileError, FileFormatError
 from texbake.files import PathLike
 from texbake.mesh.files.gltf import primitive_uvs
-from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
@@ -27,6 +26,7 @@ from texbake.mesh.files.gltf_material_read import (
     material_index,
     read_material,
 )
+from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
 from texbake.mesh.materials import (
     ChannelImage,
     ChannelSource,

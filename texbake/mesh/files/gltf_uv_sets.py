@@ -32,7 +32,8 @@ def uv_set_names(
     for number in numbers:
         name = given.get(f"TEXCOORD_{number}")
         names[number] = f"TEXCOORD_{number}"
-        if isinstance(name, str) and name.strip() and name.isprintable():
-            if name not in names.values():
-                names[number] = name
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            continue
+        if name not in names.values():
+            names[number] = name
     return names

@@ -130,10 +130,12 @@ class CornerVertices:
 
     @cached_property
     def _further_sets(self) -> dict[int, str]:
-        """Names of the mesh's further sets, by their numbers; those of materials may be the same."""
+        """Names of the mesh's further sets, by their numbers; materials may use the same."""
         mesh = self.mesh
         written = {
-            number: uvs[mesh.uv_faces] for number, uvs in enumerate(self._uv_sets.values()) if number
+            number: uvs[mesh.uv_faces]
+            for number, uvs in enumerate(self._uv_sets.values())
+            if number
         }
         names: dict[int, str] = {}
         for name in mesh.uv_sets:

@@ -19,10 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.files import is_file, read_bytes
-from texbake.limits import file_beside
 from texbake.errors import FileError, FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, is_file, read_bytes
+from texbake.limits import file_beside
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
 from texbake.mesh.files.source import decode_name, read_array
@@ -100,9 +99,7 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     )
 
 
-def _read_libraries(
-    path: Path, data: memoryview, missing: MissingParts
-) -> dict[str, MeshMaterial]:
+def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict[str, MeshMaterial]:
     """Materials by their names; the first library that has a name counts."""
     known: dict[str, MeshMaterial] = {}
     for library in library_names(path, data):

@@ -36,8 +36,8 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
-from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, require_text
 from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
+from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, require_text
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import stat
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import read_bytes, require_file
-from texbake.errors import FileError, FileFormatError
-from texbake.files import PathLike
+from texbake.errors import FileFormatError
+from texbake.files import PathLike, read_bytes
 
 ByteArray = npt.NDArray[np.uint8]
 

@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from texbake.files import read_bytes
 from texbake.errors import FileError
-from texbake.files import PathLike
+from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.usd import UsdPart, read_parts
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates

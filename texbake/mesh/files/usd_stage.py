@@ -14,9 +14,8 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import require_file
 from texbake.errors import DependencyError, FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, require_file
 from texbake.limits import file_beside
 from texbake.mesh.weld import weld_rows
 

@@ -13,7 +13,7 @@ from texbake.mesh.topology import face_components
 
 # In voxels. The surface around a single point of the grid is a voxel across, unless it is moved.
 _LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5
-# Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as it is long.
+# Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as long.
 _LEAST_CAVITY = 3.0
 
 

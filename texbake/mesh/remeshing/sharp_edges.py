@@ -16,8 +16,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.core import core
+from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
 from texbake.mesh.triangle_tree import TriangleTree

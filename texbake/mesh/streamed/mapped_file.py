@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.files import require_file
 from texbake.core import core
 from texbake.errors import FileError, FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, require_file
 from texbake.mesh.files.source import ByteArray
 
 

@@ -26,8 +26,8 @@ from texbake.mesh.files.ply_tables import (
     read_header,
     require_rows,
 )
-from texbake.mesh.streamed.mapped_file import MappedFile, map_file
 from texbake.mesh.mesh import IntArray
+from texbake.mesh.streamed.mapped_file import MappedFile, map_file
 from texbake.mesh.streamed.vertices import FileVertices
 from texbake.parallel import run_bands
 

@@ -6,7 +6,6 @@ Kernel: `core/streamed_vertices.c`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt

@@ -3,8 +3,8 @@
 A white surface that faces a light reflects its color times its intensity. Point and spot lights
 fall off as 1 / d^decay with the distance d. A spot has full strength inside its inner cone and
 fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. A slide in a rectangular gate bounds the light
-instead of the cone, which is then one around its corners. At the position of a point light itself, the
-light comes along the normal with its strength at a distance of 0.001.
+instead of the cone, which is then one around its corners. At the position of a point light itself,
+the light comes along the normal with its strength at a distance of 0.001.
 
 Kernel: `core/lamps.c`.
 """

@@ -6,10 +6,10 @@ at most `layers`, so slanted views take more steps. The intersection between the
 heights and the first step below is refined by the method of false position (Illinois variant),
 which is exact where the map is linear.
 
-All later lookups of the object use the shifted coordinates, in whatever set. Depth, normals and derivatives stay
-those of the surface, and the outline stays that of the mesh. A ray that leaves the texture
-continues by the texture's wrap mode. At grazing angles the ray is followed for at most one unit of
-texture coordinates. Fragments seen from behind their normal are not shifted.
+All later lookups of the object use the shifted coordinates, in whatever set. Depth, normals and
+derivatives stay those of the surface, and the outline stays that of the mesh. A ray that leaves the
+texture continues by the texture's wrap mode. At grazing angles the ray is followed for at most one
+unit of texture coordinates. Fragments seen from behind their normal are not shifted.
 
 `depth` is in units of texture coordinates. On a stretched mapping, the length of one unit is the
 square root of the surface area that a unit square of the texture covers.

@@ -2,8 +2,9 @@
 
 The slide of a spot light (a light profile) has the shape of its image and stands upright along the
 light's `up`. It multiplies the light. In a rectangular gate its longer side fills the angle of the
-light, and its border is that of the light; in a round gate its shorter side fills the cone. Projected textures are blended over the base color one
-after another, by their own opacity times their strength. Other surfaces block them only with
+light, and its border is that of the light; in a round gate its shorter side fills the cone.
+Projected textures are blended over the base color one after another, by their own opacity times
+their strength. Other surfaces block them only with
 `occlusion`; see `texbake.rendering.effects.projected_visibility`. Nothing
 is projected behind a projector or outside the unit square of its picture.
 

@@ -16,13 +16,13 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.limits import file_beside
 from texbake.errors import MeshError, OptionError
 from texbake.files import PathLike
+from texbake.limits import file_beside
 from texbake.mesh.files.gltf import PrimitiveMesh, read_primitive
-from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
+from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes, require_placeable
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet

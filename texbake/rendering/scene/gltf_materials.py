@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from texbake.files import require_file
 from texbake.errors import FileError
+from texbake.files import require_file
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
     GltfMaterial,

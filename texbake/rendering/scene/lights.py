@@ -109,7 +109,9 @@ class Light:
     ] = "rectangle"
     aspect: Annotated[
         float | None,
-        Option("Width of the profile divided by its height; without it that of the image.", above=0),
+        Option(
+            "Width of the profile divided by its height; without it that of the image.", above=0
+        ),
     ] = None
     static: Annotated[bool, Option("Whether light maps contain the light.")] = True
     follows_camera: Annotated[

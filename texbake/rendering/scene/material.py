@@ -82,7 +82,8 @@ class BumpMap:
 
     `form` is `blinn` (first order: N + d_u (N x P_v) ... normalized), `exact` (with the terms
     d N_u and d N_v of the displaced surface), `emboss` (d at the point and a step toward the
-    light, subtracted) or `emboss-normalized` (divided by the length of the bent normal). `height` is what value 1 stands for, in model units of the object.
+    light, subtracted) or `emboss-normalized` (divided by the length of the bent normal). `height`
+    is what value 1 stands for, in model units of the object.
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights.")]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from texbake.files import read_bytes, require_file
 from texbake.errors import FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, read_bytes, require_file
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.scene import Scene
 

@@ -54,7 +54,19 @@ class Procedure:
     work: Callable[[ProcedurePoints, dict[str, Any]], Work]
 
 
-_WORKS = (checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley, gradient, radial)
+_WORKS = (
+    checker,
+    stripes,
+    noise,
+    fractal,
+    turbulence,
+    marble,
+    wood,
+    granite,
+    worley,
+    gradient,
+    radial,
+)
 PROCEDURES: Mapping[str, Procedure] = MappingProxyType(
     {
         work.__name__: Procedure(

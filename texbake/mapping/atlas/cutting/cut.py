@@ -13,7 +13,6 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts, gather_charts
@@ -29,6 +28,7 @@ from texbake.mapping.atlas.cutting.parts import (
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import edge_ids
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces
+from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Cells of the grid that points are snapped to, along the longest side of the bounding box.

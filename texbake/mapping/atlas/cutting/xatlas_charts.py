@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.core import core
 from texbake.errors import DependencyError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
+from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 

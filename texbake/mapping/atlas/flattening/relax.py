@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten, measured
 from texbake.mapping.seams import merged_labels
+from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands

@@ -21,8 +21,8 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from texbake.files import require_file
 from texbake.errors import FileError
+from texbake.files import require_file
 from texbake.rendering.scene.file.faults import fault, nearest, shown
 from texbake.schema import JsonSchema
 
