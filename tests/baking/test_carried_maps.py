@@ -192,6 +192,8 @@ def test_a_channel_that_no_material_sets_is_one_clear_error():
 @pytest.mark.parametrize(("channel", "is_color"), [("roughness", False), ("emissive", True)])
 def test_an_image_that_the_file_does_not_name_is_baked_for_any_channel(tmp_path, channel, is_color):
     codes = np.random.default_rng(3).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    if not is_color:
+        codes[:] = codes[:, :, :1]
     write_image(codes, tmp_path / "a.png")
     write_mesh(plane(), tmp_path / "a.obj")
     done = bake_files(

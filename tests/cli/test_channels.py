@@ -83,7 +83,7 @@ def test_floats_beyond_one_are_kept(workplace: Path, invoke: Invoke) -> None:
         ("pack-channels --red small.png --green ao.png --blue 0 -o x.png", "small.png 2 x 2"),
         ("pack-channels --red ao.png --green 0 --blue 0 -o ao.png", "also an input"),
         ("pack-channels --red ao.png --green 0 --blue 0 -o x.jpg", "JPEG changes"),
-        ("pack-channels --red no.png --green 0 --blue 0 -o x.png", "No such file"),
+        ("pack-channels --red no.png --green 0 --blue 0 -o x.png", "no such file"),
         ("split-channels ao.png -o m --names a,b", "2 are given, but ao.png has 1 channel"),
         ("split-channels rgb.png -o m --names a,a", "a is given twice"),
         ("split-channels rgb.png -o m --names ,", "all are empty"),
@@ -96,7 +96,7 @@ def test_what_cannot_be_done_is_one_line(
     write_image(codes, "rgb.png")
     write_image(np.zeros((2, 2)), "small.png")
     before = set(workplace.rglob("*"))
-    result = invoke(line, 1 if "No such" in words else 2)
+    result = invoke(line, 1 if "no such" in words else 2)
     assert words in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert set(workplace.rglob("*")) == before

@@ -334,7 +334,7 @@ LEFT_OUT = {
     "beyond the cone": (
         (floor(), ball((0.0, 2.0, 0.0), 0.5, receives_shadows=False)),
         light("spot", position=(0, 6, 0), direction=(0, 1, 0), angle=30.0),
-        "its shadows fall on nothing",
+        "no light casts shadows",
     ),
 }
 

@@ -157,7 +157,7 @@ def test_damaged_files_are_one_clear_line_and_print_nothing(tmp_path, suffix, pi
 
 def test_a_file_that_is_not_there_or_a_folder_is_a_file_error(tmp_path):
     for path in (tmp_path / "none.png", tmp_path, tmp_path / "none" / "none.exr"):
-        with pytest.raises(FileError, match="cannot be read"):
+        with pytest.raises(FileError, match=r"there is no such file|it is a folder"):
             read_image(path, color=False)
 
 

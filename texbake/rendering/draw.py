@@ -27,6 +27,7 @@ from texbake.rendering.effects import EFFECTS
 from texbake.rendering.effects.environment import OF_ENVIRONMENT
 from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
 from texbake.rendering.effects.transparency import PEELED_LAYERS
+from texbake.rendering.identities import Identity, without_identities
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.passes import find_visible, shaded_fragments
 from texbake.rendering.plan import compile_plan
@@ -56,13 +57,23 @@ class SceneCache:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """A scene with its cache of results that do not depend on the camera."""
+    """A scene with its cache of results that do not depend on the camera.
+
+    `scene` is without the parts that change no pixel, which `identities` lists.
+    """
 
     scene: Scene
     options: RenderOptions
     effects: Sequence[Effect] = EFFECTS
     threads: int | None = None
     loaded: SceneCache = field(default_factory=SceneCache)
+    identities: tuple[Identity, ...] = ()
+
+    def request(self, camera: Camera, keep: Collection[str]) -> RenderRequest:
+        """Return the request for a picture from a camera."""
+        return RenderRequest(
+            self.scene, self.options, camera, frozenset(keep), identities=self.identities
+        )
 
 
 def prepare(
@@ -85,8 +96,11 @@ def prepare(
     threads
         Number of threads; None uses every processor. The result does not depend on it.
     """
+    options = options or RenderOptions()
+    reads_coordinates = options.buffer is not None or effects is not EFFECTS
+    active, identities = without_identities(scene, reads_coordinates=reads_coordinates)
     return Prepared(
-        scene=scene, options=options or RenderOptions(), effects=effects, threads=threads
+        scene=active, options=options, effects=effects, threads=threads, identities=identities
     )
 
 
@@ -98,8 +112,7 @@ def share_environment(drawn: Prepared, other: Prepared) -> None:
 
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:
     """Return the passes that a picture from this camera needs, without running them."""
-    request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
-    return compile_plan(request, prepared.effects)
+    return compile_plan(prepared.request(camera, keep), prepared.effects)
 
 
 def draw(
@@ -130,8 +143,7 @@ def draw(
     TexbakeError
         A texture cannot be read, or a mesh lacks data that an effect needs.
     """
-    request = RenderRequest(prepared.scene, prepared.options, camera, frozenset(keep))
-    return _draw(prepared, request, Stages(progress))
+    return _draw(prepared, prepared.request(camera, keep), Stages(progress))
 
 
 def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:

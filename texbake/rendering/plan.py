@@ -13,6 +13,7 @@ from typing import Any
 
 from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal, Target
+from texbake.rendering.identities import Identity
 from texbake.rendering.request import RenderRequest
 
 # Passes that every picture has, in the order in which they run.
@@ -70,19 +71,26 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
                 refusals[effect.name].append(answer)
     return Plan(
         tuple(Pass(effect, tuple(calls[effect.name])) for effect in effects if calls[effect.name]),
-        tuple(_left_out(effects, calls, refusals)),
+        tuple(_left_out(effects, calls, refusals, request.identities)),
     )
 
 
 def _left_out(
-    effects: Sequence[Effect], calls: dict[str, list[Call]], refusals: dict[str, list[Refusal]]
+    effects: Sequence[Effect],
+    calls: dict[str, list[Call]],
+    refusals: dict[str, list[Refusal]],
+    identities: Sequence[Identity],
 ) -> list[LeftOut]:
-    left_out = []
+    left_out = [LeftOut(item.name, item.by, item.why) for item in identities]
+    told = {item.name for item in identities}
+    taken_out = {(item.name, item.by) for item in identities}
     for effect in effects:
         left_out += [
-            LeftOut(effect.name, refusal.by, refusal.why) for refusal in refusals[effect.name]
+            LeftOut(effect.name, refusal.by, refusal.why)
+            for refusal in refusals[effect.name]
+            if (effect.name, refusal.by) not in taken_out
         ]
-        if not calls[effect.name] and not refusals[effect.name]:
+        if not calls[effect.name] and not refusals[effect.name] and effect.name not in told:
             left_out.append(LeftOut(effect.name, "", effect.left_out))
     return left_out
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from texbake.rendering.camera import Camera
+from texbake.rendering.identities import Identity
 from texbake.rendering.maps import has_opacity
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.rasterize import Window
@@ -40,7 +41,7 @@ class RenderRequest:
 
     `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
     is 1 in an environment rendered for a reflecting object. `window` has the pixels of the camera's
-    picture that are drawn, None for all.
+    picture that are drawn, None for all. `identities` lists what was taken out of the scene.
     """
 
     scene: Scene
@@ -49,6 +50,7 @@ class RenderRequest:
     keep: frozenset[str] = frozenset()
     depth: int = 0
     window: Window | None = None
+    identities: tuple[Identity, ...] = ()
 
     @property
     def shows_buffer(self) -> bool:
@@ -105,12 +107,20 @@ class RenderRequest:
             yield "base_color.opacity", opacity
         for feature in "normal_map", "bump_map", "parallax", "reflection", "refraction":
             holder = getattr(material, feature)
-            if holder is None:
+            if holder is None or not self._looks_up(feature, index):
                 continue
             for field in fields(holder):
                 value = getattr(holder, field.name)
                 if isinstance(value, ImageTexture | ProcedureTexture):
                     yield f"{feature}.{field.name}", value
+
+    def _looks_up(self, feature: str, index: int) -> bool:
+        """Whether shading an object looks up the textures of a feature of its material."""
+        material = self.material(index)
+        needs_normals = self.shows_buffer or "normals" in self.keep or material.shading != "unlit"
+        if feature == "normal_map":
+            return needs_normals or bool(material.reflection or material.refraction)
+        return needs_normals or feature != "bump_map"
 
     def uv_sets(self, index: int) -> tuple[str, ...]:
         """Further sets of texture coordinates that shading an object looks up."""

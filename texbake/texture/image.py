@@ -261,9 +261,9 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     """Open an image file; return it with the description that a PNG file contains."""
     import OpenImageIO as oiio  # noqa: N813
 
+    require_file(path)
     try:
         # Checked before libpng sees it, which would print its complaints.
-        require_file(path)
         description = png_description(path) if is_png(path) else ""
     except FileFormatError:
         raise

@@ -29,7 +29,6 @@ from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelSampler, S
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, laid_out, shaded_sums
 from texbake.rendering.effect import RenderState
-from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import parse_picture_bound
 from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
@@ -226,7 +225,7 @@ def draw_adaptively(
     """
     clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)
-    request = RenderRequest(prepared.scene, options, camera, frozenset(keep))
+    request = prepared.request(camera, keep)
     state = laid_out(prepared, request, stages, all_objects=True)
     adaptive = AdaptivePicture(state, keeps=options.time_budget is not None)
     coverage: FloatImage | None = None

@@ -1,0 +1,277 @@
+"""What declares that it changes no pixel: its passes are not in the plan, its files are not read.
+
+Every image here is missing, so that reading one is an error. Each case comes with a value that
+counts, for which that error must come.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from texbake.errors import FileError
+from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.draw import draw, plan_of, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting, Shadow
+from texbake.rendering.scene.material import (
+    BumpMap,
+    Displacement,
+    Material,
+    NormalMap,
+    Parallax,
+    ProjectedTexture,
+    Reflection,
+    Refraction,
+)
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
+from texbake.rendering.scene.textures import ImageTexture
+
+OPTIONS = RenderOptions(width=32, height=24)
+IMAGE = ImageTexture(image="missing.png")
+LIGHT = Light(direction=(0.3, -0.4, -1.0))
+COLORED = ImageTexture(image=np.full((2, 2, 3), 0.5, np.float32))
+UNLIT = {"shading": "unlit"}
+LAMBERT = {"shading": "lambert"}
+MATRIX = np.eye(4)
+
+
+def scene_of(lighting: Lighting, **material: Any) -> Scene:
+    objects = (SceneObject(mesh=uv_sphere(6, 8), material=Material(**material), name="ball"),)
+    return Scene(objects=objects, lighting=lighting)
+
+
+def normal_map(**given: Any) -> NormalMap:
+    return NormalMap(texture=IMAGE, space="tangent", convention="opengl", **given)
+
+
+# Name of the effect, its reason, the material, and what makes it count.
+CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
+    "a normal map of strength 0": (
+        "normal map", "its strength is 0", LAMBERT | {"normal_map": normal_map(strength=0.0)},
+        {"normal_map": normal_map()},
+    ),
+    "an unlit normal map": (
+        "normal map", "", UNLIT | {"normal_map": normal_map()}, LAMBERT,
+    ),
+    "an unlit bump map": (
+        "bump map", "", UNLIT | {"bump_map": BumpMap(texture=IMAGE)}, LAMBERT,
+    ),
+    "a bump map of height 0": (
+        "bump map", "its height is 0", LAMBERT | {"bump_map": BumpMap(texture=IMAGE, height=0.0)},
+        {"bump_map": BumpMap(texture=IMAGE)},
+    ),
+    "embossing of height 0": (
+        "bump map", "its height is 0",
+        LAMBERT | {"bump_map": BumpMap(texture=IMAGE, height=0.0, form="emboss")},
+        {"bump_map": BumpMap(texture=IMAGE, form="emboss")},
+    ),
+    "a displacement of height 0": (
+        "displacement", "its height is 0",
+        LAMBERT | {"displacement": Displacement(texture=IMAGE, height=0.0)},
+        {"displacement": Displacement(texture=IMAGE, height=0.1)},
+    ),
+    "parallax of depth 0": (
+        "parallax", "its depth is 0",
+        LAMBERT | {"base_color": COLORED, "parallax": Parallax(texture=IMAGE, depth=0.0)},
+        {"parallax": Parallax(texture=IMAGE)},
+    ),
+    "parallax that moves no texture": (
+        "parallax", "its material looks up nothing at texture coordinates",
+        LAMBERT | {"parallax": Parallax(texture=IMAGE)}, {"base_color": COLORED},
+    ),
+    "a reflection of strength 0": (
+        "reflection", "its strength is 0", LAMBERT | {"reflection": Reflection(strength=0.0)},
+        {"reflection": Reflection(strength=IMAGE)},
+    ),
+    "a reflection by an image with a factor of 0": (
+        "reflection", "its strength is 0",
+        LAMBERT | {"reflection": Reflection(strength=replace(IMAGE, factor=0.0))},
+        {"reflection": Reflection(strength=replace(IMAGE, factor=0.0), fresnel=True)},
+    ),
+    "a refraction of strength 0": (
+        "refraction", "its strength is 0",
+        LAMBERT | {"refraction": Refraction(strength=replace(IMAGE, factor=(0.0, 0.0, 0.0)))},
+        {"refraction": Refraction(strength=replace(IMAGE, factor=(0.0, 0.1, 0.0)))},
+    ),
+    "a black emission": (
+        "emission", "it is black", LAMBERT | {"emission": replace(IMAGE, factor=0.0)},
+        {"emission": IMAGE},
+    ),
+    "a black light map": (
+        "light map", "it is black", LAMBERT | {"light_map": replace(IMAGE, factor=0.0)},
+        {"light_map": IMAGE},
+    ),
+    "occlusion of strength 0": (
+        "occlusion map", "its strength is 0", {"occlusion": IMAGE, "occlusion_strength": 0.0},
+        {"occlusion_strength": 1.0},
+    ),
+    "a roughness of factor 0": (
+        "images", "the factor of roughness is 0", {"roughness": replace(IMAGE, factor=0.0)},
+        {"roughness": IMAGE},
+    ),
+    "a base color of factor 0": (
+        "images", "the factor of base_color is 0",
+        {"base_color": replace(IMAGE, factor=0.0), "alpha_mode": "opaque"},
+        {"alpha_mode": "blend"},
+    ),
+    "a specular color of factor 0": (
+        "images", "the factor of specular is 0",
+        {"shading": "blinn-phong", "specular": replace(IMAGE, factor=0.0)}, {"specular": IMAGE},
+    ),
+    "a projected picture of strength 0": (
+        "projected textures", "the strength of a picture is 0",
+        LAMBERT | {"projected": (ProjectedTexture(texture=IMAGE, matrix=MATRIX, strength=0.0),)},
+        {"projected": (ProjectedTexture(texture=IMAGE, matrix=MATRIX),)},
+    ),
+}  # fmt: skip
+AMBIENT = Lighting(lights=(LIGHT,), ambient=Ambient(color=(0.2, 0.2, 0.2)))
+ZEROS = {"roughness": 0.0, "base_color": (0.0, 0.0, 0.0), "specular": (0.0, 0.0, 0.0)}
+FIELDS = ("normal_map", "bump_map", "displacement", "parallax", "reflection", "refraction",
+          "emission", "light_map", "occlusion", "projected")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_is_read_or_computed_for_what_changes_no_pixel(name: str) -> None:
+    effect, why, material, _ = CASES[name]
+    scene = scene_of(AMBIENT, **material)
+    prepared = prepare(scene, OPTIONS)
+    camera = camera_of(scene, OPTIONS)
+    plan = plan_of(prepared, camera)
+    assert not plan.has(effect)
+    assert any(item.name == effect and why in item.why for item in plan.left_out)
+    bare = {key: value for key, value in material.items() if key not in FIELDS}
+    bare |= {key: ZEROS[key] for key in bare if key in ZEROS and bare[key] is not COLORED}
+    without = scene_of(AMBIENT, **bare)
+    assert [item.name for item in plan.passes] == [
+        item.name for item in plan_of(prepare(without, OPTIONS), camera).passes
+    ]
+    np.testing.assert_array_equal(
+        draw(prepared, camera).color, draw(prepare(without, OPTIONS), camera).color
+    )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_counts_is_read(name: str) -> None:
+    _, _, material, counts = CASES[name]
+    scene = scene_of(AMBIENT, **(material | counts))
+    with pytest.raises(FileError, match=r"missing\.png"):
+        draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
+
+
+@pytest.mark.parametrize("field", ["normal_map", "bump_map"])
+def test_normals_that_the_caller_keeps_count(field: str) -> None:
+    maps = {"normal_map": normal_map(), "bump_map": BumpMap(texture=IMAGE)}
+    scene = scene_of(AMBIENT, **UNLIT, **{field: maps[field]})
+    with pytest.raises(FileError, match=r"missing\.png"):
+        draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS), keep=("normals",))
+
+
+def test_an_unlit_mirror_needs_its_normal_map() -> None:
+    scene = scene_of(AMBIENT, **UNLIT, normal_map=normal_map(), reflection=Reflection())
+    with pytest.raises(FileError, match=r"missing\.png"):
+        draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
+
+
+@pytest.mark.parametrize(
+    ("lighting", "counts"),
+    [
+        (Lighting(lights=(LIGHT,)), False),
+        (Lighting(lights=(LIGHT,), environment=Environment(color=(1.0, 1.0, 1.0))), False),
+        (
+            Lighting(
+                lights=(LIGHT,),
+                environment=Environment(color=(1.0, 1.0, 1.0), lighting=True, intensity=0.0),
+            ),
+            False,
+        ),
+        (AMBIENT, True),
+        (Lighting(ambient=Ambient(ground=(0.1, 0.0, 0.0))), True),
+        (Lighting(environment=Environment(color=(1.0, 1.0, 1.0), lighting=True)), True),
+    ],
+)
+def test_occlusion_counts_where_there_is_ambient_light(lighting: Lighting, counts: bool) -> None:
+    scene = scene_of(lighting, **LAMBERT, occlusion=IMAGE)
+    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
+    if counts:
+        with pytest.raises(FileError, match=r"missing\.png"):
+            draw(prepared, camera)
+    else:
+        draw(prepared, camera)
+        told = {item.name: item.why for item in plan_of(prepared, camera).left_out}
+        assert told["occlusion map"] == "there is no ambient light"
+
+
+@pytest.mark.parametrize("gate", ["round", "rectangle"])
+@pytest.mark.parametrize(
+    ("degrees", "meets"), [(0.0, True), (49.0, True), (90.0, False), (180.0, False)]
+)
+def test_a_spot_that_shines_past_all_objects_is_dark(
+    degrees: float, meets: bool, gate: str
+) -> None:
+    # The ball's bounding sphere, of radius sqrt(3), is seen from 4 units away under 25.7 degrees
+    # to each side; the light has 20 to each side, and 27.2 to the corners of its slide.
+    radians = np.radians(degrees)
+    spot = Light(
+        kind="spot", position=(0.0, 0.0, 4.0), angle=40.0, gate=gate, profile=IMAGE, aspect=1.0,
+        direction=(float(np.sin(radians)), 0.0, -float(np.cos(radians))), shadow=Shadow(size=8),
+    )  # fmt: skip
+    meets = meets and (degrees < 45.0 or gate == "rectangle")
+    scene = scene_of(Lighting(lights=(LIGHT, spot)), **LAMBERT)
+    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
+    if meets:
+        with pytest.raises(FileError, match=r"missing\.png"):
+            draw(prepared, camera)
+        return
+    alone = scene_of(Lighting(lights=(LIGHT,)), **LAMBERT)
+    np.testing.assert_array_equal(
+        draw(prepared, camera).color, draw(prepare(alone, OPTIONS), camera).color
+    )
+    plan = plan_of(prepared, camera)
+    told = [item.why for item in plan.left_out if item.name == "lights"]
+    assert told == ["its cone meets no object"]
+    assert not plan.has("light profiles") and not plan.has("shadow maps")
+
+
+@pytest.mark.parametrize(("x", "hits"), [(0.0, True), (1.5, True), (4.5, False), (-4.5, False)])
+def test_a_picture_that_is_aimed_elsewhere_is_not_read(x: float, hits: bool) -> None:
+    # Along -z, the unit square of the picture around (x + 0.5, 0.5); as much around it counts.
+    matrix = np.array([[1.0, 0, 0, -x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    scene = scene_of(
+        AMBIENT, **LAMBERT, projected=(ProjectedTexture(texture=IMAGE, matrix=matrix),)
+    )
+    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
+    if hits:
+        with pytest.raises(FileError, match=r"missing\.png"):
+            draw(prepared, camera)
+    else:
+        bare = prepare(scene_of(AMBIENT, **LAMBERT), OPTIONS)
+        np.testing.assert_array_equal(draw(prepared, camera).color, draw(bare, camera).color)
+
+
+@pytest.mark.parametrize("given", [{"intensity": 0.0, "color": (1.0, 1.0, 1.0)}, {}])
+def test_a_dark_environment_lights_nothing(given: dict[str, Any]) -> None:
+    environment = Environment(lighting=True, **given)
+    scene = scene_of(Lighting(lights=(LIGHT,), environment=environment))
+    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
+    plan = plan_of(prepared, camera)
+    assert not plan.has("environment light") and not plan.has("irradiance")
+    assert plan.has("background")  # black, and no color of the options
+    other = scene_of(Lighting(lights=(LIGHT,), environment=replace(environment, lighting=False)))
+    np.testing.assert_array_equal(
+        draw(prepared, camera).color, draw(prepare(other, OPTIONS), camera).color
+    )
+
+
+def test_a_scene_without_such_parts_stays_the_same_object() -> None:
+    scene = scene_of(AMBIENT, base_color=COLORED, occlusion=COLORED)
+    assert prepare(scene, OPTIONS).scene is scene
+
+
+def test_an_object_space_normal_map_counts_whatever_its_strength(tmp_path: Path) -> None:
+    holder = NormalMap(texture=IMAGE, space="object", convention="opengl", strength=0.0)
+    scene = scene_of(AMBIENT, **LAMBERT, normal_map=holder)
+    with pytest.raises(FileError, match=r"missing\.png"):
+        draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
