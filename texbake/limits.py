@@ -16,7 +16,7 @@ from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.files import PathLike
 
 MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
-"""Environment variable: the greatest side of an image in pixels, if it were a square of RGB."""
+"""Environment variable: an image may have as many pixels as a square with this side."""
 ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
@@ -49,9 +49,9 @@ def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) 
 
 
 def require_image_size(path: PathLike, width: int, height: int, n_channels: int) -> None:
-    """Raise `FileFormatError` if an image would take more memory than images may.
+    """Raise `FileFormatError` if an image has too many pixels.
 
-    By default, it may have 16,384 x 16,384 pixels, whatever its shape, with up to four channels.
+    By default, it may have 16,384 x 16,384, whatever its shape, with up to four channels.
 
     Raises
     ------
