@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from texbake import BudgetClock, ProgressSink
 
+_HEADING = {"bold": True}
 PROGRESS = ("auto", "json", "none")
 
 
@@ -114,7 +115,7 @@ def table(rows: Sequence[tuple[str, str]]) -> None:
         if value:
             say(f"{label:<{width}}  {with_flags(value)}")
         else:
-            say(label, bold=True)
+            say(label, **_HEADING)
 
 
 def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
@@ -135,7 +136,7 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         line = "  ".join(cells).rstrip()
-        say(line, **({"bold": True} if i == 0 else {}))
+        say(line, **_HEADING if i == 0 else {})
 
 
 def _cut(text: str, width: int) -> str:

@@ -1,4 +1,7 @@
-"""Arrays in .npy files and uncompressed .npz archives, read without trusting what these promise."""
+"""Arrays in .npy files and uncompressed .npz archives.
+
+They are read without trusting what the files promise.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,14 @@ import tokenize
 import warnings
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.files import PathLike
+from texbake.files import PathLike, replacing
 
 DAMAGE = (
     ValueError, TypeError, KeyError, EOFError, RuntimeError, OverflowError, SyntaxError,
@@ -27,6 +31,19 @@ _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
+
+
+def write_arrays(path: PathLike, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Write arrays into an uncompressed archive, completely or not at all.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written.
+    """
+    entries: dict[str, Any] = dict(arrays)  # the stub of numpy takes names for options
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **entries)
 
 
 def read_arrays(path: PathLike) -> dict[str, npt.NDArray[Any]]:

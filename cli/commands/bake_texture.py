@@ -131,7 +131,7 @@ def _options(
     cast = {name: choices.pop(name) for name in _PHOTO if name in choices}
     given = (solid["procedure"] is not None, bool(solid["volume"]), bool(photos))
     if sum(given) != 1:
-        raise OptionError("procedure, volume, photo: give a procedure or photographs, or a volume")
+        raise OptionError("procedure, volume, photo: give a procedure, a volume or photographs")
     if photos:
         if len(photos) != len(cameras):
             raise OptionError(

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, plane, uv_sphere
 
 
@@ -50,3 +51,24 @@ def test_parts_outside_any_cage_are_reported(tmp_path: Path) -> None:
     )
     assert result.exit_code == 0
     assert "border" in result.output
+
+
+@pytest.mark.parametrize("inside_out", ["high", "low"])
+def test_only_a_low_poly_mesh_that_is_inside_out_gets_a_warning(
+    pair: tuple[str, str], tmp_path: Path, inside_out: str
+) -> None:
+    files = dict(zip(("high", "low"), pair, strict=True))
+    straight = CliRunner().invoke(texbake, ["cage", *pair, "-o", str(tmp_path / "straight.obj")])
+    mesh = read_mesh(files[inside_out])
+    turned = Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1].copy())
+    files[inside_out] = str(tmp_path / f"turned{Path(files[inside_out]).suffix}")
+    write_mesh(turned, files[inside_out])
+    cage = tmp_path / "cage.obj"
+    result = CliRunner().invoke(texbake, ["cage", *files.values(), "-o", str(cage)])
+    assert straight.exit_code == result.exit_code == 0, result.output
+    assert "faces against" not in straight.output
+    assert ("faces against the high-poly surface" in result.output) is (inside_out == "low")
+    if inside_out == "high":
+        words = ["bake-normals", *files.values(), "-o", str(tmp_path / "n.png"), "--size", "32"]
+        baked = CliRunner().invoke(texbake, [*words, "--cage", str(cage), "--fail-on-miss", "0"])
+        assert baked.exit_code == 0, baked.output

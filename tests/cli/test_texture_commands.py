@@ -72,10 +72,10 @@ def test_command_as_a_process(
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("bake-texture low.obj -o t.png", "give a procedure or photographs"),
+        ("bake-texture low.obj -o t.png", "give a procedure, a volume or photographs"),
         (
             "bake-texture low.obj -o t.png --procedure wood --photo red.png --camera front.toml",
-            "give a procedure or photographs",
+            "give a procedure, a volume or photographs",
         ),
         ("bake-texture low.obj -o t.png --photo red.png", "0 are given for 1 photographs"),
         ("bake-texture low.obj -o t.png --procedure wood --camera front.toml", "goes with --photo"),

@@ -42,3 +42,6 @@ def test_one_place_stays_one(tmp_path: Path) -> None:
     point = icosphere(0)
     point = point.replace(positions=np.full_like(point.positions, 1.0 / 3.0))
     write_mesh(point, tmp_path / "point.stl")
+    written = read_mesh(tmp_path / "point.stl")
+    assert written.n_faces == point.n_faces
+    assert (written.positions == np.float32(1.0 / 3.0)).all()

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.arrays import DAMAGE, read_arrays
+from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
 from texbake.baking.texels import NO_FACE
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.files import PathLike, replacing, require_file
+from texbake.files import PathLike, require_file
 from texbake.mesh.compose import used_rows
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
@@ -87,8 +87,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
     if high.materials is not None:
         header["materials"] = _put_materials(high.materials, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+    write_arrays(path, arrays)
 
 
 def read_hits(path: PathLike) -> BakeResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from texbake.baking.cage.fit import Cage, fit_cage
 from texbake.files import PathLike
-from texbake.jobs.fit import check_fit
+from texbake.jobs.fit import check_fit, why_rays_would_miss
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
@@ -20,6 +20,9 @@ def cage_file(
     progress: ProgressSink | None = None,
 ) -> JobResult[Cage]:
     """Fit a cage around a high-poly mesh file, and write it.
+
+    The high-poly mesh may face either way. A low-poly mesh that is inside out gets a
+    warning, because its cage lies on the wrong side.
 
     Parameters
     ----------
@@ -38,4 +41,5 @@ def cage_file(
     check_fit(high_mesh, low_mesh, threads=threads)
     cage = fit_cage(high_mesh, low_mesh, margin=margin, threads=threads)
     write_mesh(cage.mesh, output)
-    return JobResult(files=given(output), report=cage, warnings=tuple(cage.warnings))
+    inside_out = why_rays_would_miss(high_mesh, low_mesh, orientation="auto", threads=threads)
+    return JobResult(files=given(output), report=cage, warnings=(*inside_out, *cage.warnings))

@@ -31,6 +31,20 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
     stop_at_misfit(high, low, threads=threads)
 
 
+def why_rays_would_miss(
+    high: Mesh, low: Mesh, *, orientation: str, threads: int | None = None
+) -> tuple[str, ...]:
+    """Say in the words of `check` that two meshes face opposite ways; nothing if they do not.
+
+    What faces inwards of the high-poly mesh counts as turned over, if `orientation` is auto.
+    """
+    from texbake.checks.misfit import why_rays_pass
+    from texbake.raycast.orient import oriented
+
+    high, _ = oriented(high, orientation, threads=threads)
+    return why_rays_pass(high, low, threads=threads)
+
+
 def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
     """Say why most rays of a bake missed, in the words of `check`; nothing if they did not.
 
@@ -46,11 +60,8 @@ def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tupl
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _MOST_MISSED:
         return ()
-    from texbake.checks.misfit import why_rays_pass
-    from texbake.raycast.orient import oriented
-
-    high, _ = oriented(high, report.options.orientation, threads=report.options.threads)
-    why = why_rays_pass(high, low, threads=report.options.threads)
-    if why and report.options.orientation != "keep":
+    orientation, threads = report.options.orientation, report.options.threads
+    why = why_rays_would_miss(high, low, orientation=orientation, threads=threads)
+    if why and orientation != "keep":
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
     return why

@@ -1,4 +1,4 @@
-"""Parts of a scene that change no pixel by what they declare: a strength of 0, a black color.
+"""Parts of a scene whose own values say that they change no pixel: a strength of 0, a black color.
 
 They are taken out before the picture is planned, so that nothing is read or computed for them. So
 are spot lights and projected pictures that are aimed at nothing, by the bounding boxes of objects.
@@ -120,8 +120,7 @@ def _corners(item: SceneObject) -> FloatArray | None:
     """(8, 3): corners of the bounding box in the world; None for a surface that leaves its box."""
     if item.material.displacement is not None:
         return None
-    low, high = item.mesh.bounds
-    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    corners = item.box_corners()
     if item.transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             corners = corners @ item.transform[:3, :3].T + item.transform[:3, 3]

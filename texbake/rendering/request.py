@@ -165,8 +165,7 @@ def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
     """
     if item.material.displacement is not None:
         return True
-    low, high = item.mesh.bounds
-    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    corners = item.box_corners()
     matrix = camera.clip_from_world(options.width / options.height)
     if item.transform is not None:
         matrix = matrix @ item.transform

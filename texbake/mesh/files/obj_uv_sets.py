@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.arrays import DAMAGE, read_arrays
+from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
 
@@ -42,8 +42,7 @@ def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
     arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
     for i, item in enumerate(mesh.uv_sets.values()):
         arrays |= {f"uvs_{i}": item.uvs, f"faces_{i}": item.faces}
-    with replacing(beside) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]  # the stub takes them for an option
+    write_arrays(beside, arrays)
 
 
 def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:

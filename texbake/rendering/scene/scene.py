@@ -90,6 +90,11 @@ class SceneObject:
             matrix = checked_transform(self.transform, "transform")
             object.__setattr__(self, "transform", matrix)
 
+    def box_corners(self) -> FloatArray:
+        """(8, 3) float64: corners of the bounding box of its mesh, in the object's space."""
+        low, high = self.mesh.bounds
+        return np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
