@@ -14,17 +14,12 @@ from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    Result,
-    only_when_needed,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, only_when_needed
 from texbake.rendering.effects import EFFECTS, images
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import (
     Ambient,
     AmbientOcclusion,

@@ -11,10 +11,11 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effect import Call, Effect, Result
+from texbake.rendering.effect import Call, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render
+from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject

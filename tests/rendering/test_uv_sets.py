@@ -106,12 +106,12 @@ def test_parallax_moves_the_coordinates_of_all_sets_to_the_same_place():
 
 def test_only_sets_that_are_looked_up_are_interpolated():
     mesh = with_second(plane(2, 2), turned)
-    scene = Scene(objects=(SceneObject(mesh=mesh, material=Material(base_color=image())),),
-                  view=VIEW)  # fmt: skip
+    material = Material(shading="unlit", base_color=image())
+    scene = Scene(objects=(SceneObject(mesh=mesh, material=material),), view=VIEW)
     plan = render_scene(scene, OPTIONS).plan
     assert plan.has("texture coordinates") and not plan.has("further texture coordinates")
     (item,) = scene.objects
-    only = replace(item, material=Material(base_color=image(uv_set="second")))
+    only = replace(item, material=replace(material, base_color=image(uv_set="second")))
     plan = render_scene(replace(scene, objects=(only,)), OPTIONS).plan
     assert plan.has("further texture coordinates") and not plan.has("texture coordinates")
 

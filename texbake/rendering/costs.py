@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 class PassCost:
     """Cost of a pass: seconds summed over all threads, and bytes of its results.
 
-    `skipped` says why the pass turned out not to be needed.
+    `skipped` says why the pass turned out not to be needed, unless it `has_run` for some target.
     """
 
     seconds: float = 0.0
     n_bytes: int = 0
     skipped: str = ""
+    has_run: bool = False
 
 
 @dataclass(eq=False)
@@ -35,6 +36,7 @@ class Costs:
             cost = self.by_name.setdefault(name, PassCost())
             cost.seconds += seconds
             cost.n_bytes += n_bytes
+            cost.has_run = True
 
     def skip(self, name: str, why: str) -> None:
         """Record why a pass turned out not to be needed."""

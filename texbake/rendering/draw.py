@@ -10,19 +10,19 @@ do the work; this module only runs them in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
-from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState, Results, Target
+from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.effects.environment import OF_ENVIRONMENT
 from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
@@ -34,6 +34,7 @@ from texbake.rendering.plan import compile_plan
 from texbake.rendering.raster.world import World, joined
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
+from texbake.rendering.results import Deferred, Result, Results, Target
 from texbake.rendering.scene.scene import Scene
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
@@ -53,6 +54,12 @@ class SceneCache:
 
     results: Results = field(default_factory=Results)
     world: World | None = None
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def keep(self, result: Result[Any], target: Target, value: Any) -> None:
+        """Add a result; several threads may do so at once."""
+        with self._lock:
+            self.results = self.results.including(result, target, value)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,11 +75,17 @@ class Prepared:
     threads: int | None = None
     loaded: SceneCache = field(default_factory=SceneCache)
     identities: tuple[Identity, ...] = ()
+    keeps_materials: bool = False
 
     def request(self, camera: Camera, keep: Collection[str]) -> RenderRequest:
         """Return the request for a picture from a camera."""
         return RenderRequest(
-            self.scene, self.options, camera, frozenset(keep), identities=self.identities
+            self.scene,
+            self.options,
+            camera,
+            frozenset(keep),
+            identities=self.identities,
+            keeps_materials=self.keeps_materials,
         )
 
 
@@ -97,11 +110,14 @@ def prepare(
         Number of threads; None uses every processor. The result does not depend on it.
     """
     options = options or RenderOptions()
-    reads_coordinates = options.buffer is not None or effects is not EFFECTS
-    active, identities = without_identities(scene, reads_coordinates=reads_coordinates)
-    return Prepared(
-        scene=active, options=options, effects=effects, threads=threads, identities=identities
+    keeps_materials = options.buffer is not None or effects is not EFFECTS
+    active, options, identities = without_identities(
+        scene, options, keeps_materials=keeps_materials
     )
+    return Prepared(
+        scene=active, options=options, effects=effects, threads=threads, identities=identities,
+        keeps_materials=keeps_materials,
+    )  # fmt: skip
 
 
 def share_environment(drawn: Prepared, other: Prepared) -> None:
@@ -193,7 +209,14 @@ def laid_out(
         state = replace(state, visible_scene=visible)
     with stages.stage("prepare light and textures"):
         later = [p for p in state.plan.passes if not p.effect.moves_surface]
-        return _run(state, prepared, later, visible.objects)
+        finding = [p for p in later if p.effect.finds_objects is not None]
+        state = _run(state, prepared, finding, None)
+        for item in finding:
+            assert item.effect.finds_objects is not None
+            more = visible.objects.union(item.effect.finds_objects(state))
+            state = replace(state, visible_scene=replace(visible, objects=more))
+        others = [p for p in later if p.effect.finds_objects is None]
+        return _run(state, prepared, others, state.visible.objects)
 
 
 def _run(
@@ -203,51 +226,45 @@ def _run(
     for item in passes:
         effect = item.effect
         for target in item.targets:
-            if effect.of == "object" and seen is not None and target not in seen:
+            if seen is not None and not _is_for_any(item, target, seen):
                 state.costs.skip(effect.name, "not in the picture")
                 continue
             why = effect.unneeded(state, target) if effect.unneeded is not None else None
             if why is not None:
                 state.costs.skip(effect.name, why)
                 continue
-            with state.costs.timed(effect.name), _reported_for(state, effect, target):
-                state = _computed(state, prepared, effect, target)
+            for result in filter(None, (effect.load, effect.prepare)):
+                compute = partial(_computed, state, prepared, effect, result, target)
+                if result.deferred:
+                    state.costs.skip(effect.name, "it reaches no pixel")
+                value = Deferred(compute) if result.deferred else compute()
+                state = state.including(result, target, value)
     return state
 
 
-@contextmanager
-def _reported_for(state: RenderState, effect: Effect, target: Target) -> Iterator[None]:
-    """Report errors in data that a scene file refers to as errors of that file and object."""
-    try:
-        yield
-    except (OptionError, MeshError) as error:
-        if not state.scene.files:
-            raise
-        where = state.scene.name
-        if effect.of == "object" and target is not None:
-            where = f"{where}: {state.request.name(target)}"
-        raise FileFormatError(f"{where}: {error}") from error
+def _is_for_any(item: Pass, target: Target, seen: Collection[int]) -> bool:
+    """Whether one of the objects that a pass is for may be in the picture."""
+    if item.effect.of == "object":
+        return target in seen
+    askers = [call.asker for call in item.calls if call.target == target]
+    return any(asker is None or asker in seen for asker in askers)
 
 
 def _computed(
-    state: RenderState, prepared: Prepared, effect: Effect, target: Target
-) -> RenderState:
-    """Return the state with the loaded and prepared results of an effect for a target."""
-    loaded = None
-    if effect.load is not None:
-        cache = prepared.loaded
-        if not cache.results.has(effect.load, target):
-            loaded = effect.load.compute(state, target)
-            cache.results = cache.results.including(effect.load, target, loaded)
-            state.costs.add(effect.name, 0.0, _n_bytes(loaded))
-        loaded = cache.results.get(effect.load, target)
-        state = state.including(effect.load, target, loaded)
-    if effect.prepare is not None:
-        made = effect.prepare.compute(state, target)
-        state = state.including(effect.prepare, target, made)
-        if made is not loaded:
-            state.costs.add(effect.name, 0.0, _n_bytes(made))
-    return state
+    state: RenderState, prepared: Prepared, effect: Effect, result: Result[Any], target: Target
+) -> Any:
+    """Compute a result of an effect for a target, or find it among those of the scene."""
+    cache = prepared.loaded
+    index = target if effect.of == "object" else None
+    with state.costs.timed(effect.name), state.reporting_for(index):
+        if result is effect.load and cache.results.has(result, target):
+            return cache.results.get(result, target)
+        value = result.compute(state, target)
+        if result is effect.load:
+            cache.keep(result, target, value)
+        if effect.load is None or value is not state.results.all(effect.load).get(target):
+            state.costs.add(effect.name, 0.0, _n_bytes(value))
+        return value
 
 
 def _n_bytes(value: Any) -> int:

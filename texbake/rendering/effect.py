@@ -18,26 +18,26 @@ light, or None for the whole picture.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
 from texbake.rendering.fragments import DrawnObject, Fragments, Incident
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.world import VisibilityBuffer, World
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Deferred, Result, Results, Target, Value
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import Scene
 from texbake.texture.image import FloatImage
-
-Target = int | None
-Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,15 @@ class Call:
         The part that needs it: `object "vase"`, `light "key"`, `the scene`.
     why : str
         A short reason: `its material has a normal map`.
+    asker : int, optional
+        Index of the object for which an effect of the picture is needed; None if it is needed
+        whatever is seen.
     """
 
     target: Target
     by: str
     why: str
+    asker: int | None = None
 
 
 @dataclass(frozen=True)
@@ -65,60 +69,6 @@ class Refusal:
 
     by: str
     why: str
-
-
-@dataclass(frozen=True, eq=False)
-class Result(Generic[Value]):
-    """A value that an effect computes before shading, and the key to look it up by.
-
-    Attributes
-    ----------
-    compute : callable
-        Function of (state, target) that returns the value.
-    """
-
-    compute: Callable[[RenderState, Target], Value]
-
-
-@dataclass(frozen=True, eq=False)
-class Results:
-    """Immutable mapping from `Result` and target to the values that effects have computed."""
-
-    _values: Mapping[Result[Any], Mapping[Target, Any]] = field(default_factory=dict)
-
-    def has(self, result: Result[Any], target: Target) -> bool:
-        """Whether a value has been computed, even if it is None."""
-        return target in self._values.get(result, ())
-
-    def get(self, result: Result[Value], target: Target = None) -> Value | None:
-        """Return a value, or None if it has not been computed."""
-        value: Value | None = self._values.get(result, {}).get(target)
-        return value
-
-    def all(self, result: Result[Value]) -> Mapping[Target, Value]:
-        """Return the values of a result for all targets."""
-        return self._values.get(result, {})
-
-    def including(self, result: Result[Value], target: Target, value: Value) -> Results:
-        """Return a copy with one more value."""
-        values = {**self._values.get(result, {}), target: value}
-        return Results({**self._values, result: values})
-
-    def without(self, left_out: Iterable[Result[Any]]) -> Results:
-        """Return a copy without some results, for all targets."""
-        dropped = set(left_out)
-        return Results({key: values for key, values in self._values.items() if key not in dropped})
-
-    def only(self, kept: Iterable[Result[Any]]) -> Results:
-        """Return a copy with some of the results alone, for all targets."""
-        return Results({key: self._values[key] for key in kept if key in self._values})
-
-    def or_those_of(self, others: Results) -> Results:
-        """Return a copy completed with the values of `others` that are missing here."""
-        values = dict(self._values)
-        for key, targets in others._values.items():
-            values[key] = {**targets, **values.get(key, {})}
-        return Results(values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +97,9 @@ class Effect:
     behind : callable, optional
         Function of the state that returns the background as (3,) or (H, W, 3) linear light. The
         first such effect in the list wins.
+    finds_objects : callable, optional
+        Function of the state, called once `prepare` has run, that returns objects which are visible
+        beside those that rasterizing found. Such effects run before all others of their kind.
     of_the_others : bool
         Whether the result of `load` for an object depends on the other objects, so that it cannot
         be reused in a picture with fewer objects.
@@ -169,6 +122,7 @@ class Effect:
     dim: Callable[[Fragments, RenderState, int, Incident], None] | None = None
     unneeded: Callable[[RenderState, Target], str | None] | None = None
     behind: Callable[[RenderState], FloatImage] | None = None
+    finds_objects: Callable[[RenderState], Collection[int]] | None = None
     moves_surface: bool = False
     of_the_others: bool = False
 
@@ -323,15 +277,31 @@ class RenderState:
         KeyError
             It was not computed: the effect's `needs` are incomplete.
         """
-        return self.results.all(result)[target]
+        value: Value | Deferred[Value] = self.results.all(result)[target]
+        return value.get() if isinstance(value, Deferred) else value
 
     def get(self, result: Result[Value], target: Target = None) -> Value | None:
         """Return the value of an effect for a target; None if the plan has no such pass."""
         return self.results.get(result, target)
 
-    def including(self, result: Result[Value], target: Target, value: Value) -> RenderState:
+    def including(
+        self, result: Result[Value], target: Target, value: Value | Deferred[Value]
+    ) -> RenderState:
         """Return a copy of the state with one more result."""
         return replace(self, results=self.results.including(result, target, value))
+
+    @contextmanager
+    def reporting_for(self, index: int | None) -> Iterator[None]:
+        """Report errors in data that a scene file refers to as errors of that file and object."""
+        try:
+            yield
+        except (OptionError, MeshError) as error:
+            if not self.scene.files:
+                raise
+            where = self.scene.name
+            if index is not None:
+                where = f"{where}: {self.request.name(index)}"
+            raise FileFormatError(f"{where}: {error}") from error
 
     def drawn(self, index: int) -> DrawnObject:
         """Return an object as it is drawn."""

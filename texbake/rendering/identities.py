@@ -7,23 +7,20 @@ What only the texels of an image would tell, such as a height map of one height,
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from texbake.mesh.mesh import FloatArray
-from texbake.rendering.maps import normal_space
+from texbake.rendering.aim import hits_object, lights_object
+from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, ProjectedTexture
+from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
-
-# Radians by which a cone counts as wider.
-_ROUNDING = 1e-6
+from texbake.rendering.simplified_material import (
+    Surroundings,
+    is_hidden,
+    simplifications,
+    without_zeros,
+)
 
 
 @dataclass(frozen=True)
@@ -45,27 +42,31 @@ class Identity:
 
 
 def without_identities(
-    scene: Scene, *, reads_coordinates: bool = False
-) -> tuple[Scene, tuple[Identity, ...]]:
-    """Return a scene without the parts that change no pixel, and what these were.
+    scene: Scene, options: RenderOptions, *, keeps_materials: bool = False
+) -> tuple[Scene, RenderOptions, tuple[Identity, ...]]:
+    """Return a scene and its options without what changes no pixel, and what that was.
 
-    `reads_coordinates` says whether something else than materials may look up texture coordinates,
-    such as a buffer that is shown or an effect of the caller's own.
+    `keeps_materials` says whether something else than shading may read materials, such as a buffer
+    that is shown or an effect of the caller's own. Only what is 0 is left out of them then.
     """
     found: list[Identity] = []
+    original = scene
+    scene = replace(scene, objects=tuple(_without_zeros(item, found) for item in scene.objects))
     lights = _active_lights(scene, found)
-    lighting = replace(_active_lighting(scene.lighting, found), lights=lights)
-    objects = []
-    for item in scene.objects:
-        changes: dict[str, Any] = {}
-        for name, part, why, value in _identities(item, lighting, reads_coordinates):
-            found.append(Identity(name, f'object "{item.name}"', why))
-            changes[part] = value
-        material = replace(item.material, **changes) if changes else item.material
-        objects.append(replace(item, material=material) if changes else item)
+    lighting, options = _active_lighting(replace(scene.lighting, lights=lights), options, found)
+    around = None if keeps_materials else _surroundings(scene, lighting)
+    objects = tuple(_active_object(scene, item, lighting, around, found) for item in scene.objects)
     if not found:
-        return scene, ()
-    return replace(scene, objects=tuple(objects), lighting=lighting), tuple(found)
+        return original, options, ()
+    return replace(scene, objects=objects, lighting=lighting), options, tuple(found)
+
+
+def _without_zeros(item: SceneObject, found: list[Identity]) -> SceneObject:
+    material = item.material
+    for name, why, simpler in without_zeros(material):
+        found.append(Identity(name, f'object "{item.name}"', why))
+        material = simpler
+    return item if material is item.material else replace(item, material=material)
 
 
 def _active_lights(scene: Scene, found: list[Identity]) -> tuple[Light, ...]:
@@ -75,8 +76,8 @@ def _active_lights(scene: Scene, found: list[Identity]) -> tuple[Light, ...]:
         if (
             light.kind != "spot"
             or light.follows_camera
-            or light.intensity == 0.0
-            or any(_meets(light, item) for item in scene.objects)
+            or not _shines(light)
+            or any(lights_object(light, item) for item in scene.objects)
         ):
             active.append(light)
         else:
@@ -85,191 +86,91 @@ def _active_lights(scene: Scene, found: list[Identity]) -> tuple[Light, ...]:
     return tuple(active)
 
 
-def _meets(light: Light, item: SceneObject) -> bool:
-    """Whether the cone of a spot may meet the bounding sphere of an object."""
-    corners = _corners(item)
-    if corners is None:
-        return True
-    center = corners.mean(axis=0)
-    radius = float(np.linalg.norm(corners - center, axis=1).max())
-    way = center - np.asarray(light.position, np.float64)
-    distance = float(np.linalg.norm(way))
-    if not radius < distance < math.inf:
-        return True
-    reach = math.tan(math.radians(light.angle) / 2.0)
-    if light.profile is not None and light.gate == "rectangle":
-        reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
-    direction = np.asarray(light.direction, np.float64)
-    cosine = float(way @ direction) / (distance * float(np.linalg.norm(direction)))
-    angle = math.acos(min(max(cosine, -1.0), 1.0))
-    return angle - math.asin(radius / distance) <= math.atan(reach) + _ROUNDING
+def _shines(light: Light) -> bool:
+    return light.intensity != 0.0 and any(light.color)
 
 
-def _hits(picture: ProjectedTexture, item: SceneObject) -> bool:
-    """Whether a projected picture, and as much around it, may meet an object's bounding box."""
-    corners = _corners(item)
-    if corners is None:
-        return True
-    with np.errstate(over="ignore", invalid="ignore"):
-        s, t, _, q = np.asarray(picture.matrix) @ np.concatenate([corners, np.ones((8, 1))], 1).T
-        beyond = [q <= 0.0, s < -q, s > 2.0 * q, t < -q, t > 2.0 * q]
-    return not any(side.all() for side in beyond)
-
-
-def _corners(item: SceneObject) -> FloatArray | None:
-    """(8, 3): corners of the bounding box in the world; None for a surface that leaves its box."""
-    if item.material.displacement is not None:
-        return None
-    corners = item.box_corners()
-    if item.transform is not None:
-        with np.errstate(over="ignore", invalid="ignore"):
-            corners = corners @ item.transform[:3, :3].T + item.transform[:3, 3]
-    return corners if np.isfinite(corners).all() else None
-
-
-def _active_lighting(lighting: Lighting, found: list[Identity]) -> Lighting:
+def _active_lighting(
+    lighting: Lighting, options: RenderOptions, found: list[Identity]
+) -> tuple[Lighting, RenderOptions]:
+    """Leave out an environment that is dark; where it was seen, the background is black."""
     environment = lighting.environment
-    if environment is None or not environment.lighting:
-        return lighting
+    if environment is None:
+        return lighting, options
     is_black = environment.image is None and not environment.faces and not any(environment.color)
     if environment.intensity != 0.0 and not is_black:
-        return lighting
+        return lighting, options
     why = "the environment is black" if is_black else "the environment's intensity is 0"
-    found.append(Identity("environment light", "the scene", why))
-    return replace(lighting, environment=replace(environment, lighting=False))
+    found.append(Identity("environment", "the scene", why))
+    if environment.background:
+        options = replace(options, background=(0.0, 0.0, 0.0))
+    return replace(lighting, environment=None), options
 
 
-def _identities(
-    item: SceneObject, lighting: Lighting, reads_coordinates: bool
-) -> Iterator[tuple[str, str, str, Any]]:
-    """Yield the name, field and reason of parts that change nothing, and what takes their place."""
-    material = item.material
-    for name, part, test in _TESTS:
-        if getattr(material, part) is not None and (why := test(material)):
-            yield name, part, why, None
-    for slot, zero in _ZEROS.items():
-        value = getattr(material, slot)
-        if isinstance(value, ImageTexture | ProcedureTexture) and _is_black(value):
-            if slot == "base_color" and _may_hold_opacity(material):
-                continue
-            kind = "images" if isinstance(value, ImageTexture) else "procedures"
-            yield kind, slot, f"the factor of {slot} is 0", zero
-    moves = material.parallax is not None and material.parallax.depth != 0.0
-    if moves and not reads_coordinates and not _looks_up_coordinates(material):
-        yield "parallax", "parallax", "its material looks up nothing at texture coordinates", None
-    if material.occlusion is not None and (why := _unoccluded(material, lighting)):
-        yield "occlusion map", "occlusion", why, None
-    strong = tuple(picture for picture in material.projected if picture.strength != 0.0)
-    aimed = tuple(picture for picture in strong if _hits(picture, item))
-    if len(strong) < len(material.projected):
-        yield "projected textures", "projected", "the strength of a picture is 0", aimed
-    elif len(aimed) < len(strong):
-        yield "projected textures", "projected", "a picture is aimed elsewhere", aimed
-
-
-def _looks_up_coordinates(material: Material) -> bool:
-    """Whether a texture of a material, but for the parallax map, lies on texture coordinates."""
-    holders = [material, material.normal_map, material.bump_map, material.reflection,
-               material.refraction]  # fmt: skip
-    values = [
-        getattr(holder, item.name)
-        for holder in holders
-        if holder is not None
-        for item in fields(holder)
-    ]
-    return any(
-        isinstance(value, ImageTexture)
-        or (isinstance(value, ProcedureTexture) and value.space == "uv")
-        for value in values
-    )
-
-
-def _unoccluded(material: Material, lighting: Lighting) -> str:
+def _surroundings(scene: Scene, lighting: Lighting) -> Surroundings:
     ambient, environment = lighting.ambient, lighting.environment
-    if material.occlusion_strength == 0.0:
-        return "its strength is 0"
-    if any(ambient.color) or any(ambient.ground or ()):
-        return ""
-    return "" if environment is not None and environment.lighting else "there is no ambient light"
-
-
-def _flat_normals(material: Material) -> str:
-    holder = material.normal_map
-    assert holder is not None
-    if holder.strength != 0.0:
-        return ""
-    # In other spaces the strength does not count; the header of the file may say which.
-    space = holder.space or normal_space(holder.texture.image)
-    return "its strength is 0" if space == "tangent" else ""
-
-
-def _no_bumps(material: Material) -> str:
-    assert material.bump_map is not None
-    return "its height is 0" if material.bump_map.height == 0.0 else ""
-
-
-def _no_displacement(material: Material) -> str:
-    assert material.displacement is not None
-    return "its height is 0" if material.displacement.height == 0.0 else ""
-
-
-def _no_parallax(material: Material) -> str:
-    assert material.parallax is not None
-    return "its depth is 0" if material.parallax.depth == 0.0 else ""
-
-
-def _no_reflection(material: Material) -> str:
-    assert material.reflection is not None
-    if material.reflection.fresnel:  # it grows toward grazing angles whatever the strength
-        return ""
-    return "its strength is 0" if _is_black(material.reflection.strength) else ""
-
-
-def _no_refraction(material: Material) -> str:
-    assert material.refraction is not None
-    return "its strength is 0" if _is_black(material.refraction.strength) else ""
-
-
-def _no_emission(material: Material) -> str:
-    return "it is black" if _is_black(material.emission) else ""
-
-
-def _no_light_map(material: Material) -> str:
-    return "it is black" if _is_black(material.light_map) else ""
-
-
-def _may_hold_opacity(material: Material) -> bool:
-    """Whether the image of the base color may have a fourth channel that counts."""
-    texture = material.base_color
-    return (
-        isinstance(texture, ImageTexture)
-        and material.alpha_mode != "opaque"
-        and texture.channel is None
-        and not texture.colors
+    return Surroundings(
+        lamps=any(map(_shines, lighting.lights)),
+        ambient=any(ambient.color) or any(ambient.ground or ()),
+        environment_light=environment is not None and environment.lighting,
+        environment=environment is not None,
+        other_objects=len(scene.objects) > 1,
     )
 
 
-def _is_black(slot: Slot | None) -> bool:
-    """Whether all values of a slot are 0 because its constant or its factor is."""
-    value = slot.factor if isinstance(slot, ImageTexture | ProcedureTexture) else slot
-    return value is not None and not np.any(np.asarray(value))
+def _active_object(
+    scene: Scene,
+    item: SceneObject,
+    lighting: Lighting,
+    around: Surroundings | None,
+    found: list[Identity],
+) -> SceneObject:
+    material = item.material
+    by = f'object "{item.name}"'
+    for name, why, simpler in _steps(item, around):
+        if why:
+            found.append(Identity(name, by, why))
+        material = simpler
+    if material.displacement is not None and not (
+        _may_be_seen(scene, item, material) or _casts_shadows(scene, item, lighting)
+    ):
+        found.append(Identity("displacement", by, "the object is not seen and casts no shadow"))
+        material = replace(material, displacement=None)
+    return item if material is item.material else replace(item, material=material)
 
 
-# What takes the place of a texture whose factor is 0.
-_ZEROS: Mapping[str, float | tuple[float, float, float]] = MappingProxyType(
-    {
-        "base_color": (0.0, 0.0, 0.0), "specular": (0.0, 0.0, 0.0), "exponent": 0.0, "gloss": 0.0,
-        "roughness": 0.0, "metalness": 0.0, "opacity": 0.0,
-    }
-)  # fmt: skip
-# Effect, field of the material, and why it changes nothing: "" if it may.
-_TESTS: tuple[tuple[str, str, Callable[[Material], str]], ...] = (
-    ("normal map", "normal_map", _flat_normals),
-    ("bump map", "bump_map", _no_bumps),
-    ("displacement", "displacement", _no_displacement),
-    ("parallax", "parallax", _no_parallax),
-    ("reflection", "reflection", _no_reflection),
-    ("refraction", "refraction", _no_refraction),
-    ("emission", "emission", _no_emission),
-    ("light map", "light_map", _no_light_map),
-)
+def _may_be_seen(scene: Scene, item: SceneObject, material: Material) -> bool:
+    """Whether an object may be seen by the camera or in a mirror."""
+    if is_hidden(material):
+        return False
+    materials = [each.material for each in scene.objects]
+    mirrors = [each for m in materials for each in (m.reflection, m.refraction)]
+    return item.visible or any(
+        mirror is not None and mirror.environment == "rendered" for mirror in mirrors
+    )
+
+
+def _casts_shadows(scene: Scene, item: SceneObject, lighting: Lighting) -> bool:
+    materials = [each.material for each in scene.objects]
+    return item.casts_shadows and (
+        any(light.shadow is not None and _shines(light) for light in lighting.lights)
+        or any(
+            picture.occlusion and picture.strength != 0.0
+            for m in materials
+            for picture in m.projected
+        )
+    )
+
+
+def _steps(item: SceneObject, around: Surroundings | None) -> Iterator[tuple[str, str, Material]]:
+    """Yield the name and reason of what is taken out, and the material without it."""
+    material = item.material
+    strong = tuple(picture for picture in material.projected if picture.strength != 0.0)
+    aimed = tuple(picture for picture in strong if hits_object(picture, item))
+    if len(aimed) < len(material.projected):
+        was_weak = len(strong) < len(material.projected)
+        why = "the strength of a picture is 0" if was_weak else "a picture is aimed elsewhere"
+        material = replace(material, projected=aimed)
+        yield "projected textures", why, material
+    if around is not None:
+        yield from simplifications(material, around)

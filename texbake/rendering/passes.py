@@ -45,7 +45,7 @@ def find_visible(state: RenderState) -> VisibleScene:
     return VisibleScene(
         visibility=visibility,
         modes=modes,
-        objects=seen | {i for i in state.request.in_view if clear[i]},
+        objects=seen,
         scanline_weights=weights,
     )
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from texbake.rendering.costs import Costs
-from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal, Target
+from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal
 from texbake.rendering.identities import Identity
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Target
 
 # Passes that every picture has, in the order in which they run.
 EVERY_PICTURE = {
@@ -46,14 +47,14 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
     calls: dict[str, list[Call]] = {effect.name: [] for effect in effects}
     refusals: dict[str, list[Refusal]] = {effect.name: [] for effect in effects}
     known: set[tuple[str, Call]] = set()
-    targets: set[tuple[str, Target]] = set()
+    targets: set[tuple[str, Target, int | None]] = set()
 
     def add(effect: Effect, call: Call) -> None:
-        is_new = (effect.name, call.target) not in targets
+        is_new = (effect.name, call.target, call.asker) not in targets
         if (effect.name, call) not in known:
             calls[effect.name].append(call)
         known.add((effect.name, call))
-        targets.add((effect.name, call.target))
+        targets.add((effect.name, call.target, call.asker))
         if not is_new or effect.needs is None:
             return
         for name in effect.needs(request, call.target):
@@ -61,7 +62,9 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
             assert places[name] < places[effect.name], f"{effect.name} comes before {name}"
             target = call.target if needed.of == effect.of else None
             assert target is not None or needed.of == "picture", f"{effect.name} needs {name}"
-            add(needed, Call(target, call.by, f"for {effect.name}"))
+            asker = call.target if effect.of == "object" else call.asker
+            asker = None if needed.of == "object" else asker
+            add(needed, Call(target, call.by, f"for {effect.name}", asker))
 
     for effect in effects:
         for answer in effect.called_for(request):
@@ -128,7 +131,8 @@ def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) ->
         return PlanRow(name, does, reasons, None, None, "")
     if cost is None:
         return PlanRow(name, does, reasons, 0.0, 0, "")
-    return PlanRow(name, does, reasons, 1e3 * cost.seconds, cost.n_bytes, cost.skipped)
+    skipped = "" if cost.has_run else cost.skipped
+    return PlanRow(name, does, reasons, 1e3 * cost.seconds, cost.n_bytes, skipped)
 
 
 def _reasons(calls: Iterable[Call]) -> list[str]:

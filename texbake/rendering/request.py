@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from texbake.rendering.maps import has_opacity
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.rasterize import Window
 from texbake.rendering.scene.lights import Light
-from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
@@ -23,16 +23,15 @@ from texbake.rendering.scene.textures import (
     Texture,
     uv_set_of,
 )
+from texbake.rendering.simplified_material import (
+    ALWAYS_READ_SLOTS,
+    LIT_SLOTS,
+    SHADING_SLOTS,
+    is_hidden,
+)
 
-# Material slots that each shading model reads, in the order of their lookups.
-SHADING_SLOTS = {
-    "unlit": ("base_color",),
-    "lambert": ("base_color",),
-    "blinn-phong": ("base_color", "specular", "exponent", "gloss"),
-    "metallic-roughness": ("base_color", "roughness", "metalness"),
-}
-ALWAYS_READ_SLOTS = ("emission", "opacity")
-LIT_SLOTS = ("occlusion", "light_map")
+# Features of a material whose textures parallax moves.
+_MOVED = ("normal_map", "bump_map", "reflection", "refraction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,8 @@ class RenderRequest:
 
     `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
     is 1 in an environment rendered for a reflecting object. `window` has the pixels of the camera's
-    picture that are drawn, None for all. `identities` lists what was taken out of the scene.
+    picture that are drawn, None for all. `identities` lists what was taken out of the scene;
+    with `keeps_materials`, effects of the caller's own may read all that is left.
     """
 
     scene: Scene
@@ -51,6 +51,7 @@ class RenderRequest:
     depth: int = 0
     window: Window | None = None
     identities: tuple[Identity, ...] = ()
+    keeps_materials: bool = False
 
     @property
     def shows_buffer(self) -> bool:
@@ -63,7 +64,9 @@ class RenderRequest:
         return tuple(
             index
             for index, item in enumerate(self.scene.objects)
-            if item.visible and _in_view(item, self.camera, self.options)
+            if item.visible
+            and (self.shows_buffer or self.keeps_materials or not is_hidden(item.material))
+            and _in_view(item, self.camera, self.options)
         )
 
     @cached_property
@@ -97,6 +100,9 @@ class RenderRequest:
 
     def textures(self, index: int) -> Iterator[tuple[str, Texture]]:
         """Textures that shading an object looks up, each with its place in the material."""
+        yield from self._looked_up(index, (*_MOVED, "parallax"))
+
+    def _looked_up(self, index: int, features: Sequence[str]) -> Iterator[tuple[str, Texture]]:
         material = self.material(index)
         for name in self.slots(index):
             slot = getattr(material, name)
@@ -105,7 +111,7 @@ class RenderRequest:
         opacity = self.image_opacity(index)
         if opacity is not None:
             yield "base_color.opacity", opacity
-        for feature in "normal_map", "bump_map", "parallax", "reflection", "refraction":
+        for feature in features:
             holder = getattr(material, feature)
             if holder is None or not self._looks_up(feature, index):
                 continue
@@ -116,11 +122,58 @@ class RenderRequest:
 
     def _looks_up(self, feature: str, index: int) -> bool:
         """Whether shading an object looks up the textures of a feature of its material."""
-        material = self.material(index)
-        needs_normals = self.shows_buffer or "normals" in self.keep or material.shading != "unlit"
         if feature == "normal_map":
-            return needs_normals or bool(material.reflection or material.refraction)
-        return needs_normals or feature != "bump_map"
+            return self.needs_normals(index)
+        if feature == "parallax":
+            return self.moves_textures(index)
+        kept = self.shows_buffer or "normals" in self.keep
+        lit = self.material(index).shading != "unlit" and self.needs_normals(index)
+        return feature != "bump_map" or kept or lit
+
+    def needs_normals(self, index: int) -> bool:
+        """Whether a picture depends on the normals of an object."""
+        if self.shows_buffer or "normals" in self.keep:
+            return True
+        material = self.material(index)
+        return (
+            self._shows(material.reflection)
+            or self._shows(material.refraction)
+            or self._is_lit_from_sides(index)
+        )
+
+    def _shows(self, mirror: Reflection | Refraction | None) -> bool:
+        """Whether what a mirror adds depends on the direction in which it is seen."""
+        if mirror is None:
+            return False
+        grows = isinstance(mirror, Reflection) and mirror.fresnel
+        is_black = mirror.environment == "scene" and self.scene.lighting.environment is None
+        return grows or not is_black
+
+    def _is_lit_from_sides(self, index: int) -> bool:
+        """Whether the light on an object comes from some directions more than from others."""
+        lighting, shading = self.scene.lighting, self.material(index).shading
+        if shading == "unlit":
+            return False
+        if any(light.intensity > 0.0 and any(light.color) for light in lighting.lights):
+            return True
+        if lighting.ambient.ground not in (None, lighting.ambient.color):
+            return True
+        around = lighting.environment
+        if around is None or not around.lighting:
+            return False
+        # One color all around shows only in highlights.
+        return bool(around.image is not None or around.faces or shading == "metallic-roughness")
+
+    def moves_textures(self, index: int) -> bool:
+        """Whether something is looked up where the parallax of an object leads."""
+        return (
+            self.shows_buffer
+            or self.keeps_materials
+            or any(
+                isinstance(texture, ImageTexture) or texture.space == "uv"
+                for name, texture in self._looked_up(index, _MOVED)
+            )
+        )
 
     def uv_sets(self, index: int) -> tuple[str, ...]:
         """Further sets of texture coordinates that shading an object looks up."""

@@ -21,19 +21,13 @@ import numpy as np
 
 from texbake.core import core
 from texbake.parallel import run_bands
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-    only_when_needed,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Ambient
+from texbake.rendering.simplified_material import is_diffuse, reflects_environment
 from texbake.texture.image import FloatImage
 
 # Default radius, as a share of half the diagonal of the scene's bounding box.
@@ -47,18 +41,17 @@ def _occlusion_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     lighting = request.scene.lighting
     if lighting.occlusion is None:
         return
-    lit_by_all = (
-        any(lighting.ambient.color)
-        or any(lighting.ambient.ground or ())
-        or (lighting.environment is not None and lighting.environment.lighting)
-    )
-    if not lit_by_all:
+    ambient = any(lighting.ambient.color) or any(lighting.ambient.ground or ())
+    around = lighting.environment is not None and lighting.environment.lighting
+    if not (ambient or around):
         yield Refusal("the scene", "it has no ambient light to darken")
     elif lighting.occlusion.strength == 0.0:
         yield Refusal("the scene", "its strength is 0")
     else:
         for index in request.lit:
-            yield Call(index, request.name(index), "the scene has ambient occlusion")
+            material = request.material(index)
+            if (ambient and is_diffuse(material)) or (around and reflects_environment(material)):
+                yield Call(index, request.name(index), "the scene has ambient occlusion")
 
 
 def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
@@ -129,7 +122,8 @@ def _ambient_called_for(request: RenderRequest) -> Iterator[Call]:
     ambient = request.scene.lighting.ambient
     if any(ambient.color) or any(ambient.ground or ()):
         for index in request.lit:
-            yield Call(index, request.name(index), "the scene has ambient light")
+            if is_diffuse(request.material(index)):
+                yield Call(index, request.name(index), "the scene has ambient light")
 
 
 def _ambient_needs(request: RenderRequest, target: Target) -> Iterator[str]:

@@ -13,12 +13,13 @@ import numpy.typing as npt
 
 from texbake.colors import linear_from_oklch
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.sample import mip_levels

@@ -49,7 +49,7 @@ import numpy as np
 from texbake.core import core
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.effects.normals import MESH_NORMALS
@@ -63,6 +63,7 @@ from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap
 from texbake.rendering.scene.textures import ImageTexture, uv_set_of
 
@@ -202,11 +203,15 @@ def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]
     )  # fmt: skip
 
 
-def _bump_called_for(request: RenderRequest) -> Iterator[Call]:
+def _bump_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     for index in request.shaded if "normals" in request.keep else request.lit:
         holder = request.material(index).bump_map
-        if holder is not None and holder.form not in EMBOSS_FORMS:
+        if holder is None or holder.form in EMBOSS_FORMS:
+            continue
+        if request.needs_normals(index):
             yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
+        else:
+            yield Refusal(request.name(index), "its light comes alike from all sides")
 
 
 def _emboss_called_for(request: RenderRequest) -> Iterator[Call]:

@@ -21,21 +21,15 @@ import numpy as np
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-    only_when_needed,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.maps import colors_from
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Environment
+from texbake.rendering.simplified_material import reflects_environment
 from texbake.rendering.studio import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
 from texbake.texture.cube_map import CubeChain, CubeMap
@@ -146,7 +140,8 @@ def _lighting_called_for(request: RenderRequest) -> Iterator[Call]:
     environment = request.scene.lighting.environment
     if environment is not None and environment.lighting:
         for index in request.lit:
-            yield Call(index, request.name(index), "the environment lights the scene")
+            if reflects_environment(request.material(index)):
+                yield Call(index, request.name(index), "the environment lights the scene")
 
 
 def _lighting_needs(request: RenderRequest, target: Target) -> Iterator[str]:

@@ -14,15 +14,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.core import core
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Target,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Target
 from texbake.texture.image import FloatImage
 
 _MODES = {"linear": 0, "exp": 1, "exp2": 2}

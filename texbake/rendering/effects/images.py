@@ -17,7 +17,7 @@ import numpy as np
 
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import (
@@ -28,6 +28,7 @@ from texbake.rendering.maps import (
     normals_from,
 )
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
     FILTERS_WITH_LEVELS,

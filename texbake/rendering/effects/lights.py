@@ -20,14 +20,7 @@ import numpy as np
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.fragments import (
     Floats,
     Fragments,
@@ -35,7 +28,9 @@ from texbake.rendering.fragments import (
     one_row,
 )
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.material import EMBOSS_FORMS
 from texbake.rendering.scene.transforms import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
@@ -185,6 +180,23 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
             with state.costs.timed(item.name):
                 item.effect.dim(fragments, state, index, found)
     return found
+
+
+def lights_any(fragments: Fragments, incident: Incident) -> bool:
+    """Whether light arrives at a fragment, at its front; embossing may light its back as well."""
+    assert fragments.normals is not None
+    arrives = incident.radiance.any(axis=1)
+    bump_map = fragments.drawn.material.bump_map
+    if bump_map is None or bump_map.form not in EMBOSS_FORMS:
+        arrives = arrives & (
+            np.einsum(
+                "ij,ij->i",
+                fragments.normals,
+                np.broadcast_to(incident.directions, fragments.normals.shape),
+            )
+            > 0.0
+        )
+    return bool(arrives.any())
 
 
 def shining(request: RenderRequest) -> tuple[int, ...]:

@@ -27,20 +27,14 @@ import numpy as np
 
 from texbake.core import core
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
 from texbake.rendering.effects.lights import in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
@@ -72,7 +66,8 @@ def _needs(name: str) -> Callable[[RenderRequest, Target], Iterator[str]]:
         material = request.material(target)
         yield from (normals_effect(request, target), "view directions")
         mirror: Reflection | Refraction = getattr(material, name)
-        if request.scene.lighting.environment is not None:
+        is_rendered = mirror.environment == "rendered" and not _why_not_rendered(request)
+        if request.scene.lighting.environment is not None and not is_rendered:
             yield "environment"
         if isinstance(mirror.strength, ImageTexture):
             yield "images"
@@ -87,12 +82,18 @@ def _rendered_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
         for name, mirror in _mirrors(request.material(index)):
             if mirror.environment != "rendered":
                 continue
-            if request.depth > request.options.bounces:
-                yield Refusal(request.name(index), f"{request.depth} reflections are enough")
-            elif len(request.scene.objects) == 1:
-                yield Refusal(request.name(index), "the scene has no other object to show")
+            why_not = _why_not_rendered(request)
+            if why_not:
+                yield Refusal(request.name(index), why_not)
             else:
                 yield Call(index, request.name(index), f"its {name} is of the scene around it")
+
+
+def _why_not_rendered(request: RenderRequest) -> str:
+    """Say why no environment is rendered; "" if one may be."""
+    if request.depth > request.options.bounces:
+        return f"{request.depth} reflections are enough"
+    return "the scene has no other object to show" if len(request.scene.objects) == 1 else ""
 
 
 def _load(state: RenderState, target: Target) -> PlacedEnvironment | None:

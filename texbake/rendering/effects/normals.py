@@ -27,20 +27,14 @@ from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    RenderState,
-    Result,
-    Target,
-    only_when_needed,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 
 
 def _load_normals(state: RenderState, target: Target) -> tuple[FloatArray, IntArray]:
@@ -96,11 +90,15 @@ NORMALS = Effect(
 )
 
 
-def _map_called_for(request: RenderRequest) -> Iterator[Call]:
+def _map_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     shaded = request.shaded if "normals" in request.keep else request.lit
     for index in shaded:
-        if request.material(index).normal_map is not None:
+        if request.material(index).normal_map is None:
+            continue
+        if request.needs_normals(index):
             yield Call(index, request.name(index), "its material has a normal map")
+        else:
+            yield Refusal(request.name(index), "its light comes alike from all sides")
 
 
 def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:

@@ -31,12 +31,13 @@ import numpy as np
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
@@ -65,10 +66,15 @@ class TextureSlopes:
         return self.slopes.nbytes + self.sizes.nbytes
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
+def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     for index in request.shaded:
-        if request.material(index).parallax is not None:
+        if request.material(index).parallax is None:
+            continue
+        if request.moves_textures(index):
             yield Call(index, request.name(index), "its material has a parallax map")
+        else:
+            why = "its material looks up nothing at texture coordinates"
+            yield Refusal(request.name(index), why)
 
 
 def _load(state: RenderState, target: Target) -> TextureSlopes:

@@ -17,8 +17,9 @@ import numpy as np
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Effect, RenderState, Result, Target, only_when_needed
+from texbake.rendering.effect import Effect, RenderState, only_when_needed
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.results import Result, Target
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:

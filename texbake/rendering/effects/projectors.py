@@ -29,26 +29,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
-)
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
     placed_image,
     with_levels,
 )
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, shining, slide_extent
+from texbake.rendering.effects.lights import (
+    PLACED_LIGHTS,
+    PlacedLight,
+    lights_any,
+    shining,
+    slide_extent,
+)
 from texbake.rendering.effects.projected_visibility import (
     ProjectorView,
     facing_projector,
@@ -58,6 +58,7 @@ from texbake.rendering.effects.projected_visibility import (
 from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Deferred, Result, Target
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
@@ -122,16 +123,40 @@ def thrown(
         Share of the pixel inside the unit square; 0 behind the projector (q <= 0). Without steps it
         is 0 or 1.
     """
+    thrown_at = on_picture(matrix, points, steps, image.filter)
+    return thrown_at.values(image), thrown_at.coverage
+
+
+@dataclass(frozen=True, eq=False)
+class PicturePoints:
+    """Where points lie on a projected picture.
+
+    `coverage` (n,) is the share of the pixel inside the unit square, `changes` (n, 4) are the
+    derivatives of `places` (n, 2) per pixel; None for a filter without a footprint.
+    """
+
+    places: FloatArray
+    changes: Floats | None
+    coverage: Floats
+
+    def values(self, image: LoadedImage) -> Floats:
+        """(n, C) float32: values of the picture; undefined where the coverage is 0."""
+        return image_values(image, self.places, self.changes)
+
+
+def on_picture(
+    matrix: FloatArray, points: FloatArray, steps: FloatArray | None, filter_name: str
+) -> PicturePoints:
+    """Project points onto a picture with this filter; see `thrown`."""
     n = len(points)
-    filtered = steps is not None and image.filter in FILTERS_WITH_FOOTPRINT
+    has_footprint = filter_name in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)
     changes = np.zeros((n, 4), np.float32)
     core.project_points(
-        points, steps if filtered else _NO_STEPS, np.ascontiguousarray(matrix, np.float64),
-        places, changes, coverage,
+        points, steps if steps is not None and has_footprint else _NO_STEPS,
+        np.ascontiguousarray(matrix, np.float64), places, changes, coverage,
     )  # fmt: skip
-    needs_changes = image.filter in FILTERS_WITH_FOOTPRINT
-    return image_values(image, places, changes if needs_changes else None), coverage
+    return PicturePoints(places, changes if has_footprint else None, coverage)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,18 +205,22 @@ def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None
     """Return the slide of a placed spot light; reads its image unless `image` is given."""
     if image is None:
         image = _image_of(light, "bilinear", None)
+    return Slide(image, slide_matrix(light, placed))
+
+
+def slide_matrix(light: Light, placed: PlacedLight) -> FloatArray:
+    """(4, 4): transforms world space to (s, t, r, q) of a spot's slide."""
     width, height = slide_extent(light)
     # A square slide has exactly the angle of the light.
     fov = light.angle if width == height else math.degrees(2.0 * math.atan(height))
     place, ahead = placed.position, placed.position + placed.direction
-    matrix = projector_matrix(
+    return projector_matrix(
         position=(place[0], place[1], place[2]),
         target=(ahead[0], ahead[1], ahead[2]),
         up=tuple(placed.axes[1]),
         fov=fov,
         aspect=width / height,
     )
-    return Slide(image, matrix)
 
 
 def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = None) -> Floats:
@@ -203,24 +232,28 @@ def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = No
     return colors * coverage[:, None]
 
 
-def _place_slide(state: RenderState, target: Target) -> Slide:
+def _place_slide(state: RenderState, target: Target) -> FloatArray:
     assert target is not None
-    light, placed = state.lights[target], state.of(PLACED_LIGHTS, target)
-    return slide_of(light, placed, state.of(SLIDE_IMAGES, target))
+    return slide_matrix(state.lights[target], state.of(PLACED_LIGHTS, target))
 
 
 def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    slide = state.of(SLIDES, index)
-    assert fragments.positions is not None
-    steps = None
-    if slide.image.filter in FILTERS_WITH_FOOTPRINT:
-        steps = pixel_steps(fragments, state)
-    incident.radiance = incident.radiance * slide_colors(slide, fragments.positions, steps)
+    profile = state.lights[index].profile
+    assert fragments.positions is not None and profile is not None
+    filter_name = state.request.filter_of(profile)
+    steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
+    found = on_picture(state.of(SLIDE_MATRICES, index), fragments.positions, steps, filter_name)
+    covered = replace(incident, radiance=incident.radiance * found.coverage[:, None])
+    if not lights_any(fragments, covered):
+        incident.radiance = covered.radiance
+        return
+    colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
+    incident.radiance = incident.radiance * colors
 
 
-SLIDE_IMAGES = Result(_load_slide)
+SLIDE_IMAGES = Result(_load_slide, deferred=True)
 
-SLIDES = Result(_place_slide)
+SLIDE_MATRICES = Result(_place_slide)
 
 LIGHT_PROFILES = Effect(
     name="light profiles",
@@ -230,12 +263,12 @@ LIGHT_PROFILES = Effect(
     left_out="no light has a slide",
     needs=lambda request, target: ("lights",),
     load=SLIDE_IMAGES,
-    prepare=SLIDES,
+    prepare=SLIDE_MATRICES,
     dim=_dim,
 )
 
 
-ProjectorViews = list[ProjectorView | None]
+ProjectorViews = list[Deferred[ProjectorView] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,8 +276,6 @@ class ThrownPicture:
     """A picture to project, with four channels: color premultiplied by opacity, and opacity."""
 
     image: LoadedImage
-    matrix: FloatArray
-    strength: float
 
     @property
     def n_bytes(self) -> int:
@@ -258,13 +289,23 @@ def _projected_called_for(request: RenderRequest) -> Iterator[Call]:
             yield Call(index, request.name(index), "a picture is projected onto it")
 
 
-def _load_projected(state: RenderState, target: Target) -> list[ThrownPicture]:
+def _load_projected(state: RenderState, target: Target) -> list[Deferred[ThrownPicture]]:
     assert target is not None
-    material = state.request.material(target)
-    return [_thrown_picture(state, item, i) for i, item in enumerate(material.projected)]
+    return [
+        Deferred(partial(_thrown_picture, state, target, i))
+        for i in range(len(state.request.material(target).projected))
+    ]
 
 
-def _thrown_picture(state: RenderState, item: ProjectedTexture, place: int) -> ThrownPicture:
+def _thrown_picture(state: RenderState, target: int, place: int) -> ThrownPicture:
+    item = state.request.material(target).projected[place]
+    with state.reporting_for(target):
+        picture = _read_picture(state, item, place)
+    state.costs.add("projected textures", 0.0, picture.n_bytes)
+    return picture
+
+
+def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> ThrownPicture:
     texture = item.texture
     colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
     if opacity is None:
@@ -279,31 +320,45 @@ def _thrown_picture(state: RenderState, item: ProjectedTexture, place: int) -> T
         name=f"projected[{place}].texture",
         threads=state.threads,
     )
-    return ThrownPicture(image, np.asarray(item.matrix, np.float64), item.strength)
+    return ThrownPicture(image)
 
 
 def _view_from_projectors(state: RenderState, target: Target) -> ProjectorViews:
     assert target is not None
     projected = state.request.material(target).projected
-    return [projector_view(state, item) if item.occlusion else None for item in projected]
+    return [
+        Deferred(partial(_view_from, state, item)) if item.occlusion else None for item in projected
+    ]
+
+
+def _view_from(state: RenderState, item: ProjectedTexture) -> ProjectorView:
+    view = projector_view(state, item)
+    state.costs.add("projected textures", 0.0, view.n_bytes)
+    return view
 
 
 def _throw(fragments: Fragments, state: RenderState) -> None:
     assert fragments.target is not None
     base = fragments.values.base_color
     pictures = state.of(THROWN_PICTURES, fragments.target)
+    projected = state.request.material(fragments.target).projected
+    filters = [state.request.filter_of(item.texture) for item in projected]
     steps = None
-    if any(item.image.filter in FILTERS_WITH_FOOTPRINT for item in pictures):
+    if any(name in FILTERS_WITH_FOOTPRINT for name in filters):
         steps = pixel_steps(fragments, state)
     assert fragments.positions is not None
-    projected = state.request.material(fragments.target).projected
     views = state.of(PROJECTOR_VIEWS, fragments.target)
-    for item, options, view in zip(pictures, projected, views, strict=True):
-        values, coverage = thrown(item.image, item.matrix, fragments.positions, steps)
-        if options.facing:
-            coverage *= facing_projector(fragments, state, projector_position(item.matrix))
-        if view is not None:
-            coverage *= unhidden(fragments, state, view)
+    for picture, item, view, name in zip(pictures, projected, views, filters, strict=True):
+        matrix = np.asarray(item.matrix, np.float64)
+        found = on_picture(matrix, fragments.positions, steps, name)
+        coverage = found.coverage
+        if item.facing:
+            coverage *= facing_projector(fragments, state, projector_position(matrix))
+        if view is not None and coverage.any():
+            coverage *= unhidden(fragments, state, view.get())
+        if not coverage.any():
+            continue
+        values = found.values(picture.get().image)
         share = (item.strength * coverage)[:, None]
         base = base * (1.0 - share * values[:, 3:]) + share * values[:, :3]
     fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))

@@ -26,10 +26,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from texbake.core import core
-from texbake.rendering.effect import Call, Effect, RenderState, Target
+from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.lights import incident, shining
 from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Target
 
 # Below this value of alpha, highlights are narrower than float32 normals resolve.
 LEAST_ALPHA = 1e-3
@@ -46,7 +47,8 @@ def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
 
 def normals_effect(request: RenderRequest, target: int) -> str:
     """Name the effect that computes an object's normals before bump mapping."""
-    return "normals" if request.material(target).normal_map is None else "normal map"
+    has_map = request.material(target).normal_map is not None
+    return "normal map" if has_map and request.needs_normals(target) else "normals"
 
 
 def _needs(request: RenderRequest, target: Target) -> Iterator[str]:

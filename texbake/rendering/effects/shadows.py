@@ -45,15 +45,14 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    Refusal,
-    RenderState,
-    Result,
-    Target,
+from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effects.lights import (
+    PLACED_LIGHTS,
+    PlacedLight,
+    lights_any,
+    placed_light,
+    shining,
 )
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, placed_light, shining
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,
@@ -68,6 +67,7 @@ from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Light
 
 
@@ -215,8 +215,10 @@ def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
 
 
 def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    if not state.plan.has("shadows", fragments.target) or not lights_any(fragments, incident):
+        return
     shadow = state.get(LIGHT_SHADOWS, index)
-    if shadow is None or not state.plan.has("shadows", fragments.target):
+    if shadow is None:
         return
     light = state.of(PLACED_LIGHTS, index)
     first, stop = state.world.starts[fragments.target : fragments.target + 2]
@@ -242,7 +244,7 @@ def _shadows_called_for(request: RenderRequest) -> Iterator[Call]:
                 yield Call(receiver, request.name(receiver), why)
 
 
-LIGHT_SHADOWS = Result(_prepare)
+LIGHT_SHADOWS = Result(_prepare, deferred=True)
 
 SHADOW_MAPS = Effect(
     name="shadow maps",

@@ -14,11 +14,12 @@ import numpy as np
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState, Target
+from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Target
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, VolumeTexture
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate

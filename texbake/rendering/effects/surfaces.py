@@ -25,7 +25,7 @@ from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
-from texbake.rendering.effect import Call, Effect, RenderState, Result, Target
+from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
@@ -37,6 +37,7 @@ from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.scene import placed
 from texbake.rendering.scene.textures import (

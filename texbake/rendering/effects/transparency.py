@@ -25,22 +25,16 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
-from texbake.rendering.effect import (
-    Call,
-    Effect,
-    RenderState,
-    Result,
-    Target,
-    only_when_needed,
-)
+from texbake.rendering.effect import Call, Effect, RenderState, only_when_needed
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.passes import rasterized
+from texbake.rendering.passes import rasterized, seen_objects
 from texbake.rendering.raster.fragments import FragmentRows
 from texbake.rendering.raster.world import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
+from texbake.rendering.results import Result, Target
 
 MAX_LAYERS = 16
 
@@ -195,6 +189,12 @@ def _peel(state: RenderState, target: Target) -> Layers:
     return Layers(tuple(layers), opaque)
 
 
+def _objects_in_layers(state: RenderState) -> frozenset[int]:
+    layers = state.of(PEELED_LAYERS).layers
+    found = (seen_objects(layer, state.world, threads=state.threads) for layer in layers)
+    return frozenset().union(*found)
+
+
 PEELED_LAYERS = Result(_peel)
 
 LAYERS = Effect(
@@ -204,6 +204,7 @@ LAYERS = Effect(
     called_for=only_when_needed,
     left_out="nothing in the picture is transparent",
     prepare=PEELED_LAYERS,
+    finds_objects=_objects_in_layers,
 )
 
 TRANSPARENCY = Effect(

@@ -1,0 +1,346 @@
+"""Random scenes over all keys, and each of their parts taken away in turn.
+
+A scene follows from its seed alone. About a third of all values are at their neutral end, such as a
+strength of 0 or a black color, because these are what a plan has to recognize.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import (
+    FOG_MODES,
+    GATES,
+    KINDS,
+    Ambient,
+    AmbientOcclusion,
+    Environment,
+    Fog,
+    Light,
+    Lighting,
+    Shadow,
+)
+from texbake.rendering.scene.material import (
+    ALPHA_MODES,
+    BUMP_FORMS,
+    SHADINGS,
+    BumpMap,
+    Displacement,
+    Material,
+    NormalMap,
+    Parallax,
+    ProjectedTexture,
+    Reflection,
+    Refraction,
+)
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import (
+    FILTERS,
+    ImageTexture,
+    ProcedureTexture,
+    Slot,
+    VolumeTexture,
+)
+from texbake.rendering.scene.transforms import projector_matrix
+from texbake.texture.image import write_image
+
+Rng = np.random.Generator
+N_IMAGES = 12
+_CORNERS = ((40.0, 40.0, 40.0), (-40.0, -40.0, 40.0), (-40.0, 40.0, -40.0), (40.0, -40.0, -40.0))
+# A projector matrix whose picture covers 100 units along x and y.
+_OVER_ALL = np.array(
+    [[0.01, 0.0, 0.0, 0.5], [0.0, 0.01, 0.0, 0.5], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+_COLORED = ("base_color", "specular", "emission", "light_map")
+_PLAIN = ("exponent", "gloss", "roughness", "metalness", "occlusion", "opacity")
+
+
+def write_images(folder: Path) -> None:
+    """Write the images that scenes refer to: of one, three and four channels."""
+    rng = np.random.default_rng(0)
+    for i in range(N_IMAGES):
+        shape = (8, 16 if i % 2 else 8, (1, 3, 4)[i % 3])
+        pixels = rng.integers(1, 255, shape, np.uint8)
+        write_image(pixels, folder / f"{i}.png")
+    np.save(folder / "volume.npy", rng.random((4, 4, 4)).astype(np.float32))
+
+
+def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
+    """Return the scene of a seed, with images of `folder`, and its render options."""
+    rng = np.random.default_rng(seed)
+    objects = tuple(_object(rng, folder, i) for i in range(rng.integers(1, 4)))
+    scene = Scene(objects=objects, lighting=_lighting(rng, folder))
+    options = RenderOptions(
+        width=24, height=16, supersampling=1 + int(rng.random() < 0.2),
+        view=(float(rng.uniform(0, 360)), float(rng.uniform(-30, 60)), None),
+        bounces=int(rng.integers(0, 2)),
+    )  # fmt: skip
+    return scene, options
+
+
+def without_each_part(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """Yield the name of each part of a scene, and the scene without it or with its default."""
+    yield from _without_lighting(scene)
+    for i, item in enumerate(scene.objects):
+        for name, bare in _without_fields(item.material, Material()):
+            yield f"objects[{i}].{name}", with_object(scene, i, replace(item, material=bare))
+        for name in "casts_shadows", "receives_shadows":
+            if getattr(item, name):
+                changed = replace(item, **{name: False})
+                yield f"objects[{i}].{name}", with_object(scene, i, changed)
+
+
+def _without_fields(part: Any, default: Any) -> Iterator[tuple[str, Any]]:
+    for item in fields(part):
+        value, bare = getattr(part, item.name), getattr(default, item.name)
+        # Whether back faces are drawn decides what is visible, and the model what is computed.
+        if value is not bare and item.name not in ("name", "shading", "double_sided"):
+            yield item.name, replace(part, **{item.name: bare})
+
+
+def _without_lighting(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    lighting = scene.lighting
+    for name, bare in _without_fields(lighting, Lighting()):
+        if name != "lights":
+            yield name, replace(scene, lighting=bare)
+    for i, light in enumerate(lighting.lights):
+        changed = {"": None}
+        changed |= {f".{name}": replace(light, **{name: None}) for name in ("shadow", "profile")
+                    if getattr(light, name) is not None}  # fmt: skip
+        for name, value in changed.items():
+            # A light that is gone keeps its place, so that the others keep their indices.
+            other = value or replace(light, intensity=0.0, shadow=None, profile=None)
+            yield f"lights[{i}]{name}", with_light(scene, i, other)
+    environment = lighting.environment
+    if environment is not None and environment.lighting:
+        dark = replace(lighting, environment=replace(environment, lighting=False))
+        yield "environment.lighting", replace(scene, lighting=dark)
+
+
+def well_lit(scene: Scene, *, aims: bool) -> Scene:
+    """Return a scene with light from all sides, and mirrors that show something.
+
+    With `aims`, the objects stand apart, and projected pictures fall on everything.
+    """
+    objects = []
+    for i, item in enumerate(scene.objects):
+        assert item.transform is not None
+        transform = item.transform.copy()
+        if aims:
+            transform[:3, 3] = 6.0 * i, 0.0, 0.0
+        projected = item.material.projected
+        if aims:
+            projected = tuple(
+                replace(picture, matrix=_OVER_ALL, facing=False, occlusion=False)
+                for picture in projected
+            )
+        material = replace(item.material, projected=projected, double_sided=True)
+        for name in "reflection", "refraction":
+            mirror = getattr(material, name)
+            if mirror is not None and mirror.environment == "rendered":
+                material = replace(material, **{name: replace(mirror, environment="scene")})
+        objects.append(replace(item, transform=transform, material=material))
+    lights = [
+        Light(name=light.name, kind="point", color=light.color, position=corner, decay=0.0)
+        for light in scene.lighting.lights
+        if light.intensity != 0.0 and any(light.color)
+        for corner in _CORNERS
+    ]
+    above, below = scene.lighting.ambient.color, scene.lighting.ambient.ground
+    red, green, blue = map(max, zip(above, below or above, strict=True))
+    half = None if below in (None, above) else (red / 2.0, green / 2.0, blue / 2.0)
+    ambient = Ambient(color=(red, green, blue), ground=half)
+    lighting = replace(scene.lighting, lights=tuple(lights), ambient=ambient)
+    if has_rendered_environments(scene):
+        around = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
+        lighted = lighting.environment is not None and lighting.environment.lighting
+        lighting = replace(
+            lighting, environment=Environment(image=around, lighting=lighted, background=False)
+        )
+    return replace(scene, objects=tuple(objects), lighting=lighting)
+
+
+def has_rendered_environments(scene: Scene) -> bool:
+    """Whether a mirror shows pictures of the scene itself."""
+    mirrors = [
+        mirror
+        for item in scene.objects
+        for mirror in (item.material.reflection, item.material.refraction)
+    ]
+    return any(mirror is not None and mirror.environment == "rendered" for mirror in mirrors)
+
+
+def with_light(scene: Scene, place: int, light: Light) -> Scene:
+    """Return a scene with another light in the place of one."""
+    lights = (*scene.lighting.lights[:place], light, *scene.lighting.lights[place + 1 :])
+    return replace(scene, lighting=replace(scene.lighting, lights=lights))
+
+
+def with_object(scene: Scene, place: int, item: SceneObject) -> Scene:
+    """Return a scene with another object in the place of one."""
+    return replace(scene, objects=(*scene.objects[:place], item, *scene.objects[place + 1 :]))
+
+
+def _object(rng: Rng, folder: Path, place: int) -> SceneObject:
+    mesh = _mesh(rng)
+    transform = np.eye(4)
+    transform[:3, :3] *= rng.uniform(0.5, 1.5)
+    transform[:3, 3] = rng.uniform(-2.0, 2.0, 3)
+    return SceneObject(
+        mesh=mesh, material=_material(rng, folder), transform=transform, name=f"object {place}",
+        casts_shadows=_often(rng), receives_shadows=_often(rng),
+        visible=place == 0 or rng.random() < 0.9,
+    )  # fmt: skip
+
+
+def _mesh(rng: Rng) -> Mesh:
+    shapes: tuple[Callable[[], Mesh], ...] = (lambda: uv_sphere(6, 8), lambda: plane(2, 2))
+    mesh = shapes[rng.integers(len(shapes))]()
+    if rng.random() < 0.3:
+        colors = rng.random((mesh.n_vertices, int(rng.integers(3, 5)))).astype(np.float32)
+        mesh = mesh.replace(colors=colors)
+    return mesh
+
+
+def _often(rng: Rng) -> bool:
+    return bool(rng.random() < 0.8)
+
+
+def _pick(rng: Rng, values: tuple[Any, ...]) -> Any:
+    return values[int(rng.integers(len(values)))]
+
+
+def _number(rng: Rng, low: float, high: float) -> float:
+    """Return a random number, and 0 every third time."""
+    return 0.0 if rng.random() < 0.33 else float(rng.uniform(low, high))
+
+
+def _color(rng: Rng) -> tuple[float, float, float]:
+    red, green, blue = (0.0, 0.0, 0.0) if rng.random() < 0.33 else rng.random(3)
+    return float(red), float(green), float(blue)
+
+
+def _image(rng: Rng, folder: Path, factor: Any = 1.0) -> ImageTexture:
+    return ImageTexture(
+        image=folder / f"{rng.integers(N_IMAGES)}.png", factor=factor,
+        filter=_pick(rng, FILTERS[:5]), wrap=_pick(rng, (None, "repeat", "clamp")),
+    )  # fmt: skip
+
+
+def _normals(rng: Rng, folder: Path) -> ImageTexture:
+    return replace(_image(rng, folder), image=folder / f"{_pick(rng, (1, 4, 7, 10))}.png")
+
+
+def _procedure(rng: Rng, folder: Path, factor: Any = 1.0) -> ProcedureTexture:
+    space = _pick(rng, ("object", "world", "uv"))
+    if space != "uv" and rng.random() < 0.3:
+        return VolumeTexture(volume=folder / "volume.npy", space=space, factor=factor)
+    name = "checker" if space == "uv" else _pick(rng, ("turbulence", "marble"))
+    return ProcedureTexture(procedure=name, space=space, factor=factor, scale=3.0)
+
+
+def _texture(rng: Rng, folder: Path, factor: Any = 1.0) -> ImageTexture | ProcedureTexture:
+    return (_image if rng.random() < 0.7 else _procedure)(rng, folder, factor)
+
+
+def _slot(rng: Rng, folder: Path, name: str) -> Slot:
+    is_colored = name in _COLORED
+    factor = _color(rng) if is_colored else _number(rng, 0.1, 1.0)
+    if rng.random() < 0.4:
+        return factor
+    texture = (_image if name == "opacity" else _texture)(rng, folder)
+    # Only texels tell whether a mask leaves nothing of a surface.
+    least = 0.9 if name == "opacity" else 0.1
+    return replace(texture, factor=_number(rng, least, 1.0))
+
+
+def _material(rng: Rng, folder: Path) -> Material:
+    chosen: dict[str, Any] = {
+        name: _slot(rng, folder, name) for name in (*_COLORED, *_PLAIN) if rng.random() < 0.25
+    }
+    makers: dict[str, Callable[[], Any]] = {
+        "normal_map": lambda: NormalMap(
+            texture=_normals(rng, folder), space="tangent", strength=_number(rng, 0.2, 2.0)
+        ),
+        "bump_map": lambda: BumpMap(
+            texture=_texture(rng, folder), height=_number(rng, 0.1, 0.3),
+            form=_pick(rng, BUMP_FORMS),
+        ),
+        "displacement": lambda: Displacement(
+            texture=_image(rng, folder), height=_number(rng, 0.05, 0.1), edge_px=8.0
+        ),
+        "parallax": lambda: Parallax(texture=_image(rng, folder), depth=_number(rng, 0.05, 0.1)),
+        "reflection": lambda: Reflection(
+            strength=_slot(rng, folder, "specular"), fresnel=bool(rng.random() < 0.3),
+            environment=_pick(rng, ("scene", "scene", "rendered")), size=8,
+        ),
+        "refraction": lambda: Refraction(
+            strength=_slot(rng, folder, "specular"), size=8,
+            environment=_pick(rng, ("scene", "scene", "rendered")),
+        ),
+        "projected": lambda: tuple(_picture(rng, folder) for _ in range(rng.integers(1, 3))),
+    }  # fmt: skip
+    chosen |= {name: make() for name, make in makers.items() if rng.random() < 0.2}
+    return Material(
+        shading=_pick(rng, SHADINGS), alpha_mode=_pick(rng, ALPHA_MODES),
+        vertex_colors=bool(rng.random() < 0.3), occlusion_strength=_number(rng, 0.2, 1.0),
+        double_sided=_pick(rng, (None, True, False)), **chosen,
+    )  # fmt: skip
+
+
+def _picture(rng: Rng, folder: Path) -> ProjectedTexture:
+    place = rng.normal(size=3)
+    place *= 6.0 / np.linalg.norm(place)
+    target = rng.uniform(-4.0, 4.0, 3)
+    matrix = projector_matrix(
+        position=tuple(place), target=tuple(target), up=(0.0, 1.0, 0.0),
+        fov=float(rng.uniform(10.0, 60.0)), aspect=1.0,
+    )  # fmt: skip
+    return ProjectedTexture(
+        texture=_image(rng, folder), matrix=matrix, strength=_number(rng, 0.2, 1.0),
+        facing=bool(rng.random() < 0.5), occlusion=bool(rng.random() < 0.5),
+    )  # fmt: skip
+
+
+def _light(rng: Rng, folder: Path, place: int) -> Light:
+    at = rng.normal(size=3)
+    at *= 5.0 / np.linalg.norm(at)
+    toward = rng.uniform(-3.0, 3.0, 3) - at
+    return Light(
+        name=f"light {place}", kind=_pick(rng, KINDS), color=_color(rng),
+        intensity=_number(rng, 0.2, 3.0), position=tuple(map(float, at)),
+        direction=tuple(map(float, toward)), angle=float(rng.uniform(10.0, 60.0)),
+        gate=_pick(rng, GATES), decay=_number(rng, 0.5, 2.0),
+        shadow=Shadow(size=16) if rng.random() < 0.5 else None,
+        profile=_image(rng, folder) if rng.random() < 0.4 else None,
+        follows_camera=bool(rng.random() < 0.2),
+    )  # fmt: skip
+
+
+def _lighting(rng: Rng, folder: Path) -> Lighting:
+    environment = None
+    if rng.random() < 0.4:
+        image = folder / f"{_pick(rng, (1, 7))}.png" if rng.random() < 0.5 else None
+        environment = Environment(
+            image=image, color=_color(rng), intensity=_number(rng, 0.2, 1.0),
+            lighting=bool(rng.random() < 0.6), background=bool(rng.random() < 0.5), size=8,
+        )  # fmt: skip
+    fog = Fog(
+        mode=_pick(rng, FOG_MODES), density=_number(rng, 0.02, 0.1), color=_color(rng), end=40.0
+    )
+    occlusion = AmbientOcclusion(samples=4, strength=_number(rng, 0.2, 1.0))
+    return Lighting(
+        lights=tuple(_light(rng, folder, i) for i in range(rng.integers(0, 3))),
+        ambient=Ambient(color=_color(rng), ground=_pick(rng, (None, _color(rng)))),
+        environment=environment,
+        fog=fog if rng.random() < 0.2 else None,
+        occlusion=occlusion if rng.random() < 0.3 else None,
+    )

@@ -1,0 +1,57 @@
+"""Whether spots and projected pictures may meet objects, by bounding boxes. May say yes wrongly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.material import ProjectedTexture
+from texbake.rendering.scene.scene import SceneObject
+
+# Radians by which a cone counts as wider.
+_ROUNDING = 1e-6
+
+
+def lights_object(light: Light, item: SceneObject) -> bool:
+    """Whether the cone of a spot may meet the bounding sphere of an object."""
+    corners = _corners(item)
+    if corners is None:
+        return True
+    center = corners.mean(axis=0)
+    radius = float(np.linalg.norm(corners - center, axis=1).max())
+    way = center - np.asarray(light.position, np.float64)
+    distance = float(np.linalg.norm(way))
+    if not radius < distance < math.inf:
+        return True
+    reach = math.tan(math.radians(light.angle) / 2.0)
+    if light.profile is not None and light.gate == "rectangle":
+        reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
+    direction = np.asarray(light.direction, np.float64)
+    cosine = float(way @ direction) / (distance * float(np.linalg.norm(direction)))
+    angle = math.acos(min(max(cosine, -1.0), 1.0))
+    return angle - math.asin(radius / distance) <= math.atan(reach) + _ROUNDING
+
+
+def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
+    """Whether a projected picture, and as much around it, may meet an object's bounding box."""
+    corners = _corners(item)
+    if corners is None:
+        return True
+    with np.errstate(over="ignore", invalid="ignore"):
+        s, t, _, q = np.asarray(picture.matrix) @ np.concatenate([corners, np.ones((8, 1))], 1).T
+        beyond = [q <= 0.0, s < -q, s > 2.0 * q, t < -q, t > 2.0 * q]
+    return not any(side.all() for side in beyond)
+
+
+def _corners(item: SceneObject) -> FloatArray | None:
+    """(8, 3): corners of the bounding box in the world; None for a surface that leaves its box."""
+    if item.material.displacement is not None:
+        return None
+    corners = item.box_corners()
+    if item.transform is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            corners = corners @ item.transform[:3, :3].T + item.transform[:3, 3]
+    return corners if np.isfinite(corners).all() else None

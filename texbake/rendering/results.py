@@ -1,0 +1,95 @@
+"""Values that effects compute for a picture, by the function that computes them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from texbake.rendering.effect import RenderState
+
+# Index of an object or a light; None for the whole picture.
+Target = int | None
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, eq=False)
+class Result(Generic[Value]):
+    """A value that an effect computes before shading, and the key to look it up by.
+
+    Attributes
+    ----------
+    compute : callable
+        Function of (state, target) that returns the value.
+    deferred : bool
+        Whether it is computed only when a fragment first asks for it.
+    """
+
+    compute: Callable[[RenderState, Target], Value]
+    deferred: bool = False
+
+
+class Deferred(Generic[Value]):
+    """A value that is computed when it is first asked for, by one thread for all."""
+
+    def __init__(self, compute: Callable[[], Value]) -> None:
+        self._compute = compute
+        self._lock = threading.Lock()
+        self._values: list[Value] = []
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it has been computed."""
+        return bool(self._values)
+
+    def get(self) -> Value:
+        """Return the value."""
+        with self._lock:
+            if not self._values:
+                self._values.append(self._compute())
+        return self._values[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Immutable mapping from `Result` and target to the values that effects have computed."""
+
+    _values: Mapping[Result[Any], Mapping[Target, Any]] = field(default_factory=dict)
+
+    def has(self, result: Result[Any], target: Target) -> bool:
+        """Whether a value has been computed, even if it is None."""
+        return target in self._values.get(result, ())
+
+    def get(self, result: Result[Value], target: Target = None) -> Value | None:
+        """Return a value, or None if there is none; computes a deferred one."""
+        value: Value | Deferred[Value] | None = self._values.get(result, {}).get(target)
+        return value.get() if isinstance(value, Deferred) else value
+
+    def all(self, result: Result[Value]) -> Mapping[Target, Value]:
+        """Return the values of a result for all targets."""
+        return self._values.get(result, {})
+
+    def including(
+        self, result: Result[Value], target: Target, value: Value | Deferred[Value]
+    ) -> Results:
+        """Return a copy with one more value."""
+        values = {**self._values.get(result, {}), target: value}
+        return Results({**self._values, result: values})
+
+    def without(self, left_out: Iterable[Result[Any]]) -> Results:
+        """Return a copy without some results, for all targets."""
+        dropped = set(left_out)
+        return Results({key: values for key, values in self._values.items() if key not in dropped})
+
+    def only(self, kept: Iterable[Result[Any]]) -> Results:
+        """Return a copy with some of the results alone, for all targets."""
+        return Results({key: self._values[key] for key in kept if key in self._values})
+
+    def or_those_of(self, others: Results) -> Results:
+        """Return a copy completed with the values of `others` that are missing here."""
+        values = dict(self._values)
+        for key, targets in others._values.items():
+            values[key] = {**targets, **values.get(key, {})}
+        return Results(values)

@@ -1,0 +1,366 @@
+"""The simplest material that looks the same, step by step.
+
+A part is left out where its own values say that it shows nothing (a strength of 0, a black color),
+or where another part hides it: a perfect mirror shows nothing of its own color, a black surface
+reflects no light map, a highlight without color has no exponent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from texbake.rendering.maps import has_opacity, normal_space
+from texbake.rendering.scene.material import (
+    EMBOSS_FORMS,
+    Material,
+    Reflection,
+    Refraction,
+)
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
+
+# Name of an effect or a map, the reason why it is left out ("" where nobody would miss it), and
+# the material without it.
+Step = tuple[str, str, Material]
+BLACK = (0.0, 0.0, 0.0)
+# Material slots that each shading model reads, in the order of their lookups.
+SHADING_SLOTS = {
+    "unlit": ("base_color",),
+    "lambert": ("base_color",),
+    "blinn-phong": ("base_color", "specular", "exponent", "gloss"),
+    "metallic-roughness": ("base_color", "roughness", "metalness"),
+}
+ALWAYS_READ_SLOTS = ("emission", "opacity")
+LIT_SLOTS = ("occlusion", "light_map")
+_DEFAULTS = Material()
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What may reach the objects of a scene.
+
+    Attributes
+    ----------
+    lamps, ambient, environment_light : bool
+        Whether there is light of lamps, ambient light, and light of the environment.
+    environment : bool
+        Whether mirrors have an environment to show.
+    other_objects : bool
+        Whether there is more than one object.
+    """
+
+    lamps: bool
+    ambient: bool
+    environment_light: bool
+    environment: bool
+    other_objects: bool
+
+
+def simplifications(material: Material, around: Surroundings) -> Iterator[Step]:
+    """Yield steps to the simplest material that looks the same; the last one has it."""
+    for simplify in _STEPS:
+        for name, why, simpler in simplify(material, around):
+            material = simpler
+            yield name, why, material
+
+
+def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[Step]:
+    """Slots that the shading model does not read."""
+    lit = LIT_SLOTS if material.shading != "unlit" else ()
+    read = {*SHADING_SLOTS[material.shading], *ALWAYS_READ_SLOTS, *lit}
+    every = {*ALWAYS_READ_SLOTS, *LIT_SLOTS, *(s for many in SHADING_SLOTS.values() for s in many)}
+    unread = {
+        name: getattr(_DEFAULTS, name)
+        for name in sorted(every - read)
+        if _is_texture(getattr(material, name))
+    }
+    if unread:
+        yield "slots", "", _changed(material, unread)
+
+    for part in "reflection", "refraction":
+        mirror = getattr(material, part)
+        if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
+            material = _changed(material, {part: replace(mirror, strength=0.0)})
+            yield "images", f"the factor of {part}.strength is 0", material
+
+
+def _without_opacity(material: Material, around: Surroundings) -> Iterator[Step]:
+    if material.alpha_mode == "opaque":
+        if material.opacity is not None:
+            yield "opacity", "its alpha mode is opaque", replace(material, opacity=None)
+        return
+    least = material.alpha_cutoff if material.alpha_mode == "mask" else 0.0
+    opacity = _factor_of(material.opacity)
+    if material.alpha_mode == "mask" and opacity is not None and opacity >= least:
+        yield "opacity", "it is above the cutoff", replace(material, opacity=None)
+        return
+    if opacity is None or not (opacity < least or opacity <= 0.0):
+        return
+    hidden = Material(
+        name=material.name, shading="unlit", base_color=BLACK, opacity=0.0,
+        displacement=material.displacement, double_sided=material.double_sided,
+    )  # fmt: skip
+    if _is_richer(material, hidden):
+        yield "slots", "its opacity leaves nothing to be seen", hidden
+
+
+def without_zeros(material: Material) -> Iterator[Step]:
+    """Parts whose strength is 0, and textures whose factor is 0."""
+    for name, part, test in _TESTS:
+        if getattr(material, part) is not None and (why := test(material)):
+            material = _changed(material, {part: None})
+            yield name, why, material
+    for slot, zero in _ZEROS.items():
+        value = getattr(material, slot)
+        if _is_texture(value) and _is_black(value):
+            if _holds_opacity(material, slot) and has_opacity(value.image):
+                continue
+            kind = "images" if isinstance(value, ImageTexture) else "procedures"
+            material = _changed(material, {slot: zero})
+            yield kind, f"the factor of {slot} is 0", material
+
+
+def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iterator[Step]:
+    reflection, refraction = material.reflection, material.refraction
+    if _is_perfect(reflection) and refraction is not None:
+        refraction = None
+        material = replace(material, refraction=None)
+        yield "refraction", "the surface is a perfect mirror", material
+    if _is_perfect(reflection) or _is_perfect(refraction):
+        yield from _unlit(material, "the surface is a perfect mirror")
+    if not (_is_dark(material) and not around.environment):
+        return
+    for name, mirror in (("refraction", refraction), ("reflection", reflection)):
+        if mirror is not None:
+            if mirror.environment == "rendered" and around.other_objects:
+                return
+            material = _changed(_dark(material) or material, {name: None})
+            yield name, "there is nothing to be seen in it", material
+
+
+def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[Step]:
+    """Parts for light that does not come, or that a black surface does not reflect."""
+    if material.shading == "unlit":
+        return
+    lamps, surrounding = _reflects_lamps(material, around), _reflects_surroundings(material, around)
+    light_map = material.light_map is not None and is_diffuse(material)
+    light_map = light_map and material.metalness != 1.0
+    if material.light_map is not None and not light_map:
+        material = replace(material, light_map=None)
+        yield "light map", "its material reflects none of it", material
+    if material.occlusion is not None and not surrounding:
+        why = "there is no ambient light" if is_diffuse(material) else "it reflects none of it"
+        material = replace(material, occlusion=None)
+        yield "occlusion map", why, material
+    if not (lamps or surrounding or light_map):
+        yield from _unlit(material, "no light is reflected")
+        return
+    for slots, needed, why in (
+        (("specular", "exponent", "gloss"), lamps, "no lamp shines"),
+        (("exponent", "gloss"), not _is_black(material.specular), "its highlights are black"),
+        (("specular", "exponent"), not _is_black(material.gloss), "its gloss is 0"),
+        (("roughness",), lamps or around.environment_light, "there are no highlights"),
+        (("metalness",), lamps or around.environment_light or light_map,
+         "there are no highlights"),
+    ):  # fmt: skip
+        unneeded = [s for s in slots if not needed and _is_texture(getattr(material, s))]
+        for slot in unneeded:
+            kind = "images" if isinstance(getattr(material, slot), ImageTexture) else "procedures"
+            material = _changed(material, {slot: _ZEROS.get(slot)})
+            yield kind, f"{slot} shows nowhere, as {why}", material
+    bump_map, embosses = material.bump_map, lamps and is_diffuse(material)
+    if bump_map is not None and bump_map.form in EMBOSS_FORMS and not embosses:
+        yield "bump map", "no light is reflected", replace(material, bump_map=None)
+
+
+def _unlit(material: Material, why: str) -> Iterator[Step]:
+    """Show the surface black, if its base color is not needed for its opacity."""
+    dark = _dark(material)
+    if dark is not None and _is_richer(material, dark):
+        yield "shading", why, dark
+
+
+def _dark(material: Material) -> Material | None:
+    """Return the material without any color of its own; None if its image holds the opacity."""
+    opacity = material.opacity
+    base = material.base_color
+    if _holds_opacity(material, "base_color"):
+        assert isinstance(base, ImageTexture)
+        if has_opacity(base.image):
+            if opacity is not None:
+                return None
+            opacity = replace(base, channel=3, factor=1.0, color=False)
+    bump_map = material.bump_map
+    if bump_map is not None and bump_map.form in EMBOSS_FORMS:
+        bump_map = None
+    unread = ("specular", "exponent", "gloss", "roughness", "metalness", "occlusion", "light_map")
+    bare = _changed(material, {name: getattr(_DEFAULTS, name) for name in unread})
+    return replace(
+        bare, shading="unlit", base_color=BLACK, opacity=opacity, projected=(), bump_map=bump_map
+    )
+
+
+def _changed(material: Material, changes: dict[str, Any]) -> Material:
+    return replace(material, **changes)
+
+
+def _is_richer(material: Material, other: Material) -> bool:
+    """Whether a material has parts that another lacks."""
+    return any(
+        getattr(material, item.name) is not getattr(other, item.name)
+        and getattr(material, item.name) != getattr(other, item.name)
+        for item in fields(material)
+        if item.name not in ("alpha_mode", "alpha_cutoff", "vertex_colors", "ior")
+    )
+
+
+def _is_dark(material: Material) -> bool:
+    return material.shading == "unlit" and _is_black(material.base_color) and not material.projected
+
+
+def is_hidden(material: Material) -> bool:
+    """Whether the opacity of a simplified material leaves nothing to be seen."""
+    return material.alpha_mode != "opaque" and material.opacity == 0.0
+
+
+def is_diffuse(material: Material) -> bool:
+    """Whether the base color may reflect light."""
+    return bool(material.projected) or not _is_black(material.base_color)
+
+
+def _reflects_lamps(material: Material, around: Surroundings) -> bool:
+    if not around.lamps:
+        return False
+    if material.shading == "blinn-phong" and not _is_black(material.specular):
+        return is_diffuse(material) or not _is_black(material.gloss)
+    return is_diffuse(material) or material.shading == "metallic-roughness"
+
+
+def _reflects_surroundings(material: Material, around: Surroundings) -> bool:
+    """Whether ambient light or that of the environment is reflected."""
+    if around.environment_light and reflects_environment(material):
+        return True
+    return around.ambient and is_diffuse(material)
+
+
+def reflects_environment(material: Material) -> bool:
+    """Whether a lit material reflects light of the environment."""
+    return is_diffuse(material) or material.shading == "metallic-roughness"
+
+
+def _is_perfect(mirror: Reflection | Refraction | None) -> bool:
+    """Whether a mirror takes the place of the surface's own light everywhere."""
+    if mirror is None or _is_texture(mirror.strength):
+        return False
+    return bool(np.all(np.asarray(mirror.strength) >= 1.0))
+
+
+def _no_normals(material: Material) -> str:
+    holder = material.normal_map
+    assert holder is not None
+    if holder.strength != 0.0:
+        return ""
+    # In other spaces the strength does not count; the header of the file may say which.
+    space = holder.space or normal_space(holder.texture.image)
+    return "its strength is 0" if space == "tangent" else ""
+
+
+def _no_bumps(material: Material) -> str:
+    assert material.bump_map is not None
+    return "its height is 0" if material.bump_map.height == 0.0 else ""
+
+
+def _no_displacement(material: Material) -> str:
+    assert material.displacement is not None
+    return "its height is 0" if material.displacement.height == 0.0 else ""
+
+
+def _no_parallax(material: Material) -> str:
+    assert material.parallax is not None
+    return "its depth is 0" if material.parallax.depth == 0.0 else ""
+
+
+def _no_reflection(material: Material) -> str:
+    assert material.reflection is not None
+    if material.reflection.fresnel:  # it grows toward grazing angles whatever the strength
+        return ""
+    return "its strength is 0" if _is_black(material.reflection.strength) else ""
+
+
+def _no_refraction(material: Material) -> str:
+    assert material.refraction is not None
+    return "its strength is 0" if _is_black(material.refraction.strength) else ""
+
+
+def _no_occlusion(material: Material) -> str:
+    return "its strength is 0" if material.occlusion_strength == 0.0 else ""
+
+
+def _no_emission(material: Material) -> str:
+    return "it is black" if _is_black(material.emission) else ""
+
+
+def _no_light_map(material: Material) -> str:
+    return "it is black" if _is_black(material.light_map) else ""
+
+
+def _holds_opacity(material: Material, slot: str) -> bool:
+    """Whether the image of the base color may have a fourth channel that counts."""
+    texture = material.base_color
+    return (
+        slot == "base_color"
+        and isinstance(texture, ImageTexture)
+        and material.alpha_mode != "opaque"
+        and texture.channel is None
+        and not texture.colors
+    )
+
+
+def _is_texture(slot: Any) -> bool:
+    return isinstance(slot, ImageTexture | ProcedureTexture)
+
+
+def _factor_of(slot: Slot | None) -> float | None:
+    """Return the number that a slot holds, or 0 for a texture whose factor is 0."""
+    if _is_black(slot):
+        return 0.0
+    return slot if isinstance(slot, float | int) else None
+
+
+def _is_black(slot: Slot | None) -> bool:
+    """Whether all values of a slot are 0 because its constant or its factor is."""
+    value = slot.factor if isinstance(slot, ImageTexture | ProcedureTexture) else slot
+    return value is not None and not np.any(np.asarray(value))
+
+
+# What takes the place of a texture whose factor is 0.
+_ZEROS: Mapping[str, float | tuple[float, float, float]] = MappingProxyType(
+    {
+        "base_color": BLACK, "specular": BLACK, "exponent": 0.0, "gloss": 0.0,
+        "roughness": 0.0, "metalness": 0.0, "opacity": 0.0, "occlusion": 0.0,
+    }
+)  # fmt: skip
+# Effect, field of the material, and why it changes nothing: "" if it may.
+_TESTS: tuple[tuple[str, str, Callable[[Material], str]], ...] = (
+    ("normal map", "normal_map", _no_normals),
+    ("bump map", "bump_map", _no_bumps),
+    ("displacement", "displacement", _no_displacement),
+    ("parallax", "parallax", _no_parallax),
+    ("reflection", "reflection", _no_reflection),
+    ("refraction", "refraction", _no_refraction),
+    ("emission", "emission", _no_emission),
+    ("light map", "light_map", _no_light_map),
+    ("occlusion map", "occlusion", _no_occlusion),
+)
+_STEPS: tuple[Callable[[Material, Surroundings], Iterator[Step]], ...] = (
+    _without_unread_slots,
+    _without_opacity,
+    _without_what_mirrors_hide,
+    _without_unlit_parts,
+    _without_unread_slots,
+    _without_what_mirrors_hide,
+)
