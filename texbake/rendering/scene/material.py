@@ -11,8 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from texbake.errors import OptionError
-from texbake.mesh.mesh import FloatArray
+from texbake.mapping.classical.projector import whole_matrix
+from texbake.mesh.mesh import FloatArray, frozen
 from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
@@ -234,14 +237,18 @@ class Refraction:
 class ProjectedTexture:
     """A picture thrown onto the surface by a slide projector.
 
-    `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); the picture is looked up at
-    (s/q, t/q) inside the unit square, and nothing behind the projector (q <= 0) gets any. It
-    replaces the base color by its own opacity times `strength`.
+    `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); with (3, 4) it has the rows s, t
+    and q, as cameras in computer vision do. The picture is looked up at (s/q, t/q) inside the unit
+    square, and nothing behind the projector (q <= 0) gets any. It replaces the base color by its
+    own opacity times `strength`.
     """
 
     texture: Annotated[ImageTexture, Option("Image that is projected.")]
     matrix: Annotated[
-        FloatArray, Option("4 x 4 numbers that take a point of the world to (s, t, r, q).")
+        FloatArray,
+        Option(
+            "4 x 4 numbers that take a point of the world to (s, t, r, q), or 3 x 4 to (s, t, q)."
+        ),
     ]
     strength: Annotated[float, Option("Factor of the image's opacity.")] = 1.0
     facing: Annotated[
@@ -253,6 +260,10 @@ class ProjectedTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        rows = np.array(self.matrix, np.float64)
+        if rows.shape not in ((3, 4), (4, 4)) or not np.isfinite(rows).all():
+            raise OptionError("matrix: it is not 4 x 4 or 3 x 4 finite numbers")
+        object.__setattr__(self, "matrix", frozen(np.array(whole_matrix(rows.tolist()))))
         if self.facing or self.occlusion:
             projector_position(self.matrix)
 
