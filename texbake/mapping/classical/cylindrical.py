@@ -24,9 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mapping.areas import surface_areas
+from texbake.mapping.classical.axis_center import center_about_axis
 from texbake.mapping.classical.frames import (
     LocalPoints,
-    center_of,
     frame_about,
     in_frame,
     points_about,
@@ -61,7 +61,7 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
         The tallies count faces around the axis, faces touching it, and caps.
     """
     frame = frame_about("y" if options.axis is None else options.axis)
-    local = points_about(mesh, center_of(mesh, options.center), frame)
+    local = points_about(mesh, center_about_axis(mesh, options.center, frame), frame)
     if not options.caps:
         angles = wrap_angles(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
         t, _ = _heights(local, mesh.faces, options)

@@ -24,6 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from texbake.mapping.classical.axis_center import center_about_axis
 from texbake.mapping.classical.frames import (
     LocalPoints,
     center_of,
@@ -65,7 +66,7 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
         - faces across an edge of the box (see `intermediate_box`).
     """
     frame = _frame(options)
-    local = points_about(mesh, center_of(mesh, options.center), frame)
+    local = points_about(mesh, _center(mesh, options, frame), frame)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
     # Unused vertices may lie anywhere, but their rays are computed with the rest.
@@ -78,6 +79,12 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
         return surface.coordinates(local.points, mesh.faces)
     directions, tallies = _directions(mesh, local, frame, options)
     return _joined(tallies, mapped_by_rays(surface, local.points, directions, mesh.faces))
+
+
+def _center(mesh: Mesh, options: UnwrapOptions, frame: FloatArray) -> FloatArray:
+    if options.surface == "cylinder":
+        return center_about_axis(mesh, options.center, frame)
+    return center_of(mesh, options.center)
 
 
 def _frame(options: UnwrapOptions) -> FloatArray:
@@ -116,7 +123,7 @@ def _directions(
     directions = in_frame(smooth_normals(mesh), frame)
     if options.via == "reflection":
         assert options.eye is not None
-        to_eye = np.array(options.eye) - center_of(mesh, options.center)
+        to_eye = np.array(options.eye) - _center(mesh, options, frame)
         views = in_frame(to_eye[None] * local.scale, frame) - local.points
         directions = _mirrored(_unit(views, local.rounding), directions)
     rayless = (directions == 0.0).all(axis=1)

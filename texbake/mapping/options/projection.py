@@ -22,7 +22,7 @@ SURFACES = ("plane", "cylinder", "sphere", "box")
 VIAS = ("surface-normal", "object-normal", "centroid", "reflection")
 UNSEEN = ("aside", "project")
 
-_BOX = "the middle of the bounding box"
+_BOX = "the middle of the bounding box; cylinders: that of a prism around its axis"
 
 
 @dataclass(frozen=True, kw_only=True)
