@@ -13,6 +13,7 @@ from texbake import (
     DemoOptions,
 )
 
+from ..html import command_line, html_option
 from ..options import (
     options_of,
     output_folder,
@@ -26,21 +27,25 @@ from ..terminal import Terminal, terminal_options
     Example:
       texbake demo
       texbake demo -o orange --triangles 4000000
+      texbake demo --html orange.html
     """
 )
 @output_folder(
     "Folder for the files, which is made if it is missing.", default=DEMO_FOLDER, show_default=True
 )
 @options_of(DemoOptions)
+@html_option
 @terminal_options
-def demo(output: Path, terminal: Terminal, **choices: Any) -> None:
+def demo(output: Path, html: Path | None, terminal: Terminal, **choices: Any) -> None:
     """Do the whole job on an orange that is made by code.
 
-    Also writes the high-poly mesh, orange_high.ply, to try other commands on.
+    Also writes the high-poly mesh, orange_high.ply, to try other commands on. The page of --html
+    also has plots of how right a photograph, a bump map, a normal map and a displacement map stay
+    while the light and the viewer turn.
     """
     options = DemoOptions(**choices)
     with terminal.progress() as progress:
-        result = texbake.demo(output, options, progress=progress)
+        result = texbake.demo(output, options, html=html, command=command_line(), progress=progress)
     for warning in result.warnings:
         terminal.warn(warning)
     terminal.summary(result.table())

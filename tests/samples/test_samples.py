@@ -72,3 +72,12 @@ def test_asset_folder(tmp_path):
 @pytest.mark.parametrize("name", sorted(p.name for p in SAMPLES.iterdir() if p.suffix == ".py"))
 def test_samples_are_listed_and_use_the_public_names(name):
     assert f"({name})" in (SAMPLES / "README.md").read_text()
+
+
+def test_orange_angles(tmp_path):
+    """It writes the plots, figures and pictures that are kept beside it."""
+    run_sample("orange_angles.py", tmp_path, folder=tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"orange_angles.svg", "orange_angles.csv", "orange_angles.png"}
+    for name in names - {"orange_angles.png"}:
+        assert len((tmp_path / name).read_text()) == len((SAMPLES / name).read_text())

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,6 +47,9 @@ from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.panels import Panel, side_by_side
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
+
+if TYPE_CHECKING:
+    from texbake.pages.asset_page import Plot
 
 # Ends of the file names, after the name of the asset.
 _NAMES = {
@@ -360,8 +363,18 @@ def run_files(
         *compared_without(high, materials),
     )
     result = replace(result, missing=missing)
-    if html is None:
-        return result
+    return result if html is None else with_page(result, html, options, command=command)
+
+
+def with_page(
+    result: RunResult,
+    html: PathLike,
+    options: RunOptions,
+    *,
+    command: str = "",
+    plots: Sequence[Plot] = (),
+) -> RunResult:
+    """Write a page to look at, with `plots` of more measurements, and add it to the files."""
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
     page = AssetPage(
@@ -374,6 +387,7 @@ def run_files(
         warnings=result.warnings,
         command=command,
         picture=options.render_options(),
+        plots=plots,
     )
     write_asset_page(html, page)
     return replace(result, files={**result.files, "html": Path(html)})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,6 +44,19 @@ _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 _PICTURE_PX = 560
 
 
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A plot with a heading and a sentence or two about it; `svg` is an `svg` element."""
+
+    title: str
+    about: str
+    svg: Markup
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssetPage:
     """Contents of the page of one asset.
@@ -70,6 +83,8 @@ class AssetPage:
         The command that made the asset, for a shell; "" for none.
     picture : RenderOptions
         The initial camera of the 3D view.
+    plots : sequence of Plot
+        More measurements, each in a section of its own.
     """
 
     high: Mesh
@@ -84,6 +99,7 @@ class AssetPage:
     warnings: Sequence[str] = ()
     command: str = ""
     picture: RenderOptions = field(default_factory=RenderOptions)
+    plots: Sequence[Plot] = ()
 
 
 def write_asset_page(path: PathLike, page: AssetPage) -> None:
@@ -123,6 +139,7 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
         stages=page.stages,
         figures=[row for row in page.figures if row[0].strip() not in listed],
         command=page.command,
+        plots=page.plots,
         **_comparison(page.comparison),
         **_distances(page),
     )

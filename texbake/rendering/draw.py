@@ -126,6 +126,18 @@ def share_environment(drawn: Prepared, other: Prepared) -> None:
     cache.results = cache.results.or_those_of(drawn.loaded.results.only(OF_ENVIRONMENT))
 
 
+def relit(prepared: Prepared, scene: Scene) -> Prepared:
+    """Prepare a scene of the same objects under other lights, with what is known of the objects."""
+    other = prepare(scene, prepared.options, effects=prepared.effects, threads=prepared.threads)
+    of_objects = [
+        effect.load
+        for effect in prepared.effects
+        if effect.load and effect.of == "object" and not effect.of_the_others
+    ]
+    other.loaded.results = prepared.loaded.results.only(of_objects)
+    return other
+
+
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:
     """Return the passes that a picture from this camera needs, without running them."""
     return compile_plan(prepared.request(camera, keep), prepared.effects)

@@ -14,6 +14,7 @@ from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.picture_error import picture_error
 from texbake.rendering.render import render
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
@@ -27,7 +28,7 @@ from texbake.study.knob import (
     Knob,
     Setting,
 )
-from texbake.study.truth.pictures import crop, picture_error, sight_rays
+from texbake.study.truth.pictures import crop, sight_rays
 from texbake.study.truth.surfaces import texel_grid, wave_heights, wave_slopes
 
 _KINDS = {

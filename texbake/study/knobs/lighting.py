@@ -13,6 +13,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.picture_error import picture_error
 from texbake.rendering.scene.lights import Environment, Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
@@ -28,7 +29,6 @@ from texbake.study.truth.pictures import (
     ball_points,
     crop,
     has_shadow,
-    picture_error,
     sight_rays,
     with_shadows,
     with_width,

@@ -12,6 +12,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.picture_error import picture_error
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
@@ -23,7 +24,7 @@ from texbake.study.knob import (
     Knob,
     Setting,
 )
-from texbake.study.truth.pictures import Floor, crop, has_image, picture_error, with_width
+from texbake.study.truth.pictures import Floor, crop, has_image, with_width
 from texbake.texture.checker import checker_image
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.mipmaps import mip_chain, single_level

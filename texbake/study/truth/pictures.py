@@ -16,32 +16,12 @@ from texbake.rendering.render import render
 from texbake.rendering.scene.lights import Shadow
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.texture.encoding import encode_srgb
 
 FloatImage = npt.NDArray[np.float32]
 
 # Pixels along one side of the crops.
 CROP = 200
 _ZOOM = 4.0
-
-
-def picture_error(
-    picture: FloatImage, truth: FloatImage, where: npt.NDArray[np.bool_] | None = None
-) -> float:
-    """Return the root mean square difference in the 255 steps of an 8-bit screen.
-
-    Parameters
-    ----------
-    picture, truth : (H, W, 3 or 4) float32
-        Linear light; a fourth channel is ignored.
-    where : (H, W) bool, optional
-        Pixels to compare; None for all.
-    """
-    difference = 255.0 * (
-        encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])
-    )
-    squares = np.square(difference).mean(axis=-1)
-    return float(np.sqrt(squares.mean() if where is None else squares[where].mean()))
 
 
 def close_up(

@@ -15,13 +15,14 @@ from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.picture_error import picture_error
 from texbake.study.bench.cases import BenchCase
 from texbake.study.bench.files import mesh_file
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product
 from texbake.study.bench.task import BenchTask, Prepared
 from texbake.study.knob import Judgment
-from texbake.study.truth.pictures import picture_error, sight_rays
+from texbake.study.truth.pictures import sight_rays
 from texbake.texture.image import read_image
 
 _LIGHT = (-0.4, 0.5, -0.77)  # the direction in which it shines, as seen from the camera

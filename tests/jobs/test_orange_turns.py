@@ -1,0 +1,109 @@
+"""The orange in numbers: which method follows the light, and which the viewer."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.jobs.demo import demo
+from texbake.jobs.options import DemoOptions
+from texbake.jobs.orange_turns import METHODS, TRUTH, TURNS, measure_turns, turns_svg
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+ANGLES = (0, 45, 90)
+
+
+@pytest.fixture(scope="module")
+def turns():
+    return measure_turns(ANGLES)
+
+
+def errors(turns, turned, method):
+    return np.array([item.error for item in turns.along(turned, method)])
+
+
+def outlines(turns, method):
+    return np.array(
+        [item.outline_percent for turned in TURNS for item in turns.along(turned, method)]
+    )
+
+
+@pytest.mark.parametrize("turned", TURNS)
+def test_a_photograph_is_right_only_where_it_was_taken(turns, turned):
+    found = errors(turns, turned, "photograph")
+    assert (np.diff(found) > 5.0).all()
+    assert found[-1] > 2.5 * found[0]
+    # At its own light and viewer it is better than what only bends normals.
+    assert found[0] < errors(turns, turned, "normal map")[0]
+    assert found[0] < errors(turns, turned, "bump map")[0]
+
+
+@pytest.mark.parametrize("method", ["bump map", "normal map"])
+def test_bent_normals_follow_the_light_and_not_the_silhouette(turns, method):
+    for turned in TURNS:
+        found = errors(turns, turned, method)
+        assert np.ptp(found) < 0.2 * found[0]
+        assert (found[1:] < 0.7 * errors(turns, turned, "photograph")[1:]).all()
+    assert (outlines(turns, method) > 3.0).all()
+
+
+def test_bent_normals_have_their_error_at_the_outline(turns):
+    """Inside both outlines they are nearly right, where the photograph is not."""
+    for turned in TURNS:
+        truth = turns.pictures[turned, TRUTH, 90]
+        middle = slice(truth.shape[0] // 4, -truth.shape[0] // 4)
+        off = {
+            method: np.abs(turns.pictures[turned, method, 90] - truth)[middle, middle].mean()
+            for method in METHODS
+        }
+        assert off["normal map"] < 0.2 * off["photograph"]
+        assert off["bump map"] < 0.2 * off["photograph"]
+
+
+def test_displacement_follows_light_and_silhouette(turns):
+    assert (outlines(turns, "displacement map") < 0.1).all()
+    for turned in TURNS:
+        found = errors(turns, turned, "displacement map")
+        assert (found < 4.0).all()
+        assert (found < 0.3 * errors(turns, turned, "normal map")).all()
+
+
+def test_all_methods_start_from_the_same_picture_of_both_turns(turns):
+    for name in (TRUTH, *METHODS):
+        np.testing.assert_array_equal(
+            turns.pictures["light", name, 0], turns.pictures["viewer", name, 0]
+        )
+
+
+def test_the_kept_figures_are_those_that_are_measured(turns):
+    with (SAMPLES / "orange_angles.csv").open() as file:
+        kept = {
+            (row["turned"], row["method"], int(row["angle_deg"])): row
+            for row in csv.DictReader(file)
+        }
+    for item in turns.errors:
+        row = kept[item.turned, item.method, item.angle_deg]
+        # Figures have two digits; another processor's sine moves the last one.
+        assert float(row["rms_of_255"]) == pytest.approx(item.error, abs=0.02)
+        assert float(row["outline_percent"]) == pytest.approx(item.outline_percent, abs=0.02)
+
+
+def test_the_plot_has_a_mark_for_every_figure(turns):
+    svg = str(turns_svg(turns))
+    labels = re.findall(r"<title>([a-z ]+), [0-9]+: ([0-9.]+)</title>", svg)
+    assert len(labels) == len(TURNS) * len(METHODS) * len(ANGLES)
+    assert [name for name, _ in labels[: len(ANGLES)]] == ["photograph"] * len(ANGLES)
+    assert "The light turns" in svg
+    assert "angle of the viewer" in svg
+
+
+def test_the_page_of_the_demo_shows_the_plots(tmp_path):
+    options = DemoOptions(triangles=5_000, faces=100, size=128)
+    page = tmp_path / "new" / "orange.html"
+    result = demo(tmp_path / "new", options, html=page, command="texbake demo")
+    assert result.files["html"] == page
+    text = page.read_text()
+    assert "The light and the viewer turn" in text
+    assert text.count("<polyline") == len(TURNS) * len(METHODS)
