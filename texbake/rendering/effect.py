@@ -100,6 +100,9 @@ class Effect:
     finds_objects : callable, optional
         Function of the state, called once `prepare` has run, that returns objects which are visible
         beside those that rasterizing found. Such effects run before all others of their kind.
+    rate : str, optional
+        Where `shade` runs for a material that is shaded per vertex: `vertex` for the corners of
+        triangles alone, `pixel` for pixels alone, None for both.
     of_the_others : bool
         Whether the result of `load` for an object depends on the other objects, so that it cannot
         be reused in a picture with fewer objects.
@@ -123,6 +126,7 @@ class Effect:
     unneeded: Callable[[RenderState, Target], str | None] | None = None
     behind: Callable[[RenderState], FloatImage] | None = None
     finds_objects: Callable[[RenderState], Collection[int]] | None = None
+    rate: str | None = None
     moves_surface: bool = False
     of_the_others: bool = False
 

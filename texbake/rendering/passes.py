@@ -11,7 +11,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
-from texbake.rendering.effect import RenderState, VisibleScene
+from texbake.rendering.effect import Effect, RenderState, VisibleScene
 from texbake.rendering.fragments import BRIGHTEST, Fragments
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows, weights_at
 from texbake.rendering.raster.rasterize import rasterize
@@ -23,6 +23,8 @@ from texbake.rendering.raster.world import (
     VisibilityBuffer,
     World,
 )
+
+_GIVE_NORMALS = ("normals", "normal map", "bump map")
 
 # Rows of samples per band.
 _ROWS = 64
@@ -134,12 +136,22 @@ def shaded_objects(
         with state.costs.timed("fragments"):
             fragments = _fragments_of(state, visibility, found, target, slice(first, stop))
         for effect in state.plan.for_target(target):
-            if effect.shade is not None:
+            if effect.shade is not None and _is_for_pixels(state, effect, target):
                 with state.costs.timed(effect.name):
                     effect.shade(fragments, state)
         core.keep_finite(fragments.light, BRIGHTEST)
         shaded.append(fragments)
     return shaded
+
+
+def _is_for_pixels(state: RenderState, effect: Effect, target: int) -> bool:
+    """Whether an effect runs at pixels of an object, and not only at its vertices."""
+    material = state.request.material(target)
+    if material.shading_rate == "pixel" or material.shading == "unlit" or effect.rate != "vertex":
+        return True
+    # Mirrors, and callers that keep them, need normals at pixels.
+    needs_normals = material.reflection or material.refraction or "normals" in state.request.keep
+    return bool(needs_normals) and effect.name in _GIVE_NORMALS
 
 
 def _fragments_of(

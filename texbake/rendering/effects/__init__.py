@@ -47,6 +47,7 @@ from texbake.rendering.effects.shadows import SHADOW_MAPS, SHADOWS
 from texbake.rendering.effects.slots import PROCEDURES, SLOTS
 from texbake.rendering.effects.surfaces import DISPLACEMENT, PLACING
 from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
+from texbake.rendering.effects.vertex_light import VERTEX_LIGHT
 
 EFFECTS: tuple[Effect, ...] = (
     # Place the surfaces. Visibility is computed after these.
@@ -93,6 +94,7 @@ EFFECTS: tuple[Effect, ...] = (
     EMBOSS,
     LIGHT_MAP,
     ENVIRONMENT_LIGHT,
+    VERTEX_LIGHT,
     REFRACTION,
     REFLECTION,
     EMISSION,

@@ -50,7 +50,9 @@ def _occlusion_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
     else:
         for index in request.lit:
             material = request.material(index)
-            if (ambient and is_diffuse(material)) or (around and reflects_environment(material)):
+            if material.shading_rate == "vertex":
+                yield Refusal(request.name(index), "it is shaded per vertex")
+            elif (ambient and is_diffuse(material)) or (around and reflects_environment(material)):
                 yield Call(index, request.name(index), "the scene has ambient occlusion")
 
 
@@ -115,6 +117,7 @@ AMBIENT_OCCLUSION = Effect(
     left_out="the scene has no ambient occlusion",
     needs=lambda request, target: ("occlusion picture",),
     shade=_hold_back,
+    rate="pixel",
 )
 
 
@@ -218,6 +221,7 @@ AMBIENT = Effect(
     left_out="the scene has no ambient light, or nothing that it falls on",
     needs=_ambient_needs,
     shade=_add_ambient,
+    rate="vertex",
 )
 
 LIGHT_MAP = Effect(
@@ -227,6 +231,7 @@ LIGHT_MAP = Effect(
     left_out="no lit material in the picture has a light map",
     needs=lambda request, target: ("slots",),
     shade=_add_light_map,
+    rate="pixel",
 )
 
 EMISSION = Effect(
@@ -236,4 +241,5 @@ EMISSION = Effect(
     left_out="no material in the picture emits light",
     needs=lambda request, target: ("slots",),
     shade=_emit,
+    rate="pixel",
 )

@@ -180,4 +180,5 @@ BUFFER = Effect(
     needs=_needs,
     prepare=BUFFER_RANGES,
     shade=_shade,
+    rate="pixel",
 )

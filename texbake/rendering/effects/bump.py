@@ -315,6 +315,7 @@ BUMP_MAP = Effect(
     needs=_needs,
     load=BUMP_SURFACES,
     shade=_bump,
+    rate="vertex",
 )
 
 EMBOSS = Effect(
@@ -325,4 +326,5 @@ EMBOSS = Effect(
     needs=_emboss_needs,
     load=EMBOSSED_SURFACES,
     shade=_emboss,
+    rate="vertex",
 )

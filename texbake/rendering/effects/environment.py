@@ -256,4 +256,5 @@ ENVIRONMENT_LIGHT = Effect(
     left_out="no environment lights a surface in the picture",
     needs=_lighting_needs,
     shade=_light,
+    rate="vertex",
 )

@@ -75,4 +75,5 @@ FOG = Effect(
     left_out="the scene has no fog",
     needs=_positions,
     shade=_shade,
+    rate="pixel",
 )

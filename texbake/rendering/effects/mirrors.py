@@ -197,6 +197,7 @@ REFRACTION = Effect(
     left_out="no material in the picture refracts",
     needs=_needs("refraction"),
     shade=_refract,
+    rate="pixel",
 )
 
 REFLECTION = Effect(
@@ -206,4 +207,5 @@ REFLECTION = Effect(
     left_out="no material in the picture reflects",
     needs=_needs("reflection"),
     shade=_reflect,
+    rate="pixel",
 )

@@ -87,6 +87,7 @@ NORMALS = Effect(
     left_out="no object in the picture is lit by the normals of its mesh",
     needs=lambda request, target: ("vertex normals",),
     shade=_interpolate,
+    rate="vertex",
 )
 
 
@@ -173,4 +174,5 @@ NORMAL_MAP = Effect(
     left_out="no lit material in the picture has a normal map",
     needs=_map_needs,
     shade=_look_up_normals,
+    rate="vertex",
 )

@@ -377,4 +377,5 @@ PROJECTED_TEXTURES = Effect(
     load=THROWN_PICTURES,
     prepare=PROJECTOR_VIEWS,
     shade=_throw,
+    rate="pixel",
 )

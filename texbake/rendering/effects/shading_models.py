@@ -133,6 +133,7 @@ LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
         left_out=f"no material in the picture is {shading}, or no lamp shines",
         needs=_needs,
         shade=_reflecting(reflect),
+        rate="vertex",
     )
     for shading, title, reflect in (
         ("lambert", "Lambert's law", _lambert),

@@ -26,6 +26,7 @@ from texbake.rendering.scene.transforms import projector_position
 from texbake.schema import Option, check_fields
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
+SHADING_RATES = ("pixel", "vertex")
 EMBOSS_FORMS = ("emboss", "emboss-normalized")
 BUMP_FORMS = ("blinn", "exact", *EMBOSS_FORMS)
 LIGHT_SPACES = ("world", "object")
@@ -280,6 +281,13 @@ class Material:
             choices=SHADINGS,
         ),
     ] = "metallic-roughness"
+    shading_rate: Annotated[
+        str,
+        Option(
+            "Where light is computed: at pixels, or at vertices and interpolated between them.",
+            choices=SHADING_RATES,
+        ),
+    ] = "pixel"
     base_color: Annotated[
         Slot, Option("Base color; the fourth channel of an image is its opacity.")
     ] = (0.8, 0.8, 0.8)

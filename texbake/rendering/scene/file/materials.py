@@ -35,6 +35,7 @@ from texbake.rendering.scene.material import (
     ENVIRONMENTS,
     LIGHT_SPACES,
     NORMAL_SPACES,
+    SHADING_RATES,
     SHADINGS,
     BumpMap,
     Displacement,
@@ -155,6 +156,7 @@ MaterialTable = table(
     Material,
     {
         "shading": choice(SHADINGS),
+        "shading_rate": choice(SHADING_RATES),
         "alpha_mode": choice(ALPHA_MODES),
         "base_color": ColorSlot,
         "specular": ColorSlot,

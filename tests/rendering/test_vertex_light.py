@@ -1,0 +1,152 @@
+"""Shading per vertex: the light of corners, interpolated, against closed forms."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from texbake.mesh.shapes import plane, uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, plan_of, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Ambient, AmbientOcclusion, Environment, Light, Lighting
+from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
+
+OPTIONS = RenderOptions(width=60, height=60, supersampling=1)
+CAMERA = Camera.looking_at((0.5, 0.4, 2.0), (0.5, 0.5, 0.0), fov=math.radians(25), near=0.01)
+LAMP = Light(kind="point", position=(0.3, 0.6, 0.5), decay=2.0)
+QUARTERS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
+TEXTURE = ImageTexture(image=QUARTERS, filter="nearest")
+
+
+def picture(mesh: Any, lighting: Lighting | None = None, **material: Any) -> np.ndarray:
+    item = SceneObject(mesh=mesh, material=Material(**material))
+    scene = Scene(objects=(item,), lighting=lighting or Lighting(lights=(LAMP,)))
+    return draw(prepare(scene, OPTIONS), CAMERA).color[..., :3]
+
+
+def unit_square_points() -> np.ndarray:
+    """(60, 60, 2): x and y where the middles of pixels see the plane z = 0."""
+    rays = CAMERA.view_rays(60, 60)
+    x, y = np.meshgrid(np.arange(60) + 0.5, np.arange(60) + 0.5)
+    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    return np.asarray((CAMERA.eye - CAMERA.eye[2] / rays[..., 2:] * rays)[..., :2])
+
+
+def lambert_at(points: np.ndarray) -> np.ndarray:
+    """(...,): light of the lamp that a white plane z = 0 reflects at points (..., 2)."""
+    way = np.asarray(LAMP.position) - np.concatenate(
+        [points, np.zeros((*points.shape[:-1], 1))], -1
+    )
+    distance = np.linalg.norm(way, axis=-1)
+    return np.asarray(way[..., 2] / distance**3)
+
+
+@pytest.mark.parametrize("base", [(1.0, 1.0, 1.0), (0.2, 0.5, 0.9), TEXTURE], ids=str)
+def test_the_light_of_three_corners_is_interpolated_and_the_base_color_is_not(base: Any) -> None:
+    at = unit_square_points()
+    x, y = np.moveaxis(at, -1, 0)
+    lit = {
+        corner: lambert_at(np.array(corner, float)) for corner in ((0, 0), (1, 0), (0, 1), (1, 1))
+    }
+    # The plane is split along its rising diagonal.
+    lower = lit[0, 0] + x * (lit[1, 0] - lit[0, 0]) + y * (lit[1, 1] - lit[1, 0])
+    upper = lit[0, 0] + y * (lit[0, 1] - lit[0, 0]) + x * (lit[1, 1] - lit[0, 1])
+    light = np.where(y < x, lower, upper)
+    color = (
+        np.asarray(base)
+        if isinstance(base, tuple)
+        else QUARTERS[(y < 0.5).astype(int), (x > 0.5).astype(int)]
+    )
+    inside = ((at > 0.01) & (at < 0.99)).all(axis=-1)
+    far = (np.abs(at - 0.5).min(axis=-1) > 1e-6) & (np.abs(x - y) > 1e-4)
+    found = picture(plane(), shading="lambert", shading_rate="vertex", base_color=base)
+    expected = light[..., None] * color
+    np.testing.assert_allclose(found[inside & far], expected[inside & far], atol=1e-6)
+    assert inside.sum() > 1500
+    by_pixel = picture(plane(), shading="lambert", base_color=base)
+    assert np.abs(by_pixel - found)[inside].max() > 0.5  # the lamp is near the middle
+
+
+@pytest.mark.parametrize("shading", ["lambert", "blinn-phong", "metallic-roughness"])
+@pytest.mark.parametrize("metalness", [0.0, 1.0])
+def test_small_triangles_come_to_look_as_shaded_per_pixel(shading: str, metalness: float) -> None:
+    material = {"shading": shading, "metalness": metalness, "base_color": (0.9, 0.5, 0.2)}
+    light = Lighting(
+        lights=(LAMP,), ambient=Ambient(color=(0.2, 0.1, 0.1), ground=(0.0, 0.1, 0.3)),
+        environment=Environment(color=(0.3, 0.3, 0.4), lighting=True, background=False),
+    )  # fmt: skip
+    errors = []
+    for n in (8, 16, 32):
+        by_vertex, by_pixel = (
+            picture(plane(n, n), light, shading_rate=rate, **material)
+            for rate in ("vertex", "pixel")
+        )
+        errors.append(float(np.abs(by_vertex - by_pixel).max()))
+    # Of second order: half the edge, a quarter of the error.
+    assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
+
+
+def test_bumps_between_the_corners_do_not_show() -> None:
+    heights = np.zeros((64, 64, 1), np.float32)
+    heights[16:48, 16:48] = 1.0
+    bumps = BumpMap(texture=ImageTexture(image=heights), height=0.05)
+    flat, bumpy, by_pixel = (
+        picture(plane(), shading="lambert", shading_rate=rate, bump_map=bump_map)
+        for rate, bump_map in (("vertex", None), ("vertex", bumps), ("pixel", bumps))
+    )
+    np.testing.assert_array_equal(flat, bumpy)
+    smooth = picture(plane(), shading="lambert")
+    assert np.abs(by_pixel - smooth).max() > 0.1
+
+
+def test_a_normal_map_is_looked_up_at_the_corners() -> None:
+    tilted = np.array([0.6, 0.0, 0.8], np.float32)
+    texels = np.tile(tilted, (4, 4, 1)).astype(np.float32)
+    sun = Lighting(lights=(Light(direction=(-0.6, 0.0, -0.8)),))
+    holder = NormalMap(texture=ImageTexture(image=texels), space="tangent", convention="opengl")
+    found = picture(
+        plane(), sun, shading="lambert", shading_rate="vertex", base_color=(1.0, 1.0, 1.0),
+        normal_map=holder,
+    )  # fmt: skip
+    assert found.max() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_mirrors_and_kept_normals_stay_per_pixel() -> None:
+    around = np.random.default_rng(0).random((16, 32, 3)).astype(np.float32)
+    sky = Lighting(lights=(LAMP,), environment=Environment(image=around))
+    mirror = {"reflection": Reflection(), "shading": "lambert"}
+    found, expected = (
+        picture(uv_sphere(8, 8), sky, shading_rate=rate, **mirror) for rate in ("vertex", "pixel")
+    )
+    np.testing.assert_array_equal(found, expected)
+    scene = Scene(
+        objects=(SceneObject(mesh=plane(), material=Material(shading_rate="vertex")),),
+        lighting=Lighting(lights=(LAMP,)),
+    )
+    frame = draw(prepare(scene, OPTIONS), CAMERA, keep=("normals",))
+    assert frame.normals is not None
+    np.testing.assert_allclose(frame.normals[30, 30], (0.0, 0.0, 1.0), atol=1e-6)
+
+
+def test_the_plan_says_what_is_shaded_per_vertex() -> None:
+    light = Lighting(
+        lights=(LAMP,), ambient=Ambient(color=(0.1,) * 3), occlusion=AmbientOcclusion(radius=1.0)
+    )
+    item = SceneObject(mesh=plane(), material=Material(shading_rate="vertex"), name="floor")
+    plan = plan_of(prepare(Scene(objects=(item,), lighting=light), OPTIONS), CAMERA)
+    assert plan.has("vertex light") and not plan.has("occlusion picture")
+    told = [(item.by, item.why) for item in plan.left_out if item.name == "ambient occlusion"]
+    assert told == [('object "floor"', "it is shaded per vertex")]
+
+
+@pytest.mark.parametrize("interpolation", ["perspective", "affine", "scanline"])
+def test_any_number_of_threads_gives_the_same_bytes(interpolation: str) -> None:
+    item = SceneObject(mesh=uv_sphere(40, 60), material=Material(shading_rate="vertex"))
+    scene = Scene(objects=(item,), lighting=Lighting(lights=(LAMP,)))
+    options = RenderOptions(width=60, height=60, interpolation=interpolation)
+    one, many = (draw(prepare(scene, options, threads=n), CAMERA).color for n in (1, 5))
+    np.testing.assert_array_equal(one, many)
