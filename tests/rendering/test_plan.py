@@ -240,6 +240,10 @@ CASES: dict[str, Case] = {
         wanted=scene(lambert(), lighting=Lighting(ambient=Ambient(color=(1, 1, 1)))),
         unwanted=scene(lambert(), lighting=lit(SUN)),
     ),
+    "vertex light": Case(
+        wanted=scene(lambert(shading_rate="vertex"), lighting=lit(SUN)),
+        unwanted=scene(lambert(), lighting=lit(SUN)),
+    ),
     "light map": Case(wanted=scene(lambert(light_map=0.5)), unwanted=scene(unlit(light_map=0.5))),
     "emission": Case(wanted=scene(lambert(emission=(1, 1, 1))), unwanted=scene(lambert())),
     "refraction": Case(

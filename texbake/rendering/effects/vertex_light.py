@@ -138,7 +138,7 @@ CORNER_LIGHT = Result(_shade_corners)
 
 VERTEX_LIGHT = Effect(
     name="vertex light",
-    does="shades the corners of triangles and interpolates the light",
+    does="interpolates light between vertices",
     called_for=_called_for,
     left_out="no material in the picture is shaded per vertex",
     needs=lambda request, target: ("slots", "positions"),
