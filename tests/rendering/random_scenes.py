@@ -102,7 +102,9 @@ def _without_fields(part: Any, default: Any) -> Iterator[tuple[str, Any]]:
     for item in fields(part):
         value, bare = getattr(part, item.name), getattr(default, item.name)
         # Whether back faces are drawn decides what is visible, and the model what is computed.
-        if value is not bare and item.name not in ("name", "shading", "double_sided"):
+        # Displacement runs before it is known what is seen.
+        moves = item.name == "displacement" and value is not None and value.height != 0.0
+        if value is not bare and item.name not in ("name", "shading", "double_sided") and not moves:
             yield item.name, replace(part, **{item.name: bare})
 
 
@@ -112,6 +114,8 @@ def _without_lighting(scene: Scene) -> Iterator[tuple[str, Scene]]:
         if name != "lights":
             yield name, replace(scene, lighting=bare)
     for i, light in enumerate(lighting.lights):
+        if light.intensity != 0.0 and any(light.color):
+            continue  # only the pixels tell what it reaches
         changed = {"": None}
         changed |= {f".{name}": replace(light, **{name: None}) for name in ("shadow", "profile")
                     if getattr(light, name) is not None}  # fmt: skip
@@ -125,13 +129,16 @@ def _without_lighting(scene: Scene) -> Iterator[tuple[str, Scene]]:
         yield "environment.lighting", replace(scene, lighting=dark)
 
 
-def well_lit(scene: Scene, *, aims: bool) -> Scene:
+def well_lit(scene: Scene, *, aims: bool, only: int | None = None) -> Scene:
     """Return a scene with light from all sides, and mirrors that show something.
 
-    With `aims`, the objects stand apart, and projected pictures fall on everything.
+    With `aims`, the objects stand apart, and projected pictures fall on everything. With `only`,
+    there is but one of them.
     """
     objects = []
     for i, item in enumerate(scene.objects):
+        if only not in (None, i):
+            continue
         assert item.transform is not None
         transform = item.transform.copy()
         if aims:
@@ -147,7 +154,8 @@ def well_lit(scene: Scene, *, aims: bool) -> Scene:
             mirror = getattr(material, name)
             if mirror is not None and mirror.environment == "rendered":
                 material = replace(material, **{name: replace(mirror, environment="scene")})
-        objects.append(replace(item, transform=transform, material=material))
+        visible = item.visible or has_rendered_environments(scene)
+        objects.append(replace(item, transform=transform, material=material, visible=visible))
     lights = [
         Light(name=light.name, kind="point", color=light.color, position=corner, decay=0.0)
         for light in scene.lighting.lights
@@ -159,6 +167,8 @@ def well_lit(scene: Scene, *, aims: bool) -> Scene:
     half = None if below in (None, above) else (red / 2.0, green / 2.0, blue / 2.0)
     ambient = Ambient(color=(red, green, blue), ground=half)
     lighting = replace(scene.lighting, lights=tuple(lights), ambient=ambient)
+    if lighting.environment is not None:
+        lighting = replace(lighting, environment=replace(lighting.environment, background=False))
     if has_rendered_environments(scene):
         around = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
         lighted = lighting.environment is not None and lighting.environment.lighting
@@ -334,8 +344,9 @@ def _lighting(rng: Rng, folder: Path) -> Lighting:
             lighting=bool(rng.random() < 0.6), background=bool(rng.random() < 0.5), size=8,
         )  # fmt: skip
     fog = Fog(
-        mode=_pick(rng, FOG_MODES), density=_number(rng, 0.02, 0.1), color=_color(rng), end=40.0
-    )
+        mode=_pick(rng, FOG_MODES), density=_number(rng, 0.02, 0.1), color=(0.4, 0.5, 0.6),
+        end=40.0,
+    )  # fmt: skip
     occlusion = AmbientOcclusion(samples=4, strength=_number(rng, 0.2, 1.0))
     return Lighting(
         lights=tuple(_light(rng, folder, i) for i in range(rng.integers(0, 3))),

@@ -167,7 +167,8 @@ NOTHING = Effect(
     name="nothing", does="nothing", called_for=only_when_needed, left_out="nothing needs it"
 )
 EVEN = Lighting(ambient=Ambient(color=(0.2, 0.2, 0.2)))
-SKY = Lighting(lights=(LIGHT,), environment=Environment(color=(0.3, 0.5, 0.9)))
+AROUND = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
+SKY = Lighting(lights=(LIGHT,), environment=Environment(image=AROUND))
 BLINN = {"shading": "blinn-phong"}
 OPAQUE = {"base_color": IMAGE, "alpha_mode": "opaque"}
 BLACK = (0.0, 0.0, 0.0)
@@ -272,7 +273,7 @@ def test_normals_that_the_caller_keeps_count(field: str) -> None:
 
 
 def test_an_unlit_mirror_needs_its_normal_map() -> None:
-    around = replace(AMBIENT, environment=Environment(color=(1.0, 1.0, 1.0)))
+    around = replace(AMBIENT, environment=Environment(image=AROUND))
     scene = scene_of(around, **UNLIT, normal_map=normal_map(), reflection=Reflection())
     with pytest.raises(FileError, match=r"missing\.png"):
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))

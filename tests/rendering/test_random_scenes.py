@@ -121,24 +121,24 @@ def _for_parts(
         *(_files_of(scene, i, "displacement") for i in range(len(scene.objects)))
     )
     for part, other in without_each_part(scene):
+        if part.startswith("environment") and has_rendered_environments(scene):
+            continue  # only their pixels tell what they show of it
         less_pixels, less = drawn(other, options, camera)
         if less_pixels != pixels:
             continue
         more = _more(ran, less, _own_work(part))
-        if part.startswith("lights"):
-            more -= {Path(x.profile.image).name for x in scene.lighting.lights if x.profile}
+        place, name = re.fullmatch(r"(objects\[\d+\])?\.?(.*)", part).groups()
+        only = None if place is None else int(place[8:-1])
         # Displacement runs before it is known what is seen, and where shadows fall.
-        before = ("displacement", "shadow", "casts_shadows", "receives_shadows", "projected")
-        place = part.split(".")[0]
-        if place in hidden or part.endswith(before) or part.startswith("lights"):
+        if place in hidden or name in ("casts_shadows", "receives_shadows", "projected"):
             more -= {"layers None", *displacements}
-        if more and not _shows_elsewhere(scene, other, options):
+        if more and not _shows_elsewhere(scene, other, options, only=only):
             yield f"{part}: {sorted(more)}"
         # Where a picture falls is known before it is read.
-        thrown = re.fullmatch(r"objects\[(\d+)\]\.projected", part)
-        names = _files_of(scene, int(thrown[1]), "projected") if thrown else set()
+        is_thrown = name == "projected" and not has_rendered_environments(scene)
+        names = _files_of(scene, only, name) if only is not None and is_thrown else set()
         needless = names & {Path(path).name for path in ran.files - less.files}
-        if needless and _shows_elsewhere(scene, other, options, aims=False) is False:
+        if needless and not _shows_elsewhere(scene, other, options, only=only, aims=False):
             yield f"{part}: {sorted(needless)} although it falls on no pixel"
 
 
@@ -183,14 +183,16 @@ def _own_work(part: str) -> set[str]:
 
 
 def _shows_elsewhere(
-    scene: Scene, other: Scene, options: RenderOptions, *, aims: bool = True
+    scene: Scene, other: Scene, options: RenderOptions, *, only: int | None, aims: bool = True
 ) -> bool:
     """Whether a part changes a picture where light and cameras reach all surfaces.
 
     Its own values do not say then that it changes nothing; only the pixels of one picture do.
     """
-    lit, other_lit = (well_lit(item, aims=aims) for item in (scene, other))
-    options = replace(options, width=96, height=64, view=(20.0, 30.0, None))
+    lit, other_lit = (well_lit(item, aims=aims, only=only) for item in (scene, other))
+    options = replace(
+        options, width=96, height=64, view=(20.0, 30.0, None), background=(1.0, 1.0, 1.0)
+    )
     cameras = turntable_cameras(lit, options, 4)
     return any(
         drawn(lit, options, camera)[0] != drawn(other_lit, options, camera)[0] for camera in cameras
@@ -203,10 +205,14 @@ def _for_hidden_objects(
     """What ran for the materials of objects that no sample sees."""
     if has_rendered_environments(scene):
         return
-    for place in range(len(scene.objects)):
+    numbers = range(len(scene.objects))
+    all_files = set().union(*(_files_of(scene, i, "displacement") for i in numbers))
+    for place in numbers:
         other_pixels, less = drawn(in_white(scene, place), options, camera)
         if other_pixels == pixels:
-            more = sorted(_more(ran, less, {"layers", "lights", "light profiles"}))
+            # Another object's displacement may be for shadows on this one.
+            own = {"layers", "lights", "light profiles", "displacement"}
+            more = sorted(_more(ran, less, own) - all_files)
             if more:
                 yield f"objects[{place}] is hidden: {more}"
 
@@ -215,8 +221,8 @@ def _for_lamps(
     scene: Scene, options: RenderOptions, camera: Camera, pixels: bytes, ran: Trace
 ) -> Iterator[str]:
     """Slides and shadow maps of lamps that light no pixel, whatever lies between."""
-    if any(_embosses(item.material) for item in scene.objects):
-        return  # it may light what faces away
+    if ("layers", None) in ran.effects or any(_embosses(item.material) for item in scene.objects):
+        return  # transparent surfaces may cover what is lit, and embossing lights what faces away
     for place, light in enumerate(scene.lighting.lights):
         dark, bare = replace(light, intensity=0.0), replace(light, shadow=None)
         (dark_pixels, less), (bare_pixels, _) = (

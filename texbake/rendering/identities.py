@@ -151,14 +151,15 @@ def _may_be_seen(scene: Scene, item: SceneObject, material: Material) -> bool:
 
 
 def _casts_shadows(scene: Scene, item: SceneObject, lighting: Lighting) -> bool:
-    materials = [each.material for each in scene.objects]
+    pictures = [
+        picture
+        for each in scene.objects
+        if _may_be_seen(scene, each, each.material)
+        for picture in each.material.projected
+    ]
     return item.casts_shadows and (
         any(light.shadow is not None and _shines(light) for light in lighting.lights)
-        or any(
-            picture.occlusion and picture.strength != 0.0
-            for m in materials
-            for picture in m.projected
-        )
+        or any(picture.occlusion and picture.strength != 0.0 for picture in pictures)
     )
 
 

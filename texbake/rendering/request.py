@@ -146,8 +146,9 @@ class RenderRequest:
         if mirror is None:
             return False
         grows = isinstance(mirror, Reflection) and mirror.fresnel
-        is_black = mirror.environment == "scene" and self.scene.lighting.environment is None
-        return grows or not is_black
+        around = self.scene.lighting.environment
+        has_one_color = around is None or (around.image is None and not around.faces)
+        return grows or not (mirror.environment == "scene" and has_one_color)
 
     def _is_lit_from_sides(self, index: int) -> bool:
         """Whether the light on an object comes from some directions more than from others."""

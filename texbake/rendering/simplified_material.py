@@ -156,7 +156,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
         why = "there is no ambient light" if is_diffuse(material) else "it reflects none of it"
         material = replace(material, occlusion=None)
         yield "occlusion map", why, material
-    if not (lamps or surrounding or light_map):
+    if not (lamps or surrounding or light_map) and _dark(material) is not None:
         yield from _unlit(material, "no light is reflected")
         return
     for slots, needed, why in (
@@ -185,15 +185,16 @@ def _unlit(material: Material, why: str) -> Iterator[Step]:
 
 
 def _dark(material: Material) -> Material | None:
-    """Return the material without any color of its own; None if its image holds the opacity."""
+    """Return the material without any color of its own; None if two images hold its opacity."""
     opacity = material.opacity
     base = material.base_color
     if _holds_opacity(material, "base_color"):
         assert isinstance(base, ImageTexture)
         if has_opacity(base.image):
-            if opacity is not None:
+            factor = 1.0 if opacity is None else _factor_of(opacity)
+            if factor is None:
                 return None
-            opacity = replace(base, channel=3, factor=1.0, color=False)
+            opacity = replace(base, channel=3, factor=factor, color=False)
     bump_map = material.bump_map
     if bump_map is not None and bump_map.form in EMBOSS_FORMS:
         bump_map = None
