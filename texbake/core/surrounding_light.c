@@ -132,7 +132,9 @@ void mix_in_environment(
         for (int k = 0; k < 3; k++) {
             double share = clamp_f64(wanted[k], 0.0, 1.0);
             share += (1.0 - share) * grazing;
-            out[i][k] = (float)(out[i][k] + share * (seen[i][k] - out[i][k]));
+            /* A perfect mirror shows nothing of the surface, not even its rounding. */
+            const double shown = out[i][k] + share * (seen[i][k] - out[i][k]);
+            out[i][k] = share < 1.0 ? (float)shown : seen[i][k];
         }
     }
 }
