@@ -25,7 +25,7 @@ SECTIONS = {
     ),
     "A planet": ("earth_spherical", "earth_cylindrical"),
     "Procedures": (
-        "marble", "wood", "granite", "worley", "stripes", "checker", "noise",
+        "marble", "wood", "granite", "worley", "stripes", "checker", "noise", "value_noise",
         "fractal_turbulence", "turbulence_levels", "ramp", "legends", "volume", "baked_marble",
     ),
     "Shading models and the slots of a material": (
@@ -33,7 +33,7 @@ SECTIONS = {
         "vertex_colors", "occlusion_map", "opacity_mask", "transparency",
     ),
     "Relief": (
-        "bump_forms", "emboss", "vertex_shading", "normal_map", "parallax", "displacement_map",
+        "bump_forms", "bump_differences", "emboss", "vertex_shading", "normal_map", "parallax", "displacement_map",
         "vector_displacement",
     ),
     "Light": (

@@ -1,5 +1,6 @@
 """Bump maps against normals known in closed form, at every pixel of a wall and on spheres."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -372,3 +373,38 @@ def test_what_cannot_be_a_bump_map_is_one_line():
     ):
         with pytest.raises(OptionError, match=words):
             bump(WAVES, **fields)
+
+
+def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second():
+    """A sine over u: the slope of each difference, and its error for a step of half the size."""
+    errors = {name: [] for name in ("central", "forward", "backward")}
+    for width in (64, 128):
+        options = RenderOptions(width=width, height=8, supersampling=1)
+        # Straight on, at the distance at which the picture is one unit wide.
+        away = 0.5 / math.tan(math.radians(10.0)) * 8 / width
+        camera = Camera.looking_at((0.5, 0.5, away), (0.5, 0.5, 0), fov=math.radians(20), near=0.01)
+        u = (np.arange(width) + 0.5) / width
+        step = 1.0 / width
+        for name, found in errors.items():
+            waves = ProcedureTexture(
+                procedure="stripes", parameters={"profile": "sine"}, space="uv", filtered=False
+            )
+            holder = BumpMap(texture=waves, height=0.02, difference=name)
+            material = Material(shading="lambert", bump_map=holder)
+            scene = Scene(objects=(SceneObject(mesh=plane(), material=material),))
+            frame = draw(prepare(scene, options), camera, keep=("normals",))
+            normals = frame.normals[4]
+            slopes = -normals[:, 0] / normals[:, 2]
+            low, high = {"central": (-0.5, 0.5), "forward": (0, 1), "backward": (-1, 0)}[name]
+            heights = [
+                0.02 * (0.5 + 0.5 * np.sin(2 * np.pi * (u + end * step))) for end in (low, high)
+            ]
+            inside = slice(4, width - 4)
+            np.testing.assert_allclose(
+                slopes[inside], ((heights[1] - heights[0]) / step)[inside], atol=2e-5
+            )
+            exact = 0.02 * np.pi * np.cos(2 * np.pi * u)
+            found.append(np.abs(slopes - exact)[inside].max())
+    assert errors["central"][0] < 0.1 * errors["forward"][0]
+    for name, order in (("forward", 2.0), ("backward", 2.0), ("central", 4.0)):
+        assert errors[name][0] / errors[name][1] == pytest.approx(order, rel=0.2)

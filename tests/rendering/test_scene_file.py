@@ -361,7 +361,8 @@ def test_wrong_lights(folder, text, message):
         ("base_color = '#12'",
          "base_color: '#12' is not a color; write '#rrggbb', or a list of three linear numbers"),
         ("base_color = {procedure = 'marbel'}", "base_color.procedure: 'marbel' is not one of "
-         "checker, stripes, noise, fractal, turbulence, marble, wood, granite, worley, gradient, "
+         "checker, stripes, noise, value_noise, fractal, turbulence, marble, wood, granite, "
+         "worley, gradient, "
         "radial; "
          "did you mean 'marble'?"),
         ("base_color = {procedure = 'marble', sed = 1}",

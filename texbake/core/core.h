@@ -1182,6 +1182,12 @@ void merge_labels(
     int64_t n_items, int64_t n_pairs,
     int32_t labels[n_items], const int32_t firsts[n_pairs], const int32_t seconds[n_pairs]);
 
+/* value_noise.c */
+void fill_value_noise(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
+    const double values[256], float out[n][1], int64_t interpolation, int64_t start, int64_t stop);
+
 /* value_range.c */
 void measure_range(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],

@@ -10,8 +10,10 @@ compared to the radius of curvature; this gives (P_u x P_v) + d_u (N x P_v) - d_
 plane both forms agree. N is the shading normal of the mesh or of a normal map; a constant d leaves
 it unchanged.
 
-d_u and d_v are central differences of the height. The step is one texel or one pixel, whichever is
-larger: within a texel the height is linear, so shorter steps would show the texels as facets. A
+d_u and d_v are differences of the height: central, d(u + h/2) - d(u - h/2), whose error is of the
+order of h^2, or on one side, `forward` d(u + h) - d(u) or `backward` d(u) - d(u - h), which are of
+the order of h and show the relief half a step away. The step h is one texel or one pixel, whichever
+is larger: within a texel the height is linear, so shorter steps would show the texels as facets. A
 procedure in space has no texture coordinates; there u and v are lengths along the triangle, and the
 step is one pixel.
 
@@ -252,16 +254,21 @@ def _bump(fragments: Fragments, state: RenderState) -> None:
     fragments.normals = normals
 
 
+# Where the heights lie that a difference compares, in steps from the point.
+_ENDS = {"central": (-0.5, 0.5), "forward": (0.0, 1.0), "backward": (-1.0, 0.0)}
+
+
 def _slopes(
     fragments: Fragments, state: RenderState, surface: BumpSurface, steps: FloatArray
 ) -> FloatArray:
-    """(n, 2) float64: d_u and d_v at fragments, from central differences over steps."""
+    """(n, 2) float64: d_u and d_v at fragments, from differences over steps."""
     slopes = np.empty_like(steps)
+    low, high = _ENDS[bump_of(state.request, fragments.target).difference]
     for axis in range(2):
         shifts = np.zeros_like(steps)
-        shifts[:, axis] = 0.5 * steps[:, axis]
-        rise = heights_at(fragments, state, surface, shifts)
-        rise -= heights_at(fragments, state, surface, -shifts)
+        shifts[:, axis] = steps[:, axis]
+        rise = heights_at(fragments, state, surface, high * shifts)
+        rise -= heights_at(fragments, state, surface, low * shifts)
         slopes[:, axis] = _over(rise, steps[:, axis])
     return slopes
 

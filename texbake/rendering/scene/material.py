@@ -29,6 +29,7 @@ SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 SHADING_RATES = ("pixel", "vertex")
 EMBOSS_FORMS = ("emboss", "emboss-normalized")
 BUMP_FORMS = ("blinn", "exact", *EMBOSS_FORMS)
+DIFFERENCES = ("central", "forward", "backward")
 LIGHT_SPACES = ("world", "object")
 NORMAL_SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -105,6 +106,14 @@ class BumpMap:
             "Space in which embossing compares the light with the normal.", choices=LIGHT_SPACES
         ),
     ] = "world"
+
+    difference: Annotated[
+        str,
+        Option(
+            "Difference of heights that stands for the slope, for exact and blinn.",
+            choices=DIFFERENCES,
+        ),
+    ] = "central"
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from texbake.parallel import run_bands
 from texbake.texture.procedures.legends import gradient, radial
-from texbake.texture.procedures.noise import fractal, noise, turbulence, worley
+from texbake.texture.procedures.noise import fractal, noise, turbulence, value_noise, worley
 from texbake.texture.procedures.options import (
     COLORED_PROCEDURES,
     PROCEDURE_DEFAULTS,
@@ -58,6 +58,7 @@ _WORKS = (
     checker,
     stripes,
     noise,
+    value_noise,
     fractal,
     turbulence,
     marble,

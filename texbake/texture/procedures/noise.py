@@ -1,4 +1,4 @@
-"""Noise: gradient noise, its sums over octaves, and cells about scattered points.
+"""Noise: gradient and value noise, sums over octaves, and cells about scattered points.
 
 Everything random comes from the hash of integer lattice points. phi is a permutation of 0 to 255,
 and the hash of the lattice point (i, j, k) is phi(i + phi(j + phi(k))) modulo 256, so that a
@@ -22,6 +22,11 @@ octaves of noise(l^i p) have the same slope, which adds up to a streak; c moves 
 cells. Sums of |noise| show no streak and are left as they were defined. An octave that is too fine
 for the pixel fades to its mean, 0 or the mean of |noise|.
 
+Value noise has a random number from 0 to 1 at every lattice point. A point shows that of the corner
+of its cell with the lowest coordinates (`none`: squares with jumps between them), or the eight
+corners interpolated along x, y and z in turn by t (`linear`, continuous with creases), by
+3t^2 - 2t^3 (`cubic`, C1) or by 6t^5 - 15t^4 + 10t^3 (`quintic`, C2).
+
 Worley's cells: each cell of the lattice holds one point, anywhere in it (`jitter` 1) or in its
 middle (0). F1 is the distance to the nearest of all points, F2 to the second nearest; F2 - F1 is 0
 on the borders between their regions. Cells are searched in rings until no cell further out can hold
@@ -32,7 +37,7 @@ Flood, "Fast Splittable Pseudorandom Number Generators", 2014 (SplitMix64); Apod
 "Advanced RenderMan", 2000, for the fading; Worley, "A Cellular Texture Basis Function", 1996.
 Departs from Perlin's of 2002 in the order of the hash, which is that of 1985 for both, and from
 Worley's in having one point per cell, which leaves no large gaps. Kernels:
-`core/gradient_noise.c` and `core/worley_noise.c`.
+`core/gradient_noise.c`, `core/value_noise.c` and `core/worley_noise.c`.
 """
 
 from __future__ import annotations
@@ -47,7 +52,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.parallel import run_bands
-from texbake.texture.procedures.options import checked_parameters
+from texbake.texture.procedures.options import INTERPOLATIONS, checked_parameters
 from texbake.texture.procedures.points import (
     BAND,
     ProcedurePoints,
@@ -187,6 +192,21 @@ def noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
         core.fill_noise(
             samples.points, samples.widths, permutation, slopes, samples.out, weight.quintic,
             weight.bound, start, stop,
+        )  # fmt: skip
+
+    return work
+
+
+def value_noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
+    """Return random numbers of lattice points, interpolated; their mean is about 1/2."""
+    tables = lattice(parameters["seed"])
+    numbers = np.ascontiguousarray(tables.places[:, 0])
+    interpolation = INTERPOLATIONS.index(parameters["interpolation"])
+
+    def work(start: int, stop: int) -> None:
+        core.fill_value_noise(
+            samples.points, samples.widths, tables.permutation, numbers, samples.out,
+            interpolation, start, stop,
         )  # fmt: skip
 
     return work

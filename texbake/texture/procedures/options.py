@@ -10,6 +10,7 @@ from typing import Any
 from texbake.errors import OptionError
 
 WEIGHTS = ("cubic", "quintic")
+INTERPOLATIONS = ("none", "linear", "cubic", "quintic")
 PROFILES = ("hard", "sine")
 FEATURES = ("f1", "f2-f1")
 
@@ -21,6 +22,7 @@ PROCEDURE_DEFAULTS: dict[str, dict[str, Any]] = {
     "checker": {"dimensions": None},
     "stripes": {"profile": "hard", "width": 0.5, "direction": (1.0, 0.0, 0.0)},
     "noise": {"weight": "cubic", "seed": 0},
+    "value_noise": {"interpolation": "cubic", "seed": 0},
     "fractal": {**_OCTAVES, "weight": "cubic", "seed": 0},
     "turbulence": {**_OCTAVES, "weight": "cubic", "seed": 0},
     "marble": {
@@ -60,6 +62,7 @@ COLORED_PROCEDURES = ("marble", "wood", "granite")
 
 _CHOICES: dict[str, tuple[Any, ...]] = {
     "weight": WEIGHTS,
+    "interpolation": INTERPOLATIONS,
     "profile": PROFILES,
     "feature": FEATURES,
     "dimensions": (2, 3, None),

@@ -31,6 +31,7 @@ from texbake.rendering.scene.material import (
     ALPHA_MODES,
     BUMP_FORMS,
     CONVENTIONS,
+    DIFFERENCES,
     DISPLACEMENT_SPACES,
     ENVIRONMENTS,
     LIGHT_SPACES,
@@ -60,7 +61,12 @@ NormalMapTable = table(
 )
 BumpMapTable = table(
     BumpMap,
-    {"texture": Texture, "form": choice(BUMP_FORMS), "light_space": choice(LIGHT_SPACES)},
+    {
+        "texture": Texture,
+        "form": choice(BUMP_FORMS),
+        "light_space": choice(LIGHT_SPACES),
+        "difference": choice(DIFFERENCES),
+    },
     short="texture",
 )
 DisplacementTable = table(
