@@ -33,8 +33,8 @@ SECTIONS = {
         "vertex_colors", "occlusion_map", "opacity_mask", "transparency",
     ),
     "Relief": (
-        "bump_forms", "bump_differences", "emboss", "vertex_shading", "normal_map", "parallax", "displacement_map",
-        "vector_displacement",
+        "bump_forms", "bump_differences", "emboss", "vertex_shading", "normal_map", "parallax",
+        "displacement_map", "vector_displacement",
     ),
     "Light": (
         "shadow_directional", "shadow_point", "shadow_spot", "slide_projector", "light_profile",

@@ -88,5 +88,5 @@ def test_an_image_of_temperatures_has_a_legend():
         parameters={"direction": (1, 0, 0), "start": (5 / 80 * 31 + 0.5) / 32,
                     "end": (65 / 80 * 31 + 0.5) / 32})))  # fmt: skip
     np.testing.assert_allclose(shown, plain, atol=2e-3)
-    with pytest.raises(OptionError, match=r"roughness\.colors: it takes numbers"):
-        drawn(Material(roughness=heat))
+    with pytest.raises(OptionError, match=r"opacity\.colors: it takes numbers"):
+        drawn(Material(opacity=heat))
