@@ -1,11 +1,12 @@
 """A .glb or USD file as Blender has it, in a Python that has `bpy` 5.0.1.
 
-    python blender_asset.py JOB.json
+    python blender_asset.py JOB.json ...
 
 A job names a `file` and what is wanted of it: `picture`, an .exr file, for which `width`, `height`,
-`fov` (vertical, radians), `world_from_camera`, `to_light` and `light` are as for
-`peer_gltf_threejs`; `export`, a .glb, .usda or .usdz file to export what was imported to; and
-`mesh`, an .npz file of its triangles: positions (F, 3, 3) and uvs (F, 3, 2), Y up.
+`fov` (vertical, radians), `world_from_camera`, `to_light` and `light`, or `lights`, are as for
+`peer_gltf_threejs`, and `engine`, CYCLES where it is not given; `export`, a .glb, .usda or .usdz
+file to export what was imported to; and `mesh`, an .npz file of its triangles: positions (F, 3, 3)
+and uvs (F, 3, 2), Y up.
 """
 
 import json
@@ -51,9 +52,34 @@ def triangles():
     return np.array(positions), np.array(uvs)
 
 
+def add_light(scene, light):
+    """Add a light; its color is what a white surface that faces it reflects, at distance 1."""
+    kinds = {"directional": "SUN", "point": "POINT", "spot": "SPOT"}
+    lamp = bpy.data.lights.new(light["kind"], kinds[light["kind"]])
+    if light["kind"] == "directional":
+        lamp.angle = 0.0
+        lamp.energy = np.pi  # white reflects 1 / pi of it
+    else:
+        lamp.shadow_soft_size = 0.0
+        lamp.energy = 4.0 * np.pi**2
+    if light["kind"] == "spot":
+        lamp.spot_size, lamp.spot_blend = light["angle"], light["blend"]
+    lamp.color = light["color"]
+    lamp.use_shadow = light.get("shadow", True)
+    thing = bpy.data.objects.new(light["kind"], lamp)
+    if "to_light" in light:
+        toward = Z_FROM_Y.to_3x3() @ Vector(light["to_light"])
+        thing.rotation_euler = toward.to_track_quat("Z", "Y").to_euler()
+    if "position" in light:
+        thing.location = Z_FROM_Y @ Vector(light["position"])
+    scene.collection.objects.link(thing)
+
+
 def draw(job):
     scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
+    scene.render.engine = job.get("engine", "CYCLES")
+    scene.eevee.taa_render_samples = 16
+    scene.render.filter_size = 1.0
     scene.cycles.device = "CPU"
     scene.cycles.samples = 16
     scene.cycles.use_denoising = False
@@ -67,16 +93,12 @@ def draw(job):
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_mode = "RGBA"
     scene.render.image_settings.color_depth = "32"
-    scene.world = bpy.data.worlds.new("dark")
-    scene.world.color = (0, 0, 0)
-    sun = bpy.data.lights.new("sun", "SUN")
-    sun.angle = 0.0
-    sun.energy = np.pi  # white reflects 1 / pi of it
-    sun.color = job["light"]
-    lamp = bpy.data.objects.new("sun", sun)
-    toward = Z_FROM_Y.to_3x3() @ Vector(job["to_light"])
-    lamp.rotation_euler = toward.to_track_quat("Z", "Y").to_euler()
-    scene.collection.objects.link(lamp)
+    scene.world = None  # a new one shines in gray since Blender 5.0, whatever its color
+    for thing in [thing for thing in scene.objects if thing.type == "LIGHT"]:
+        bpy.data.objects.remove(thing)
+    sun = {"kind": "directional", "to_light": job.get("to_light"), "color": job.get("light")}
+    for light in job.get("lights", [sun]):
+        add_light(scene, light)
     lens = bpy.data.cameras.new("camera")
     lens.sensor_fit = "VERTICAL"
     lens.angle = job["fov"]
@@ -89,13 +111,17 @@ def draw(job):
     bpy.ops.render.render(write_still=True)
 
 
-job = json.loads(Path(sys.argv[1]).read_text())
-bpy.ops.wm.read_factory_settings(use_empty=True)
-read(job["file"])
-if "mesh" in job:
-    positions, uvs = triangles()
-    np.savez(job["mesh"], positions=positions, uvs=uvs)
-if "export" in job:
-    export(job["export"])
-if "picture" in job:
-    draw(job)
+def do(job):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    read(job["file"])
+    if "mesh" in job:
+        positions, uvs = triangles()
+        np.savez(job["mesh"], positions=positions, uvs=uvs)
+    if "export" in job:
+        export(job["export"])
+    if "picture" in job:
+        draw(job)
+
+
+for path in sys.argv[1:]:
+    do(json.loads(Path(path).read_text()))

@@ -1,0 +1,239 @@
+"""The samples' scenes as other renderers draw them, and how alike the pictures are.
+
+    python bench_renderers.py [NAME ...] [--models FOLDER] [--sheet FOLDER]
+
+Every scene of samples/scenes that glTF can hold is drawn by texbake, by three.js in Chromium (see
+`peer_gltf_threejs`), and, where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, by Blender's
+Cycles and EEVEE. So are the .glb files of `--models`. Prints a table of the PSNR in dB of the sRGB
+codes inside the outlines, of the share of pixels that only one program covers, and of the scenes
+that glTF cannot hold. `--sheet` also writes a row of pictures for each scene, and
+`--plain` leaves out of three.js what it adds to glTF's formula: light that bounces between
+microfacets, and roughness where normals change from pixel to pixel.
+
+Lights are those of the scene, without ambient light, environment and fog, whose meanings differ
+from program to program; a lit scene without lights gets one from the upper left.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scene_gltf import UnwritableError, write_scene
+
+import texbake
+from texbake.jobs.preview import open_preview
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import Scene, camera_of
+from texbake.texture.encoding import encode_srgb
+from texbake.texture.image import read_image
+
+HERE = Path(__file__).parent
+SCENES = HERE.parents[1] / "samples" / "scenes"
+WIDTH, HEIGHT = 300, 200
+LIGHT = Light(direction=(-0.5, -0.6, -0.62), color=(0.9, 0.9, 0.9))
+PEERS = ("three.js", "Cycles", "EEVEE")
+LEFT_OUT = ("ambient_occlusion", "hemisphere", "environment_light", "material_map",
+            "roughness_metalness", "fog")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A scene, its camera, and the file that other programs read."""
+
+    name: str
+    scene: Scene
+    options: RenderOptions
+    camera: Camera
+    file: Path
+    center: np.ndarray
+    radius: float
+
+    def ours(self, supersampling: int) -> np.ndarray:
+        """(H, W, 4) float32 linear, with the coverage last."""
+        options = replace(self.options, supersampling=supersampling)
+        frame = draw(prepare(self.scene, options), self.camera)
+        return np.concatenate([frame.color[..., :3], frame.coverage[..., None]], axis=2)
+
+    def job(self, **more: Any) -> dict[str, Any]:
+        camera = self.camera
+        placed = np.eye(4)
+        placed[:3, :3], placed[:3, 3] = camera.axes.T, camera.eye
+        scale, near, far = 1.0 / np.tan(camera.fov / 2.0), camera.near, 1e4 * camera.near + 1e3
+        projection = np.zeros((4, 4))
+        projection[0, 0], projection[1, 1] = scale * HEIGHT / WIDTH, scale
+        projection[2, 2:] = (near + far) / (near - far), 2.0 * near * far / (near - far)
+        projection[3, 2] = -1.0
+        return {
+            "file": str(self.file), "width": WIDTH, "height": HEIGHT, "fov": camera.fov,
+            "clip_from_camera": projection.ravel().tolist(),
+            "world_from_camera": placed.ravel().tolist(),
+            "center": self.center.tolist(), "radius": self.radius,
+            "lights": [light_of(light) for light in self.scene.lighting.lights], **more,
+        }  # fmt: skip
+
+
+def light_of(light: Light) -> dict[str, Any]:
+    """Return a light as the other programs' scripts take it."""
+    return {
+        "kind": light.kind, "color": [light.intensity * c for c in light.color],
+        "to_light": [-x for x in light.direction], "position": list(light.position),
+        "angle": float(np.radians(light.angle)), "blend": light.blend, "decay": light.decay,
+        "shadow": light.shadow is not None,
+    }  # fmt: skip
+
+
+def sample_case(path: Path, folder: Path) -> Case:
+    """Return a scene of the samples under its own lights alone; raises `UnwritableError`."""
+    scene, options = open_preview(path)
+    if path.stem in LEFT_OUT or scene.lighting.environment is not None:
+        raise UnwritableError("ambient light, environment or fog")
+    lights = scene.lighting.lights or (LIGHT,)
+    if any(light.profile is not None for light in lights):
+        raise UnwritableError("slide of a spot light")
+    if any(light.follows_camera for light in lights):
+        raise UnwritableError("light of the camera")
+    scene = replace(scene, lighting=Lighting(lights=lights))
+    options = replace(options, width=WIDTH, height=HEIGHT, background=None, buffer=None)
+    write_scene(scene, folder / f"{path.stem}.glb")
+    return case_of(path.stem, scene, options, folder / f"{path.stem}.glb")
+
+
+def model_case(path: Path) -> Case:
+    """Return a model, framed whole, under one light."""
+    scene = replace(read_scene(path), view=None, lighting=Lighting(lights=(LIGHT,)))
+    options = RenderOptions(width=WIDTH, height=HEIGHT, background=None)
+    return case_of(path.stem, scene, options, path)
+
+
+def case_of(name: str, scene: Scene, options: RenderOptions, file: Path) -> Case:
+    camera = camera_of(scene, options)
+    view = scene.view
+    if view is None or view.target is None:
+        corners = np.concatenate([item.mesh.positions for item in scene.objects])
+        center = 0.5 * (corners.min(0) + corners.max(0))
+    else:
+        center = np.asarray(view.target, float)
+    radius = float(np.linalg.norm(camera.eye - center))
+    return Case(name, scene, options, camera, file, center, radius)
+
+
+def by_threejs(cases: list[Case], folder: Path, *, plain: bool = False) -> list[np.ndarray]:
+    jobs = [folder / f"three_{k}.json" for k in range(len(cases))]
+    for case, job in zip(cases, jobs, strict=True):
+        job.write_text(json.dumps(case.job(plain=plain)))
+    program = HERE / "peer_gltf_threejs.py"
+    subprocess.run([sys.executable, program, *jobs, "-o", folder], check=True)
+    return [np.load(job.with_suffix(".npy")) for job in jobs]
+
+
+def by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray | None]:
+    """Pictures of all cases; None where Blender has no such light."""
+    known = [
+        case
+        for case in cases
+        if all(x.kind == "directional" or x.decay == 2.0 for x in case.scene.lighting.lights)
+    ]
+    found = dict(zip(known, _by_blender(known, folder, engine), strict=True))
+    return [found.get(case) for case in cases]
+
+
+def _by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray]:
+    pictures = [folder / f"{engine}_{k}.exr" for k in range(len(cases))]
+    jobs = [picture.with_suffix(".json") for picture in pictures]
+    for case, job, picture in zip(cases, jobs, pictures, strict=True):
+        job.write_text(json.dumps(case.job(engine=engine, picture=str(picture))))
+    python = os.environ["TEXBAKE_BLENDER_PYTHON"]
+    with (folder / "blender.log").open("w") as log:
+        subprocess.run([python, HERE / "blender_asset.py", *jobs], check=True, stdout=log,
+                       stderr=log)  # fmt: skip
+    return [read_image(picture, color=True).pixels for picture in pictures]
+
+
+def alike(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float]:
+    """PSNR in dB inside both outlines, and the share of pixels that only one covers, in percent."""
+    whole = (ours[..., 3] > 0.99) & (theirs[..., 3] > 0.99)
+    padded = np.pad(whole, 1)
+    inside = np.logical_and.reduce(
+        [padded[j : j + HEIGHT, i : i + WIDTH] for j in range(3) for i in range(3)]
+    )
+    codes = [255.0 * encode_srgb(np.clip(p[..., :3], 0, 1))[inside] for p in (ours, theirs)]
+    error = np.mean((codes[0] - codes[1]) ** 2) if inside.any() else np.nan
+    outline = np.mean((ours[..., 3] > 0.5) != (theirs[..., 3] > 0.5))
+    return float(10.0 * np.log10(255.0**2 / max(error, 1e-4))), 100.0 * float(outline)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="scenes; all by default")
+    parser.add_argument("--models", type=Path)
+    parser.add_argument("--sheet", type=Path)
+    parser.add_argument("--plain", action="store_true")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        cases, refused = collected(chosen.names, chosen.models, folder)
+        drawn = {"three.js": by_threejs(cases, folder, plain=chosen.plain)}
+        if os.environ.get("TEXBAKE_BLENDER_PYTHON"):
+            drawn["Cycles"] = by_blender(cases, folder, "CYCLES")
+            drawn["EEVEE"] = by_blender(cases, folder, "BLENDER_EEVEE")
+        report(cases, drawn, chosen.sheet)
+    for reason in sorted(set(refused.values())):
+        names = ", ".join(name for name, why in refused.items() if why == reason)
+        print(f"not drawn elsewhere, {reason}: {names}")
+
+
+def collected(
+    names: list[str], models: Path | None, folder: Path
+) -> tuple[list[Case], dict[str, str]]:
+    cases, refused = [], {}
+    for path in sorted(SCENES.glob("*.toml")):
+        if names and path.stem not in names:
+            continue
+        try:
+            cases.append(sample_case(path, folder))
+        except UnwritableError as error:
+            refused[path.stem] = str(error)
+    if models is not None:
+        cases += [
+            model_case(path)
+            for path in sorted(models.glob("*.glb"))
+            if not names or path.stem in names
+        ]
+    return cases, refused
+
+
+def report(
+    cases: list[Case], drawn: dict[str, list[np.ndarray | None]], sheet: Path | None
+) -> None:
+    print("| scene |", " | ".join(drawn), "|\n|---|", "---|" * len(drawn), sep="")
+    for k, case in enumerate(cases):
+        row, shown = [], [case.ours(4)]
+        for peer, pictures in drawn.items():
+            if pictures[k] is None:
+                row.append("–")
+                continue
+            ours = case.ours(1) if peer == "three.js" else shown[0]
+            psnr, outline = alike(ours, pictures[k])
+            row.append(f"{psnr:.1f} dB, {outline:.2f} %")
+            shown.append(pictures[k])
+        print(f"| {case.name} |", " | ".join(row), "|", flush=True)
+        if sheet is not None:
+            strip = np.concatenate([np.clip(p[..., :3], 0, 1) for p in shown], axis=1)
+            texbake.write_image(strip.astype(np.float32), sheet / f"{case.name}.png", color=True)
+
+
+if __name__ == "__main__":
+    main()
