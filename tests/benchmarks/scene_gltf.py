@@ -156,6 +156,8 @@ def _material(file: Writer, material: Material, uvs: np.ndarray) -> int:
         raise UnwritableError("projected picture")
     if material.shading == "blinn-phong":
         raise UnwritableError("Blinn-Phong shading")
+    if material.shading_rate != Material().shading_rate:
+        raise UnwritableError("shading at vertices")
     for slot in vars(material).values():
         slot = getattr(slot, "texture", slot)
         if hasattr(slot, "procedure") or getattr(slot, "colors", None) is not None:

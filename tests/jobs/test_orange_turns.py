@@ -10,6 +10,14 @@ import pytest
 from texbake.jobs.demo import demo
 from texbake.jobs.options import DemoOptions
 from texbake.jobs.orange_turns import METHODS, TRUTH, TURNS, measure_turns, turns_svg
+from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare, relit
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.material import Displacement, Material
+from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.textures import ImageTexture
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 ANGLES = (0, 45, 90)
@@ -75,6 +83,26 @@ def test_all_methods_start_from_the_same_picture_of_both_turns(turns):
         np.testing.assert_array_equal(
             turns.pictures["light", name, 0], turns.pictures["viewer", name, 0]
         )
+
+
+def test_a_scene_under_other_lights_is_the_scene_prepared_anew():
+    ball = uv_sphere(12, 24)
+    y, x = np.mgrid[:32, :64] / 32 * 2 * np.pi * 3
+    heights = ImageTexture(image=np.float32(0.03 * np.sin(x) * np.sin(y))[..., None])
+    relief = Displacement(texture=heights, height=1.0, mid=0.0, edge_px=None)
+    item = SceneObject(mesh=ball, material=Material(displacement=relief))
+    camera = Camera.looking_at((3.0, 1.0, 2.0), (0.0, 0.0, 0.0), fov=0.7, near=0.1)
+    options = RenderOptions(width=60, height=40)
+    scenes = [
+        Scene(objects=(item,), lighting=Lighting(lights=(Light(direction=(-1.0, -1.0, z)),)))
+        for z in (-1.0, 1.0)
+    ]
+    first = prepare(scenes[0], options)
+    draw(first, camera)
+    again = draw(relit(first, scenes[1]), camera)
+    anew = draw(prepare(scenes[1], options), camera)
+    assert again.color.tobytes() == anew.color.tobytes()
+    assert again.color.tobytes() != draw(first, camera).color.tobytes()
 
 
 def test_the_kept_figures_are_those_that_are_measured(turns):
