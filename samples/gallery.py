@@ -45,7 +45,7 @@ SECTIONS = {
         "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",
     ),
     "Filters and coordinates": (
-        "filters", "magnified", "wrap_modes", "uv_sets", "affine", "scanline",
+        "filters", "magnified", "wrap_modes", "uv_sets", "bezier_coordinates", "affine", "scanline",
     ),
     "The inside of the renderer": (
         "buffers", "buffer_depth", "buffer_normals", "buffer_uv", "buffer_object-id", "texels",

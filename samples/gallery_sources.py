@@ -88,18 +88,29 @@ def main(scenes: Path) -> None:
 
 
 def write_meshes(folder: Path) -> None:
-    """Write the pot, its spout and handle, a vase, and a ring with colors at its vertices."""
+    """Write the pot, its spout and handle, a vase, a sheet, and a colored ring."""
     (folder / "pot.txt").write_text(POT)
     write_rows(folder / "vase.txt", smooth(np.array(VASE), 6))
     for name, (centers, radii) in {"spout": SPOUT, "handle": HANDLE}.items():
         patches = tube(np.array(centers), np.array(radii))
         write_rows(folder / f"{name}.txt", patches.reshape(-1, 3), head=f"{len(patches)}\n")
+    sheet = crowded_sheet()
+    write_rows(folder / "sheet_with_uvs.txt", sheet)
+    write_rows(folder / "sheet.txt", sheet[:, :3])
     ring = texbake.make("torus", resolution=(40, 20), minor_radius=0.5)
     colors = 0.5 + 0.5 * ring.positions / np.abs(ring.positions).max(axis=0)
     ring = texbake.Mesh(
         positions=ring.positions, faces=ring.faces, colors=colors.astype(np.float32)
     )
     texbake.write_mesh(ring, folder / "colored.ply")
+
+
+def crowded_sheet() -> np.ndarray:
+    """(16, 5): points of a patch that crowd in a corner, with coordinates like their places."""
+    places = np.array([0.0, 0.15, 0.3, 1.0])
+    u, v = (grid.ravel() for grid in np.meshgrid(places, places))
+    x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
+    return np.column_stack([x, y, 0.5 * np.sin(2.2 * x) * np.cos(1.6 * y), u, v])
 
 
 def smooth(points: np.ndarray, n_steps: int) -> np.ndarray:

@@ -54,6 +54,47 @@ DROP = quarters(
 )
 
 
+def with_uvs(seed=3):
+    """The bent patch, with texture coordinates at its control points."""
+    uvs = np.random.default_rng(seed).uniform(-1.0, 2.0, (4, 4, 2))
+    return np.concatenate([bent(), uvs], axis=-1)
+
+
+def test_coordinates_of_control_points_are_interpolated_as_the_points_are():
+    patch = with_uvs()
+    mesh = make("bezier", patches=[patch], resolution=(5, 7))
+    plain = make("bezier", patches=[patch[..., :3]], resolution=(5, 7))
+    np.testing.assert_array_equal(mesh.positions, plain.positions)
+    np.testing.assert_array_equal(mesh.normals, plain.normals)
+    np.testing.assert_array_equal(mesh.faces, plain.faces)
+    at, found = plain.corner_uvs().reshape(-1, 2), mesh.corner_uvs().reshape(-1, 2)
+    for (u, v), uv in zip(at, found, strict=True):
+        exact = Fraction(round(u * 10), 10), Fraction(round(v * 14), 14)
+        expected = bernstein(patch[..., [3, 4, 4]], *exact)[:2]
+        np.testing.assert_allclose(uv, expected, atol=1e-14)
+
+
+def test_coordinates_that_are_the_parameters_are_those_without():
+    row, column = np.indices((4, 4)) / 3.0
+    patch = np.concatenate([bent(), np.stack([column, row], axis=-1)], axis=-1)
+    found, expected = (
+        make("bezier", patches=[p], resolution=4).corner_uvs() for p in (patch, patch[..., :3])
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-15)
+
+
+def test_patches_that_share_a_border_share_its_coordinates():
+    first = with_uvs()
+    second = with_uvs(4) + np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+    second[:, 0] = first[:, 3]
+    mesh = make("bezier", patches=[first, second], resolution=6)
+    corners = {}
+    for face, uvs in zip(mesh.faces, mesh.corner_uvs(), strict=True):
+        for vertex, uv in zip(face, uvs, strict=True):
+            corners.setdefault(int(vertex), set()).add(tuple(uv))
+    assert {len(found) for found in corners.values()} == {1}
+
+
 def test_points_are_those_of_rational_numbers():
     patch = bent()
     mesh = make("bezier", patches=[patch], resolution=(5, 7))

@@ -212,3 +212,21 @@ def test_paths_may_be_strings(written, monkeypatch):
     monkeypatch.chdir(path.parent)
     assert make("bezier", patches=path.name, resolution=1).n_faces == 2 * 2
     assert isinstance(path, Path)
+
+
+@pytest.mark.parametrize("layout", ["separate", "counted", "degrees", "shared"])
+def test_points_may_have_texture_coordinates(tmp_path, layout):
+    points = np.random.default_rng(0).random((16, 5)).round(6)
+    lines = [" ".join(map(str, row)) for row in points]
+    if layout == "counted":
+        lines = ["1", *lines]
+    elif layout == "degrees":
+        lines = ["1", "3 3", *lines]
+    elif layout == "shared":
+        lines = ["1", ",".join(str(i + 1) for i in range(16)), "16", *lines]
+    path = tmp_path / "patch.txt"
+    path.write_text("\n".join(lines))
+    np.testing.assert_array_equal(read_patches(path), points.reshape(1, 4, 4, 5))
+    path.write_text("\n".join([*lines[:-1], "1 2 3"]))
+    with pytest.raises(FileFormatError, match=r"it has 3 words; a point .*needs 5 numbers"):
+        read_patches(path)

@@ -41,15 +41,17 @@ def make_bezier(*, resolution: tuple[int, int], patches: FloatArray) -> Mesh:
     resolution
         Squares of each patch along u and v. Where a border along u meets one along v, both numbers
         must be the same, or the surface has cracks.
-    patches : (P, 4, 4, 3) float64
-        Control points: patch, row, column; u goes along rows.
+    patches : (P, 4, 4, 3) or (P, 4, 4, 5) float64
+        Control points: patch, row, column; u goes along rows. The last two of five numbers are
+        texture coordinates.
 
     Returns
     -------
     Mesh
         Points that are equal are one vertex, and triangles that thereby have two corners in one
         vertex are left out. Patch k has the texture coordinates (u, v) + (k % 10, k // 10), each a
-        tile of its own, and is the group `patch k + 1`.
+        tile of its own, or those of its control points, interpolated as its points are. It is the
+        group `patch k + 1`.
 
         Normals are analytic. Where even the limit of the tangents has none, they are the smooth
         ones of the faces around.
@@ -69,17 +71,21 @@ def make_bezier(*, resolution: tuple[int, int], patches: FloatArray) -> Mesh:
     quads = (quads + firsts[:, None, None]).reshape(-1, 4)
     patch = np.repeat(np.arange(n_patches, dtype=np.int32), len(nodes))
     nodes = np.column_stack([np.tile(nodes, (n_patches, 1)), patch])
-    surface = _Surface(patches, n_u, n_v)
+    surface = _Surface(patches[..., :3], n_u, n_v)
     points = surface.points(nodes)
     grid = triangulate(nodes, weld_rows(points), quads)
 
     column, row, patch = grid.nodes.T
-    tile_v, tile_u = np.divmod(patch, _TILES_ABREAST)
+    if patches.shape[-1] == 3:
+        tile_v, tile_u = np.divmod(patch, _TILES_ABREAST)
+        uvs = np.stack([tile_u + column / (2 * n_u), tile_v + row / (2 * n_v)], axis=-1)
+    else:
+        uvs = _Surface(patches[..., 3:], n_u, n_v).points(grid.nodes)
     mesh = grid_mesh(
         grid,
         name="bezier",
         positions=points[grid.vertex_ids],
-        uvs=np.stack([tile_u + column / (2 * n_u), tile_v + row / (2 * n_v)], axis=-1),
+        uvs=uvs,
         normals=surface.normals(grid.nodes),
         face_groups=patch[grid.faces[:, 0]],
         group_names=tuple(f"patch {k + 1}" for k in range(n_patches)),
@@ -104,7 +110,7 @@ class _Surface:
         self._last = np.array([2 * n_u, 2 * n_v])
 
     def points(self, nodes: IntArray) -> FloatArray:
-        """(N, 3): where nodes are."""
+        """(N, 3): where nodes are; (N, 2) for a surface of texture coordinates."""
         return _curve(self._rows(self._curves, nodes), self._v_cubic[:, nodes[:, 1], None])
 
     def normals(self, nodes: IntArray) -> FloatArray:

@@ -70,8 +70,8 @@ class MakeOptions(CheckedOptions):
     v by their lengths, and each has at least one. Bézier patches have so many squares each, and a
     height field has one vertex per pixel by default. An odd number of `twists` gives one side, an
     even number two, and a negative one turns the other way. From Python, `profile` and `patches`
-    can be arrays of shapes (n, 2) and (n, 4, 4, 3), and `image` is an array of heights, row 0 at
-    the top.
+    can be arrays of shapes (n, 2) and (n, 4, 4, 3), or (n, 4, 4, 5) with texture coordinates at the
+    control points, and `image` is an array of heights, row 0 at the top.
     """
 
     resolution: Annotated[

@@ -26,8 +26,10 @@ Patches one after the other, each with its degrees and 16 points (the BPT layout
 
 Points alone, 16 lines per patch, with or without the number of patches before them.
 
-In all of them the first four points are the first row of a patch: u goes along a row, v from row to
-row, and the surface faces the side from which u, v turn counter-clockwise.
+In all of them a point may have five numbers, x, y, z, u and v: texture coordinates of its own,
+which the surface interpolates as it does its points. Either all points have them or none. The first
+four points are the first row of a patch: u goes along a row, v from row to row, and the surface
+faces the side from which u, v turn counter-clockwise.
 
 Based on: F. Crow, "The Origins of the Teapot", IEEE Computer Graphics and Applications 7(1), 1987.
 """
@@ -117,6 +119,8 @@ def _profile_fault(points: FloatArray) -> str:
 
 
 _N_POINTS = 16  # of a patch
+# Numbers of a control point: its place, or its place and its texture coordinates.
+POINT_WIDTHS = (3, 5)
 
 
 def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
@@ -133,9 +137,15 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
         patches = np.asarray(source, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise OptionError("patches: it is not an array of numbers") from error
-    if patches.ndim != 4 or patches.shape[1:] != (4, 4, 3) or len(patches) == 0:
+    if (
+        patches.ndim != 4
+        or patches.shape[1:3] != (4, 4)
+        or patches.shape[3] not in POINT_WIDTHS
+        or len(patches) == 0
+    ):
         raise OptionError(
-            f"patches: an array of shape {patches.shape} does not hold patches; give (n, 4, 4, 3)"
+            f"patches: an array of shape {patches.shape} does not hold patches; give (n, 4, 4, 3), "
+            "or (n, 4, 4, 5) with texture coordinates"
         )
     if not np.isfinite(patches).all():
         raise OptionError("patches: a point is not finite")
@@ -149,8 +159,8 @@ def read_patches(path: PathLike) -> FloatArray:
 
     Returns
     -------
-    (P, 4, 4, 3) float64
-        Control points: patch, row, column.
+    (P, 4, 4, 3) or (P, 4, 4, 5) float64
+        Control points: patch, row, column; x, y and z, and u and v if the file has them.
 
     Raises
     ------
@@ -163,17 +173,17 @@ def read_patches(path: PathLike) -> FloatArray:
     lines = read_lines(path, "a patch file")
     if not lines:
         raise FileFormatError(f"{path}: it has no patches; it holds comments alone")
-    if len(lines[0].words) == 3:
+    if len(lines[0].words) in POINT_WIDTHS:
         points = _separate(path, lines, None)
     else:
         n_patches, rest = _count(path, lines[0], "patches"), lines[1:]
         width = len(rest[0].words) if rest else 0
         # Only shared points have a second number alone on its line; a hole must not hide them.
-        if width in (2, 3) and not any(_is_count(line) for line in rest):
+        if width in (2, *POINT_WIDTHS) and not any(_is_count(line) for line in rest):
             points = (_with_degrees if width == 2 else _separate)(path, rest, n_patches)
         else:
             points = _shared(path, rest, n_patches)
-    return points.reshape(-1, 4, 4, 3)
+    return points.reshape(-1, 4, 4, points.shape[-1])
 
 
 def _shared(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatArray:
@@ -199,7 +209,8 @@ def _shared(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatA
     if len(of_points) < n_points:
         raise FileFormatError(f"{path}: it has {len(of_points)} of {n_points} points; it was cut")
     _refuse_more(path, of_points, n_points)
-    points = np.array([parse_row(path, line, 3, "a point") for line in of_points])
+    width = _width(of_points)
+    points = np.array([parse_row(path, line, width, "a point") for line in of_points])
     found: FloatArray = points[indices - 1]
     return found
 
@@ -248,8 +259,9 @@ def _separate(path: PathLike, lines: Sequence[TextLine], n_patches: int | None) 
     if n_patches is None:
         n_patches = -(-len(lines) // _N_POINTS)
     _refuse_more(path, lines, _N_POINTS * n_patches)
+    width = _width(lines)
     rows = [
-        parse_row(path, line, 3, f"a point of patch {number // _N_POINTS + 1}")
+        parse_row(path, line, width, f"a point of patch {number // _N_POINTS + 1}")
         for number, line in enumerate(lines)
     ]
     patch, n_left = divmod(len(rows), _N_POINTS)
@@ -259,6 +271,12 @@ def _separate(path: PathLike, lines: Sequence[TextLine], n_patches: int | None) 
             f"it needs {_N_POINTS}"
         )
     return np.array(rows)
+
+
+def _width(of_points: Sequence[TextLine]) -> int:
+    """Numbers of each point: as many as the first has, if that may be."""
+    width = len(of_points[0].words) if of_points else 0
+    return width if width in POINT_WIDTHS else POINT_WIDTHS[0]
 
 
 def _is_count(line: TextLine) -> bool:
