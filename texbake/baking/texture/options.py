@@ -62,7 +62,11 @@ class SolidOptions(TextureBakeOptions):
 
     procedure: Annotated[
         str,
-        Option("Procedure to evaluate at the points of the mesh.", choices=PROCEDURE_NAMES),
+        Option(
+            f"Procedure to evaluate at the points of the mesh: {', '.join(PROCEDURE_NAMES)}.",
+            metavar="NAME",
+            choices=PROCEDURE_NAMES,
+        ),
     ] = "marble"
     parameters: Annotated[
         Mapping[str, Any], Option("Parameters of the procedure.", default="the procedure's own")
