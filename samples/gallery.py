@@ -46,6 +46,7 @@ SECTIONS = {
     ),
     "Filters and coordinates": (
         "filters", "magnified", "wrap_modes", "uv_sets", "bezier_coordinates", "affine", "scanline",
+        "mapping_orders",
     ),
     "The inside of the renderer": (
         "buffers", "buffer_depth", "buffer_normals", "buffer_uv", "buffer_object-id", "texels",
@@ -57,6 +58,7 @@ COMPARED = {
     "filters": {"filters": ("nearest", "bilinear", "trilinear", "ewa", "supersampled")},
     "magnified": {"filters": ("nearest", "bilinear", "bicubic")},
     "affine": {"interpolations": ("affine", "perspective")},
+    "mapping_orders": {"mapping_orders": ("screen", "texture", "texture-coverage")},
 }
 # For each buffer, the scene that shows it and its caption.
 BUFFERS = {
@@ -109,7 +111,9 @@ class Shot:
     @property
     def options(self) -> str:
         """Command-line options beside the scene."""
-        return " ".join(f"--{key[:-1]} {','.join(names)}" for key, names in self.ways.items())
+        return " ".join(
+            f"--{key[:-1].replace('_', '-')} {','.join(names)}" for key, names in self.ways.items()
+        )
 
 
 def shots() -> list[Shot]:

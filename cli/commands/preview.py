@@ -28,6 +28,7 @@ from ..options import (
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf, Names, Turntable
 
+_SIDE_BY_SIDE = ("filters", "interpolations", "buffers", "mapping_orders")
 _TARGETS = ("max_error", "time_budget")
 # Of normal maps.
 _SPACES = ("tangent", "object", "world")
@@ -40,7 +41,7 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
     field = option_field(RenderOptions, name)
     words = field.option.choices
     return click.option(
-        f"--{name}",
+        f"--{name.replace('_', '-')}",
         parameter,
         type=Names(words),
         default=(),
@@ -92,6 +93,7 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
     help=f"The same as --interpolation {','.join(_AFFINE_VS_PERSPECTIVE)}.",
 )
 @_side_by_side("buffer", "buffers")
+@_side_by_side("mapping_order", "mapping_orders")
 @click.option(
     "--explain",
     is_flag=False,
@@ -142,6 +144,7 @@ def preview(
             filters=choices["filters"],
             interpolations=_interpolations(choices),
             buffers=choices["buffers"],
+            mapping_orders=choices["mapping_orders"],
             n_views=n_views,
             report=choices["report"],
             threads=threads,
@@ -182,14 +185,14 @@ def _take_targets(picture: dict[str, Any], choices: dict[str, Any], n_views: int
 
 def _is_several(choices: dict[str, Any]) -> bool:
     """Whether pictures are put side by side."""
-    several = any(len(choices[name]) > 1 for name in ("filters", "interpolations", "buffers"))
+    several = any(len(choices[name]) > 1 for name in _SIDE_BY_SIDE)
     return several or bool(choices["affine_vs_perspective"])
 
 
 def _check_single(choices: dict[str, Any]) -> None:
     if _is_several(choices):
         raise click.UsageError(
-            "A turntable has one filter, interpolation and buffer; name one of each."
+            "A turntable has one filter, interpolation, buffer and mapping order; name one of each."
         )
 
 

@@ -122,7 +122,7 @@ class PreviewFiles(JobResult[Frame | None]):
     def table(self) -> list[tuple[str, str]]:
         """Return rows of what adaptive samples and a time budget have reached."""
         frame = self.report
-        parts = () if frame is None else (frame.sampling, frame.budget)
+        parts = () if frame is None else (frame.sampling, frame.budget, frame.texels)
         return [row for part in parts if part is not None for row in part.table()]
 
     def plan_tables(self) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
@@ -148,6 +148,7 @@ def preview_files(
     filters: Sequence[str] = (),
     interpolations: Sequence[str] = (),
     buffers: Sequence[str] = (),
+    mapping_orders: Sequence[str] = (),
     n_views: int | None = None,
     as_mesh: bool = False,
     report: PathLike | None = None,
@@ -163,7 +164,7 @@ def preview_files(
         As for `open_preview`.
     output
         The picture; with `n_views` a folder. None to plan the passes and draw nothing.
-    filters, interpolations, buffers
+    filters, interpolations, buffers, mapping_orders
         Draw all combinations of these, side by side.
     n_views
         Draw a turntable of as many pictures.
@@ -180,12 +181,13 @@ def preview_files(
     Raises
     ------
     OptionError
-        A turntable has several filters, interpolations or buffers.
+        A turntable has several filters, interpolations, buffers or mapping orders.
     TexbakeError
         As `open_preview` and `render_scene` do.
     """
     clock = clock or BudgetClock()
-    if n_views is not None and max(map(len, (filters, interpolations, buffers))) > 1:
+    several = (filters, interpolations, buffers, mapping_orders)
+    if n_views is not None and max(map(len, several)) > 1:
         raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
     check_distinct([output, report], [path, normal_map, displacement, albedo])
     check_report(report)
@@ -206,7 +208,11 @@ def preview_files(
     pictures = _pictures(output, n_views)
     check_distinct([*pictures, report], scene.files)
     variants = side_by_side_options(
-        chosen, filters=filters, interpolations=interpolations, buffers=buffers
+        chosen,
+        filters=filters,
+        interpolations=interpolations,
+        buffers=buffers,
+        mapping_orders=mapping_orders,
     )
     frame = None
     if output is not None and n_views is not None:
@@ -351,6 +357,7 @@ def side_by_side_options(
     filters: Sequence[str] = (),
     interpolations: Sequence[str] = (),
     buffers: Sequence[str] = (),
+    mapping_orders: Sequence[str] = (),
 ) -> list[tuple[str, RenderOptions]]:
     """Return options for every combination of what is given, each with a caption.
 
@@ -359,7 +366,12 @@ def side_by_side_options(
     OptionError
         A name is not known.
     """
-    given = {"filter": filters, "interpolation": interpolations, "buffer": buffers}
+    given = {
+        "filter": filters,
+        "interpolation": interpolations,
+        "buffer": buffers,
+        "mapping_order": mapping_orders,
+    }
     several = {name: tuple(choices) for name, choices in given.items() if choices}
     combined = []
     for choice in product(*several.values()):

@@ -36,6 +36,7 @@ from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.results import Deferred, Result, Results, Target
 from texbake.rendering.scene.scene import Scene
+from texbake.rendering.texture_order import base_colors_alone, in_texture_order
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
 
@@ -110,6 +111,8 @@ def prepare(
         Number of threads; None uses every processor. The result does not depend on it.
     """
     options = options or RenderOptions()
+    if options.mapping_order != "screen":
+        scene, options = base_colors_alone(scene), replace(options, supersampling=1)
     keeps_materials = options.buffer is not None or effects is not EFFECTS
     active, options, identities = without_identities(
         scene, options, keeps_materials=keeps_materials
@@ -171,16 +174,17 @@ def draw(
     TexbakeError
         A texture cannot be read, or a mesh lacks data that an effect needs.
     """
-    return _draw(prepared, prepared.request(camera, keep), Stages(progress))
+    frame, state = _draw(prepared, prepared.request(camera, keep), Stages(progress))
+    return frame if state.options.mapping_order == "screen" else in_texture_order(frame, state)
 
 
-def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:
+def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[Frame, RenderState]:
     state = laid_out(prepared, request, stages)
     with stages.stage("shade"):
         sums = shaded_sums(state)
         behind = behind_surfaces(state)
         color, coverage, normals = sums.finished(behind, threads=state.threads)
-    return Frame(
+    frame = Frame(
         color=color,
         coverage=coverage,
         plan=state.plan,
@@ -189,6 +193,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> Frame:
         _near=request.camera.near,
         _normals=normals,
     )
+    return frame, state
 
 
 def laid_out(
@@ -350,9 +355,9 @@ def _draw_others(
         # These pictures reuse the results for objects and lights.
         _share(prepared, other)
         colors = [
-            _draw(
-                other, RenderRequest(scene, options, camera, depth=request.depth + 1), Stages()
-            ).color
+            _draw(other, RenderRequest(scene, options, camera, depth=request.depth + 1), Stages())[
+                0
+            ].color
             for camera in cameras
         ]
         _share(other, prepared)

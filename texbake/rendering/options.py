@@ -21,6 +21,7 @@ BACK_FACES = ("cull", "show")
 UPS = ("y", "z")
 INTERPOLATIONS = ("perspective", "affine", "scanline")
 EDGES = ("multisample", "supersample")
+MAPPING_ORDERS = ("screen", "texture", "texture-coverage")
 BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
 
 MAX_BOUNCES = 4
@@ -128,6 +129,15 @@ class RenderOptions(CheckedOptions):
             default="the picture",
         ),
     ] = None
+    mapping_order: Annotated[
+        str,
+        Option(
+            "Look up the texture for each pixel (screen), write each texel at a pixel (texture), "
+            "or spread it over the pixels that it covers (texture-coverage). In texture order only "
+            "base colors are shown, with one sample per pixel.",
+            choices=MAPPING_ORDERS,
+        ),
+    ] = "screen"
     bounces: Annotated[
         int,
         Option(
@@ -169,6 +179,11 @@ class RenderOptions(CheckedOptions):
             raise OptionError(
                 f"{asked}: {self.width} x {self.height} pixels are above {MAX_ADAPTIVE_PIXELS}; "
                 "make the picture smaller, or give `supersampling`"
+            )
+        if self.mapping_order != "screen" and (self.is_adaptive or self.buffer is not None):
+            other = asked if self.is_adaptive else "buffer"
+            raise OptionError(
+                f"mapping_order, {other}: texels are not samples of a pixel; give one of the two"
             )
         if self.is_adaptive and self.buffer is not None:
             raise OptionError(

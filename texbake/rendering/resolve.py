@@ -21,6 +21,7 @@ from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.raster.world import VisibilityBuffer
+from texbake.rendering.texel_report import TexelReport
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 from texbake.texture.image import FloatImage, write_image
@@ -48,6 +49,8 @@ class Frame:
         Report on adaptive samples, if the options use them.
     budget : TimeBudget, optional
         Report on the time budget, if there was one.
+    texels : TexelReport, optional
+        What became of the texels, in texture order.
     """
 
     color: FloatImage
@@ -59,6 +62,7 @@ class Frame:
     _normals: FloatImage | None = field(default=None)
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None
+    texels: TexelReport | None = None
 
     @property
     def height(self) -> int:
@@ -109,8 +113,8 @@ class Frame:
         return self._nearest[1]
 
     def sampling_report(self) -> dict[str, Any]:
-        """Return `sampling` and `budget`, if present, as JSON values."""
-        parts = {"sampling": self.sampling, "budget": self.budget}
+        """Return `sampling`, `budget` and `texels`, if present, as JSON values."""
+        parts = {"sampling": self.sampling, "budget": self.budget, "texels": self.texels}
         return {name: asdict(part) for name, part in parts.items() if part is not None}
 
     def write(self, path: PathLike, *, threads: int | None = None) -> None:
