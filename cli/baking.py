@@ -95,13 +95,15 @@ def bake_light_maps(
     terminal: Terminal,
     *,
     format: str,  # noqa: A002
+    uv_set: str | None,
     **choices: Any,
 ) -> None:
     """Bake the light maps of a scene file; `choices` are fields of `BakeOptions`."""
     with terminal.progress() as progress:
         done = texbake.bake_light_map_files(
-            scene, folder, texbake.BakeOptions(**choices), format=format, progress=progress
-        )
+            scene, folder, texbake.BakeOptions(**choices), format=format, uv_set=uv_set,
+            progress=progress,
+        )  # fmt: skip
     for warning in done.warnings:
         terminal.warn(warning)
     terminal.summary(done.report.table())

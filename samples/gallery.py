@@ -13,7 +13,8 @@ import gallery_sources
 from PIL import Image
 
 import texbake
-from texbake.jobs.preview import open_preview, render_side_by_side, side_by_side_options
+from texbake.jobs.preview import open_preview
+from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 
 HERE = Path(__file__).parent
 SCENES, PICTURES, PAGE = HERE / "scenes", HERE / "gallery", HERE / "gallery.md"

@@ -35,14 +35,21 @@ from ..types import FileOf
     show_default=True,
     help="File format of the maps; exr and tif store light as floats.",
 )
+@click.option(
+    "--set",
+    "uv_set",
+    metavar="NAME",
+    help="Texture coordinates of the maps, for objects that have them; see: texbake unwrap --set. "
+    " [default: the first]",
+)
 @options_of(BakeOptions, "bits", "padding", "fill", "threads")
 @terminal_options
 def bake_lightmap(
-    scene: Path, output: Path, suffix: str, terminal: Terminal, **choices: Any
+    scene: Path, output: Path, suffix: str, uv_set: str | None, terminal: Terminal, **choices: Any
 ) -> None:
     """Bake the static lights of SCENE into light maps.
 
     A light map contains the ambient light and the static lights with their shadows. Every object
     that has texture coordinates gets one, which has the object's name.
     """
-    bake_light_maps(scene, output, terminal, format=suffix, **choices)
+    bake_light_maps(scene, output, terminal, format=suffix, uv_set=uv_set, **choices)

@@ -11,6 +11,7 @@ from texbake.errors import OptionError, UvError
 from texbake.jobs.light_maps import LightMap, bake_light_maps
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import (
@@ -266,3 +267,36 @@ def test_files_hold_light_beyond_1_or_end_there(tmp_path) -> None:  # type: igno
     map_.write(tmp_path / "light.png")
     assert (read_image(tmp_path / "light.exr", color=True).pixels == 2.5).all()
     assert (read_image(tmp_path / "light.png", color=True).pixels == 1.0).all()
+
+
+def test_a_further_set_is_baked_as_if_it_were_the_only_one() -> None:
+    lighting = Lighting(lights=(Light(kind="point", position=(0.4, 0.3, 0.5)),))
+    options = BakeOptions(size=32, samples=4)
+
+    def scene(*meshes: Mesh) -> Scene:
+        material = Material(shading="lambert")
+        objects = tuple(SceneObject(mesh=mesh, material=material, name="floor") for mesh in meshes)
+        return Scene(objects=objects, lighting=lighting)
+
+    mesh = plane(2, 2)
+    assert mesh.uvs is not None and mesh.uv_faces is not None
+    uvs = 0.1 + 0.8 * mesh.uvs
+    both = mesh.replace(uv_sets={"lightmap": UvSet(uvs=uvs, faces=mesh.uv_faces)})
+    only = mesh.replace(uvs=uvs)
+    found = bake_light_maps(scene(both), options, uv_set="lightmap")
+    expected = bake_light_maps(scene(only), options)
+    np.testing.assert_array_equal(found.maps[0].values, expected.maps[0].values)
+    assert (found.maps[0].uv_set, expected.maps[0].uv_set) == ("lightmap", None)
+    # In pictures the map lies on its set.
+    shown = found.shown_in(scene(both))
+    slot = shown.objects[0].material.light_map
+    assert isinstance(slot, ImageTexture) and slot.uv_set == "lightmap"
+    first, second = (
+        render_scene(each, RenderOptions(width=32, height=32)).color
+        for each in (shown, expected.shown_in(scene(only)))
+    )
+    np.testing.assert_array_equal(first, second)
+    mixed = bake_light_maps(scene(both, mesh), options, uv_set="lightmap")
+    assert [item.uv_set for item in mixed.maps] == ["lightmap", None]
+    with pytest.raises(UvError, match="none of its lit objects has the texture coordinates atlas"):
+        bake_light_maps(scene(both), options, uv_set="atlas")

@@ -66,6 +66,8 @@ class LightMap:
         Samples that more than one face covers; they have the lighting of one of them.
     n_outside : int
         Faces that extend beyond the unit square; what lies outside is not baked.
+    uv_set : str, optional
+        Further set of texture coordinates that it lies on; None for the first.
     """
 
     index: int
@@ -74,6 +76,7 @@ class LightMap:
     has_data: npt.NDArray[np.bool_]
     n_overlapping: int
     n_outside: int
+    uv_set: str | None = None
 
     def write(self, path: PathLike, *, bits: int | None = None, threads: int | None = None) -> None:
         """Write an image file: linear values in files of floats, else sRGB limited to 1.
@@ -117,11 +120,12 @@ class LightMaps:
         OptionError
             A lit object has no map, and would turn dark.
         """
-        by_index = {item.index: item.values for item in self.maps}
+        by_index = {item.index: item for item in self.maps}
         objects = []
         for index, item in enumerate(scene.objects):
             if index in by_index:
-                texture = ImageTexture(image=by_index[index], filter="bilinear")
+                found = by_index[index]
+                texture = ImageTexture(image=found.values, filter="bilinear", uv_set=found.uv_set)
                 item = replace(item, material=replace(item.material, light_map=texture))
             elif item.material.shading != "unlit":
                 raise OptionError(
@@ -140,6 +144,7 @@ def bake_light_map_files(
     options: BakeOptions | None = None,
     *,
     format: str = "exr",  # noqa: A002
+    uv_set: str | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[LightMaps]:
     """Bake the light maps of a scene file, and write one image for each object.
@@ -155,6 +160,8 @@ def bake_light_map_files(
         defaults.
     format
         exr, tif, png or tga.
+    uv_set
+        As for `bake_light_maps`.
     progress
         Receives the stages.
 
@@ -170,7 +177,7 @@ def bake_light_map_files(
     stages = Stages(progress)
     with stages.part("read scene"):
         read = read_scene(scene, progress=progress)
-    baked = bake_light_maps(read, options, progress=progress)
+    baked = bake_light_maps(read, options, uv_set=uv_set, progress=progress)
     with stages.stage("write maps"):
         make_folder(folder)
         names = file_names([item.name for item in baked.maps])
@@ -208,7 +215,11 @@ def file_names(names: Sequence[str]) -> list[str]:
 
 
 def bake_light_maps(
-    scene: Scene, options: BakeOptions | None = None, *, progress: ProgressSink | None = None
+    scene: Scene,
+    options: BakeOptions | None = None,
+    *,
+    uv_set: str | None = None,
+    progress: ProgressSink | None = None,
 ) -> LightMaps:
     """Bake the static lighting of a scene into a map for each object with texture coordinates.
 
@@ -218,6 +229,9 @@ def bake_light_maps(
         As `texbake.rendering.scene.read.read_scene` reads it, or made in Python.
     options
         Only `size`, `samples`, `padding`, `fill` and `threads` are used. None for the defaults.
+    uv_set
+        Further set of texture coordinates that the maps lie on, for the objects that have it. The
+        others are baked on their first set, as all are if it is None.
     progress
         Receives the stages.
 
@@ -229,7 +243,7 @@ def bake_light_maps(
     Raises
     ------
     UvError
-        No lit object has texture coordinates, or they cover no texel.
+        No lit object has texture coordinates, or they cover no texel; or none has the set.
     TexbakeError
         The image of a projector lamp cannot be read.
 
@@ -256,10 +270,15 @@ def bake_light_maps(
             f"{scene.name}: none of its lit objects has the texture coordinates that light maps "
             "need; make some with: texbake unwrap MESH -o OUT"
         )
+    if uv_set is not None and not any(uv_set in meshes[index].uv_sets for index in chosen):
+        raise UvError(
+            f"{scene.name}: none of its lit objects has the texture coordinates {uv_set}; make "
+            f"some with: texbake unwrap MESH --set {uv_set} -o OUT"
+        )
     with stages.stage("build ray tree"):
         lamps = StaticLight(scene, meshes, options.threads)
     try:
-        maps = tuple(_baked(scene, meshes[i], i, lamps, options, stages) for i in chosen)
+        maps = tuple(_baked(scene, meshes[i], i, lamps, options, uv_set, stages) for i in chosen)
     finally:
         lamps.close()
     return LightMaps(maps=maps, warnings=tuple(_warnings(scene, maps)), stages=stages.records)
@@ -286,9 +305,17 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
 
 
 def _baked(
-    scene: Scene, mesh: Mesh, index: int, lamps: StaticLight, options: BakeOptions, stages: Stages
+    scene: Scene,
+    mesh: Mesh,
+    index: int,
+    lamps: StaticLight,
+    options: BakeOptions,
+    uv_set: str | None,
+    stages: Stages,
 ) -> LightMap:
     item = scene.objects[index]
+    uv_set = uv_set if uv_set in mesh.uv_sets else None
+    mesh = mesh.on_uv_set(uv_set)
     grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
     faces = snap_uvs(mesh, grid)
     surface = LitSurface.of(mesh, options.threads)
@@ -316,6 +343,7 @@ def _baked(
         has_data=has_data,
         n_overlapping=n_overlapping,
         n_outside=faces.n_outside_tile,
+        uv_set=uv_set,
     )
 
 

@@ -9,11 +9,8 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, make_folder
@@ -25,21 +22,20 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
-from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
 from texbake.rendering.maps import MapSource, space_warnings
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
+from texbake.rendering.scene.scene import Scene, turntable_cameras
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
 from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import FloatImage, write_image
@@ -349,63 +345,3 @@ def write_turntable(
             frame.write(file, threads=threads)
             advance(1)
     return frame
-
-
-def side_by_side_options(
-    options: RenderOptions,
-    *,
-    filters: Sequence[str] = (),
-    interpolations: Sequence[str] = (),
-    buffers: Sequence[str] = (),
-    mapping_orders: Sequence[str] = (),
-) -> list[tuple[str, RenderOptions]]:
-    """Return options for every combination of what is given, each with a caption.
-
-    Raises
-    ------
-    OptionError
-        A name is not known.
-    """
-    given = {
-        "filter": filters,
-        "interpolation": interpolations,
-        "buffer": buffers,
-        "mapping_order": mapping_orders,
-    }
-    several = {name: tuple(choices) for name, choices in given.items() if choices}
-    combined = []
-    for choice in product(*several.values()):
-        changes: dict[str, Any] = dict(zip(several, choice, strict=True))
-        combined.append((", ".join(choice), replace(options, **changes)))
-    return combined
-
-
-def render_side_by_side(
-    scene: Scene,
-    variants: Sequence[tuple[str, RenderOptions]],
-    *,
-    camera: Camera | None = None,
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> tuple[FloatImage, list[Frame]]:
-    """Draw a scene with several options, and put the pictures side by side.
-
-    Returns
-    -------
-    color : (H, W, 3) float32
-        Linear, with a caption below each picture.
-    frames : list of Frame
-        The pictures themselves.
-    """
-    frames = []
-    for _, options in variants:
-        prepared = prepare(scene, options, threads=threads)
-        frames.append(
-            draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
-        )
-    panels = [
-        Panel(frame.color, caption, "")
-        for frame, (caption, _) in zip(frames, variants, strict=True)
-    ]
-    shown = np.ones(frames[0].coverage.shape, bool)
-    return side_by_side(panels, shown), frames

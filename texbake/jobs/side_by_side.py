@@ -1,0 +1,80 @@
+"""Pictures of one scene drawn with several options, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from texbake.progress import ProgressSink
+from texbake.rendering.camera import Camera
+from texbake.rendering.draw import prepare
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.panels import Panel, side_by_side
+from texbake.rendering.render import draw_picture
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.scene import Scene, camera_of
+from texbake.texture.image import FloatImage
+
+
+def side_by_side_options(
+    options: RenderOptions,
+    *,
+    filters: Sequence[str] = (),
+    interpolations: Sequence[str] = (),
+    buffers: Sequence[str] = (),
+    mapping_orders: Sequence[str] = (),
+) -> list[tuple[str, RenderOptions]]:
+    """Return options for every combination of what is given, each with a caption.
+
+    Raises
+    ------
+    OptionError
+        A name is not known.
+    """
+    given = {
+        "filter": filters,
+        "interpolation": interpolations,
+        "buffer": buffers,
+        "mapping_order": mapping_orders,
+    }
+    several = {name: tuple(choices) for name, choices in given.items() if choices}
+    combined = []
+    for choice in product(*several.values()):
+        changes: dict[str, Any] = dict(zip(several, choice, strict=True))
+        combined.append((", ".join(choice), replace(options, **changes)))
+    return combined
+
+
+def render_side_by_side(
+    scene: Scene,
+    variants: Sequence[tuple[str, RenderOptions]],
+    *,
+    camera: Camera | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> tuple[FloatImage, list[Frame]]:
+    """Draw a scene with several options, and put the pictures side by side.
+
+    Returns
+    -------
+    color : (H, W, 3) float32
+        Linear, with a caption below each picture.
+    frames : list of Frame
+        The pictures themselves.
+    """
+    frames = []
+    for _, options in variants:
+        prepared = prepare(scene, options, threads=threads)
+        frames.append(
+            draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
+        )
+    panels = [
+        Panel(frame.color, caption, "")
+        for frame, (caption, _) in zip(frames, variants, strict=True)
+    ]
+    shown = np.ones(frames[0].coverage.shape, bool)
+    return side_by_side(panels, shown), frames
