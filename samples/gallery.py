@@ -47,7 +47,7 @@ SECTIONS = {
     ),
     "Filters and coordinates": (
         "filters", "magnified", "wrap_modes", "uv_sets", "bezier_coordinates", "affine", "scanline",
-        "mapping_orders",
+        "mapping_orders", "range_images",
     ),
     "The inside of the renderer": (
         "buffers", "buffer_depth", "buffer_normals", "buffer_uv", "buffer_object-id", "texels",

@@ -80,6 +80,7 @@ def main(scenes: Path) -> None:
     write_sky(textures)
     write_small_maps(textures)
     write_scan(textures)
+    write_ranges(textures)
     write_orange(scenes)
     write_bakes(scenes)
 
@@ -346,6 +347,34 @@ def write_orange(scenes: Path) -> None:
     sphere = texbake.make("sphere", resolution=(128, 64))
     baked = bake_photos(sphere, photos, PhotoOptions(size=(768, 384), falloff=3.0, max_angle=70.0))
     save(scenes / "textures" / "orange_photo.png", baked.values)
+
+
+def write_ranges(folder: Path) -> None:
+    """Write a cylindrical range image of a vase with a photograph, and a depth image of balls."""
+    v = 1.0 - (np.arange(128)[:, None] + 0.5) / 128
+    angle = 2.0 * np.pi * ((np.arange(256) + 0.5) / 256 - 0.5)
+    radius = 0.5 + 0.2 * np.sin(5.0 * v + 0.6) + 0.03 * np.cos(6.0 * angle + 4.0 * v)
+    radius[40:52, 120:132] = 0.0  # where the scanner saw nothing
+    texbake.write_image(radius[..., None].astype(np.float32), folder / "range_radius.png", bits=16)
+    bands = 0.5 + 0.5 * np.sin(40.0 * v + np.sin(6.0 * angle))
+    photo = np.array([0.72, 0.46, 0.28]) + bands[..., None] * [-0.45, -0.15, 0.22]
+    save(folder / "range_photo.png", photo)
+
+    side = (2.0 * (np.arange(160) + 0.5) / 160 - 1.0) * np.tan(np.radians(14.0))
+    x, y = np.meshgrid(side, -side)
+    depth = np.full(x.shape, np.inf)
+    for center, size in (
+        ((-0.4, 0.3, -5.2), 0.7),
+        ((0.5, 0.1, -4.6), 0.5),
+        ((0.0, -0.6, -5.0), 0.45),
+    ):
+        # The ray (x, y, -1) t meets the ball where |ray t - center| = size.
+        a, b = x * x + y * y + 1.0, x * center[0] + y * center[1] - center[2]
+        root = b * b - a * (np.dot(center, center) - size * size)
+        meets = (b - np.sqrt(np.maximum(root, 0.0))) / a
+        depth = np.where(root > 0.0, np.minimum(depth, meets), depth)
+    depth = np.where(np.isfinite(depth), depth / 10.0, 0.0)
+    texbake.write_image(depth[..., None].astype(np.float32), folder / "range_depth.png", bits=16)
 
 
 def write_scan(folder: Path, size: int = 48) -> None:

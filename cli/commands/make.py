@@ -40,6 +40,7 @@ def _file(flag: str, suffixes: tuple[str, ...]) -> Decorator[Any]:
       texbake make revolution -o vase.glb --profile vase.txt --resolution 96x64
       texbake make bezier -o teapot.obj --patches teapot.txt --resolution 24
       texbake make height-field -o hill.ply --image hill.png --height 0.4
+      texbake make cylindrical-range -o head.ply --image radius.exr --max-step 0.02
     """
 )
 @click.argument("shape", type=click.Choice(SHAPES), metavar="SHAPE")
@@ -53,8 +54,9 @@ def make(shape: str, output: Path, image: Path | None, terminal: Terminal, **cho
     """Make a mesh of a parametric surface.
 
     SHAPE is plane, cylinder, cone, sphere, torus, mobius, revolution (a profile swept about y),
-    bezier (bicubic patches, such as the classic teapot's) or height-field. Every vertex has (u, v)
-    as its texture coordinates. The default of an option shows the shapes that take it.
+    bezier (bicubic patches, such as the classic teapot's), height-field, cylindrical-range (radii
+    over angle and height, as scanners give them) or depth-image (of a depth camera). Every vertex
+    has (u, v) as its texture coordinates. The default of an option shows the shapes that take it.
     """
     with terminal.progress():
         done = texbake.make_file(shape, output, MakeOptions(**choices, image=image))

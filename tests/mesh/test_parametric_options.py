@@ -13,6 +13,8 @@ SOURCES = {
     "revolution": {"profile": [(1, 0), (1, 1)]},
     "bezier": {"patches": np.random.default_rng(0).random((1, 4, 4, 3))},
     "height-field": {"image": np.zeros((3, 4))},
+    "cylindrical-range": {"image": np.ones((3, 4))},
+    "depth-image": {"image": np.ones((3, 4))},
 }
 
 

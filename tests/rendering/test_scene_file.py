@@ -409,7 +409,8 @@ def test_wrong_materials(folder, text, message):
         ("mesh = 'ball.obj'\nradius = 2",
          "radius: it belongs to a shape, and this object has a mesh"),
         ("shape = 'spere'", "shape: 'spere' is not one of plane, cylinder, cone, sphere, torus, "
-         "mobius, revolution, bezier, height-field, cube, icosphere, orange; did you mean "
+         "mobius, revolution, bezier, height-field, cylindrical-range, depth-image, "
+         "cube, icosphere, orange; did you mean "
          "'sphere'?"),
         ("shape = 'sphere'\nminor_radius = 3", "minor_radius: the shape sphere does not use it"),
         ("shape = 'sphere'\nlevel = 3", "level: the shape sphere does not use it"),

@@ -41,6 +41,7 @@ from texbake.mesh.parametric.grid import (
     open_lines,
 )
 from texbake.mesh.parametric.options import MakeOptions, check_triangles
+from texbake.mesh.parametric.range_images import make_cylindrical_range, make_depth_image
 from texbake.mesh.parametric.revolution import (
     make_cone,
     make_cylinder,
@@ -262,4 +263,6 @@ _MAKERS: dict[str, Callable[..., Mesh]] = {
     "revolution": make_revolution,
     "bezier": make_bezier,
     "height-field": make_height_field,
+    "cylindrical-range": make_cylindrical_range,
+    "depth-image": make_depth_image,
 }

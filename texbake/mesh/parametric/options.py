@@ -28,10 +28,25 @@ SHAPE_DEFAULTS: dict[str, dict[str, Any]] = {
     "revolution": {"resolution": (64, 1), "profile": None, "turns": 1.0, "crease": 30.0},
     "bezier": {"resolution": (16, 16), "patches": None},
     "height-field": {"resolution": None, "image": None, "width": 2.0, "height": 0.25},
+    "cylindrical-range": {
+        "resolution": None,
+        "image": None,
+        "radius": 1.0,
+        "height": 2.0,
+        "max_step": None,
+    },
+    "depth-image": {
+        "resolution": None,
+        "image": None,
+        "distance": 1.0,
+        "fov": 45.0,
+        "max_step": None,
+    },
 }
 SHAPES = tuple(SHAPE_DEFAULTS)
 # The option that a shape cannot be made without.
-_SOURCES = {"revolution": "profile", "bezier": "patches", "height-field": "image"}
+_SOURCES = {"revolution": "profile", "bezier": "patches", "height-field": "image",
+            "cylindrical-range": "image", "depth-image": "image"}  # fmt: skip
 # Fewest squares along u and v, for shapes that close on themselves.
 _LEAST_RESOLUTIONS = {
     "cylinder": (3, 1),
@@ -86,7 +101,8 @@ class MakeOptions(CheckedOptions):
     radius: Annotated[
         float | None,
         Option(
-            "Radius of the shape, for a torus or a Möbius strip of its center line.",
+            "Radius of the shape, for a torus or a Möbius strip of its center line, for a "
+            "cylindrical range image that of white.",
             metavar="R",
             above=0,
             unit="model units",
@@ -160,6 +176,38 @@ class MakeOptions(CheckedOptions):
             default=_by_shape("crease"),
         ),
     ] = None
+    distance: Annotated[
+        float | None,
+        Option(
+            "Depth of white in a depth image.",
+            metavar="D",
+            above=0,
+            unit="model units",
+            default=_by_shape("distance"),
+        ),
+    ] = None
+    fov: Annotated[
+        float | None,
+        Option(
+            "Vertical field of view of a depth image.",
+            metavar="DEG",
+            above=0,
+            below=180,
+            unit="degrees",
+            default=_by_shape("fov"),
+        ),
+    ] = None
+    max_step: Annotated[
+        float | None,
+        Option(
+            "Greatest step in depth within a triangle of a range image; holes stay where it is "
+            "larger.",
+            metavar="D",
+            above=0,
+            unit="model units",
+            default="any",
+        ),
+    ] = None
     profile: Annotated[
         Any, Option("File with a radius and a height per line, for a revolution.", metavar="FILE")
     ] = field(default=None, compare=False)
@@ -169,7 +217,11 @@ class MakeOptions(CheckedOptions):
     ] = field(default=None, compare=False)
     image: Annotated[
         Any,
-        Option("Image of heights from black to white, for a height field.", metavar="FILE"),
+        Option(
+            "Image of heights from black to white, for a height field, or of distances, for a "
+            "range image.",
+            metavar="FILE",
+        ),
     ] = field(default=None, compare=False)
 
     def settings(self, shape: str) -> dict[str, Any]:
