@@ -47,6 +47,7 @@ class Trace:
     """What ran for a picture."""
 
     effects: set[tuple[str, Any]] = field(default_factory=set)
+    loads: set[tuple[str, Any]] = field(default_factory=set)
     files: set[str] = field(default_factory=set)
 
 
@@ -68,7 +69,8 @@ def recording() -> Iterator[Trace]:
 
     for effect in EFFECTS:
         for result in filter(None, (effect.load, effect.prepare)):
-            watch(result, "compute", partial(_note_target, trace, effect.name))
+            loads = trace.loads if result is effect.load else set()
+            watch(result, "compute", partial(_note_target, trace, effect.name, loads))
         if effect.shade is not None:
             watch(effect, "shade", partial(_note_fragments, trace, effect.name))
     watch(maps, "read_image", lambda path, *rest: trace.files.add(str(path)))
@@ -81,8 +83,11 @@ def recording() -> Iterator[Trace]:
             object.__setattr__(owner, name, work)
 
 
-def _note_target(trace: Trace, name: str, state: RenderState, target: Target) -> None:
+def _note_target(
+    trace: Trace, name: str, loads: set[tuple[str, Any]], state: RenderState, target: Target
+) -> None:
     trace.effects.add((name, target))
+    loads.add((name, target))
 
 
 def _note_fragments(trace: Trace, name: str, fragments: Fragments, state: RenderState) -> None:
@@ -132,6 +137,8 @@ def _for_parts(
         # Displacement runs before it is known what is seen, and where shadows fall.
         if place in hidden or name in ("casts_shadows", "receives_shadows", "projected"):
             more -= {"layers None", *displacements}
+        if more and only is not None and _is_masked(scene, only, options):
+            continue
         if more and not _shows_elsewhere(scene, other, options, only=only):
             yield f"{part}: {sorted(more)}"
         # Where a picture falls is known before it is read.
@@ -199,6 +206,14 @@ def _shows_elsewhere(
     )
 
 
+def _is_masked(scene: Scene, place: int, options: RenderOptions) -> bool:
+    """Whether the values of its opacity leave nothing of an object, so that it may glow unseen."""
+    item = scene.objects[place]
+    glowing = replace(item, material=replace(item.material, emission=(5.0, 5.0, 5.0)))
+    other = with_object(scene, place, glowing)
+    return not _shows_elsewhere(scene, other, options, only=place)
+
+
 def _for_hidden_objects(
     scene: Scene, options: RenderOptions, camera: Camera, pixels: bytes, ran: Trace
 ) -> Iterator[str]:
@@ -221,18 +236,21 @@ def _for_lamps(
     scene: Scene, options: RenderOptions, camera: Camera, pixels: bytes, ran: Trace
 ) -> Iterator[str]:
     """Slides and shadow maps of lamps that light no pixel, whatever lies between."""
+    if has_rendered_environments(scene):
+        return  # what they show of it may be too dark or small to count
     if ("layers", None) in ran.effects or any(_embosses(item.material) for item in scene.objects):
         return  # transparent surfaces may cover what is lit, and embossing lights what faces away
     for place, light in enumerate(scene.lighting.lights):
         dark, bare = replace(light, intensity=0.0), replace(light, shadow=None)
-        (dark_pixels, less), (bare_pixels, _) = (
+        (dark_pixels, _), (bare_pixels, _) = (
             drawn(with_light(scene, place, item), options, camera) for item in (dark, bare)
         )
-        own = {("shadow maps", place), ("light profiles", place)} & ran.effects
-        profile = set() if light.profile is None else {str(light.profile.image)}
-        files = (ran.files - less.files) & profile
-        if pixels == dark_pixels == bare_pixels and (("shadow maps", place) in own or files):
-            yield f"lights[{place}] reaches nothing: {sorted(map(str, own | files))}"
+        # A slide that falls on nothing is told by its place, after the shadow map.
+        own = {("light profiles", place)} & ran.loads
+        if light.profile is None:
+            own |= {("shadow maps", place)} & ran.effects
+        if own and pixels == dark_pixels == bare_pixels:
+            yield f"lights[{place}] reaches nothing: {sorted(map(str, own))}"
 
 
 def _embosses(material: Material) -> bool:

@@ -138,7 +138,7 @@ def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iter
         if mirror is not None:
             if mirror.environment == "rendered" and around.other_objects:
                 return
-            material = _changed(_dark(material) or material, {name: None})
+            material = _changed(_dark(material), {name: None})
             yield name, "there is nothing to be seen in it", material
 
 
@@ -156,7 +156,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
         why = "there is no ambient light" if is_diffuse(material) else "it reflects none of it"
         material = replace(material, occlusion=None)
         yield "occlusion map", why, material
-    if not (lamps or surrounding or light_map) and _dark(material) is not None:
+    if not (lamps or surrounding or light_map):
         yield from _unlit(material, "no light is reflected")
         return
     for slots, needed, why in (
@@ -178,30 +178,31 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
 
 
 def _unlit(material: Material, why: str) -> Iterator[Step]:
-    """Show the surface black, if its base color is not needed for its opacity."""
+    """Show the surface black."""
     dark = _dark(material)
-    if dark is not None and _is_richer(material, dark):
+    if _is_richer(material, dark):
         yield "shading", why, dark
 
 
-def _dark(material: Material) -> Material | None:
-    """Return the material without any color of its own; None if two images hold its opacity."""
-    opacity = material.opacity
-    base = material.base_color
+def _dark(material: Material) -> Material:
+    """Return the material without any color of its own, but with its opacity."""
+    opacity, base = material.opacity, material.base_color
+    color: Slot = BLACK
     if _holds_opacity(material, "base_color"):
         assert isinstance(base, ImageTexture)
         if has_opacity(base.image):
             factor = 1.0 if opacity is None else _factor_of(opacity)
-            if factor is None:
-                return None
-            opacity = replace(base, channel=3, factor=factor, color=False)
+            if factor is None:  # two images hold it, so the base color must stay
+                color = replace(base, factor=0.0)
+            else:
+                opacity = replace(base, channel=3, factor=factor, color=False)
     bump_map = material.bump_map
     if bump_map is not None and bump_map.form in EMBOSS_FORMS:
         bump_map = None
     unread = ("specular", "exponent", "gloss", "roughness", "metalness", "occlusion", "light_map")
     bare = _changed(material, {name: getattr(_DEFAULTS, name) for name in unread})
     return replace(
-        bare, shading="unlit", base_color=BLACK, opacity=opacity, projected=(), bump_map=bump_map
+        bare, shading="unlit", base_color=color, opacity=opacity, projected=(), bump_map=bump_map
     )
 
 
