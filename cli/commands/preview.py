@@ -15,6 +15,7 @@ from texbake import (
     option_field,
 )
 
+from ..html import command_line
 from ..options import (
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,
@@ -98,12 +99,19 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
     "--explain",
     is_flag=False,
     flag_value="table",
-    type=click.Choice(("table", "json")),
-    metavar="[table|json]",
-    help="Print which passes ran, why, and how long they took, and which were left out and why.",
+    type=click.Choice(("table", "json", "changes")),
+    metavar="[table|json|changes]",
+    help="Print which passes ran, why, and how long they took, and which were left out and why; "
+    "changes: draw the picture again without each effect, and print how many pixels it changes.",
 )
 @click.option("--plan-only", is_flag=True, help="Print the passes and draw nothing.")
 @report_option
+@click.option(
+    "--html",
+    type=FileOf((".html",)),
+    metavar="FILE.html",
+    help="Also write an HTML page with the picture and what each effect contributes to it.",
+)
 @threads_option
 @terminal_options
 def preview(
@@ -146,7 +154,10 @@ def preview(
             buffers=choices["buffers"],
             mapping_orders=choices["mapping_orders"],
             n_views=n_views,
+            contributions=choices["explain"] == "changes",
             report=choices["report"],
+            html=choices["html"],
+            command=command_line(),
             threads=threads,
             progress=progress,
             clock=terminal.clock(),
@@ -205,7 +216,10 @@ def _interpolations(choices: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _print_plan(done: texbake.PreviewFiles, form: str) -> None:
-    """Print which passes were chosen, and what was left out."""
+    """Print which passes were chosen, and what was left out; or what each changes."""
+    if form == "changes":
+        columns(done.contributions_table(), numbers=5)
+        return
     if form == "json":
         say(json.dumps(done.to_json(), indent=2))
         return

@@ -17,6 +17,7 @@ from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
+    check_page,
     check_picture,
     check_report,
     given,
@@ -24,7 +25,9 @@ from texbake.jobs.outputs import (
 )
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.mesh.files import read_mesh
+from texbake.pages.contributions_page import write_contributions_page
 from texbake.progress import ProgressSink, Stages
+from texbake.rendering.contributions import Contribution, contributions_of
 from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
@@ -106,9 +109,12 @@ class PreviewFiles(JobResult[Frame | None]):
     ----------
     plan : Plan
         Which passes were chosen, and why.
+    contributions : tuple of Contribution
+        What each effect changes, if that was asked for.
     """
 
     plan: Plan
+    contributions: tuple[Contribution, ...] = ()
 
     @property
     def costs(self) -> Costs | None:
@@ -129,7 +135,20 @@ class PreviewFiles(JobResult[Frame | None]):
     def to_json(self) -> dict[str, Any]:
         """Return the plan, its costs, and what samples have reached, as plain values."""
         reached = {} if self.report is None else self.report.sampling_report()
-        return plan_report(self.plan, self.costs) | reached
+        changes = [item.to_json() for item in self.contributions]
+        changed = {"effects": changes} if changes else {}
+        return plan_report(self.plan, self.costs) | reached | changed
+
+    def contributions_table(self) -> list[tuple[str, ...]]:
+        """Return rows of effects, the pixels that each changed, and what it cost."""
+        rows = [("effect", "pixels changed", "%", "largest", "ms", "kB")]
+        for item in self.contributions:
+            pixels = f"{item.pixels:,}" if item.pixels else "changed nothing"
+            rows.append(
+                (item.name, pixels, f"{100.0 * item.share:.1f}", str(item.largest),
+                 f"{item.milliseconds:,.1f}", f"{item.n_bytes / 1000:,.0f}")
+            )  # fmt: skip
+        return [*rows]
 
 
 def preview_files(
@@ -147,7 +166,10 @@ def preview_files(
     mapping_orders: Sequence[str] = (),
     n_views: int | None = None,
     as_mesh: bool = False,
+    contributions: bool = False,
     report: PathLike | None = None,
+    html: PathLike | None = None,
+    command: str = "",
     threads: int | None = None,
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
@@ -164,8 +186,14 @@ def preview_files(
         Draw all combinations of these, side by side.
     n_views
         Draw a turntable of as many pictures.
+    contributions
+        Whether to draw the picture again without each effect, to tell what it changes.
     report
         File for the plan, its costs, and what samples have reached, as JSON.
+    html
+        Page with the picture and the contributions of its effects, which are then found as well.
+    command
+        Command line to show on the page.
     threads
         None for every processor.
     progress
@@ -185,8 +213,12 @@ def preview_files(
     several = (filters, interpolations, buffers, mapping_orders)
     if n_views is not None and max(map(len, several)) > 1:
         raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
-    check_distinct([output, report], [path, normal_map, displacement, albedo])
+    measures = contributions or html is not None
+    if measures and (output is None or n_views is not None or max(map(len, several)) > 1):
+        raise OptionError("contributions: they are those of one picture; draw one")
+    check_distinct([output, report, html], [path, normal_map, displacement, albedo])
     check_report(report)
+    check_page(html)
     if output is not None and n_views is None:
         check_picture(output)
     elif output is not None:
@@ -202,7 +234,7 @@ def preview_files(
         progress=progress,
     )
     pictures = _pictures(output, n_views)
-    check_distinct([*pictures, report], scene.files)
+    check_distinct([*pictures, report, html], scene.files)
     variants = side_by_side_options(
         chosen,
         filters=filters,
@@ -217,9 +249,15 @@ def preview_files(
         )
     elif output is not None:
         frame = _write_picture(scene, variants, output, threads, progress, clock)
+    changes: tuple[Contribution, ...] = ()
+    if measures and frame is not None:
+        changes = contributions_of(scene, variants[0][1], frame, threads=threads, progress=progress)
+    if html is not None and frame is not None:
+        write_contributions_page(html, Path(path).name, frame, changes, command)
     done = PreviewFiles(
-        files=given(output, report),
+        files=given(output, report, html),
         report=frame,
+        contributions=changes,
         plan=plan_scene(scene, variants[0][1]) if frame is None else frame.plan,
         warnings=(*space_warnings(normal_map, space), *_warnings(path, scene, frame)),
     )
