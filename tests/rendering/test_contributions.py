@@ -102,7 +102,8 @@ def test_the_page_shows_each_contribution(tmp_path: Path) -> None:
 def test_the_command_prints_what_changes(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(
-        "[fog]\nmode = 'exp'\ndensity = 0.2\n[[lights]]\nkind = 'directional'\ndirection = [0, -1, -1]\n"
+        "[fog]\nmode = 'exp'\ndensity = 0.2\n"
+        "[[lights]]\nkind = 'directional'\ndirection = [0, -1, -1]\n"
         "[[objects]]\nshape = 'sphere'\n"
     )
     picture, page = tmp_path / "picture.png", tmp_path / "page.html"

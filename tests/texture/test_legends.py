@@ -5,13 +5,15 @@ import pytest
 
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
-from texbake.errors import OptionError
+from texbake.errors import FileFormatError, OptionError
 from texbake.mesh.shapes import plane
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.texture.image import write_image
 from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
 
@@ -90,3 +92,23 @@ def test_an_image_of_temperatures_has_a_legend():
     np.testing.assert_allclose(shown, plain, atol=2e-3)
     with pytest.raises(OptionError, match=r"opacity\.colors: it takes numbers"):
         drawn(Material(opacity=heat))
+
+
+def test_the_colors_of_a_ramp_may_be_the_first_row_of_an_image(tmp_path):
+    codes = np.array([[[0, 0, 128], [0, 128, 0], [255, 60, 0]], [[9, 9, 9]] * 3], np.uint8)
+    write_image(codes, tmp_path / "ramp.png")
+    write_image(codes[:, :1], tmp_path / "dot.png")
+    text = "[[objects]]\nshape = 'plane'\n[objects.material]\nshading = 'unlit'\nbase_color = "
+    ramp = "{procedure = 'gradient', direction = [1, 0, 0], colors = %s}\n"
+
+    def picture(colors):
+        (tmp_path / "scene.toml").write_text(text + ramp % colors)
+        scene = read_scene(tmp_path / "scene.toml")
+        return render_scene(scene, RenderOptions(width=32, height=32)).color
+
+    listed = picture("['#000080', '#008000', '#ff3c00']")
+    np.testing.assert_allclose(picture("'ramp.png'"), listed, atol=1e-6)
+    with pytest.raises(FileFormatError, match="it is one pixel wide; a ramp needs two colors"):
+        picture("'dot.png'")
+    with pytest.raises(FileFormatError, match=r"no\.png"):
+        picture("'no.png'")

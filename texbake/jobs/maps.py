@@ -8,11 +8,14 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from texbake.baking.bake import bake
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
+from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
@@ -170,7 +173,9 @@ def bake_files(
         figures = replace(figures, budget=finished(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     notes = () if materials is None else materials.notes(files)
-    done = replace(done, warnings=(*done.warnings, *why, *notes))
+    size = float(np.ptp(low_mesh.bounds, axis=0).max())
+    needless = needless_maps({name: result.maps[name] for name in files}, size)
+    done = replace(done, warnings=(*done.warnings, *why, *notes, *needless))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):

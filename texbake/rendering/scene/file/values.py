@@ -21,7 +21,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from texbake.errors import FileError
+from texbake.errors import FileError, TexbakeError
 from texbake.files import require_file
 from texbake.rendering.scene.file.faults import fault, nearest, shown
 from texbake.schema import JsonSchema
@@ -110,12 +110,6 @@ def _factor(value: Any) -> float | tuple[float, ...]:
     return float(value) if is_number(value) else color_of(value)
 
 
-def _colors(value: Any) -> tuple[tuple[float, ...], ...]:
-    if not isinstance(value, list) or len(value) < 2:
-        raise fault(f"{shown(value)} is not a list of two or more colors")
-    return tuple(map(color_of, value))
-
-
 HEX_COLOR = {"type": "string", "pattern": f"^{_HEX.pattern}$"}
 COLOR = {
     "anyOf": [
@@ -125,11 +119,6 @@ COLOR = {
 }
 Vector = numbers(3)
 Color = Annotated[Any, PlainValidator(color_of), WithJsonSchema(COLOR)]
-Colors = Annotated[
-    Any,
-    PlainValidator(_colors),
-    WithJsonSchema({"type": "array", "items": COLOR, "minItems": 2}),
-]
 # A number or a color that a texture is multiplied by.
 Factor = Annotated[
     Any,
@@ -224,3 +213,31 @@ def _tupled(value: Any) -> Any:
 
 # A value that its options class validates; lists become tuples.
 Plain = Annotated[Any, AfterValidator(_tupled)]
+
+
+def _colors(value: Any, info: ValidationInfo) -> tuple[tuple[float, ...], ...]:
+    """Colors of a ramp: a list, or the first row of an image."""
+    if isinstance(value, str) and not value.startswith("#"):
+        return _row_of(existing_file(value, info))
+    if not isinstance(value, list) or len(value) < 2:
+        raise fault(f"{shown(value)} is not a list of two or more colors, nor an image of them")
+    return tuple(map(color_of, value))
+
+
+def _row_of(path: Path) -> tuple[tuple[float, ...], ...]:
+    from texbake.rendering.maps import colors_from
+
+    try:
+        row = colors_from(path)[0].astype(float)
+    except TexbakeError as error:
+        raise fault(str(error)) from error
+    if len(row) < 2:
+        raise fault(f"{path}: it is one pixel wide; a ramp needs two colors or more")
+    return tuple(tuple(color) for color in row.tolist())
+
+
+Colors = Annotated[
+    Any,
+    PlainValidator(_colors),
+    WithJsonSchema({"anyOf": [{"type": "array", "items": COLOR, "minItems": 2}, FILE]}),
+]

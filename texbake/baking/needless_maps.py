@@ -1,0 +1,56 @@
+"""Maps that a model looks the same without: flat normals, no displacement, one color everywhere.
+
+They are found when a bake is done, from its values. What is constant over all texels that were hit
+needs no map: a flat normal map, heights of 0 and an open surface are what a material has anyway,
+and one color or roughness is a factor of the material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from texbake.baking.result import BakedMap
+
+# Values that a surface has without the map, by its name.
+_PLAIN = {
+    "normal": (0.0, 0.0, 1.0),
+    "bent-normal": (0.0, 0.0, 1.0),
+    "displacement": (0.0,),
+    "vector-displacement": (0.0, 0.0, 0.0),
+    "ao": (1.0,),
+    "opacity": (1.0,),
+}
+_IN_TANGENT_SPACE = ("normal", "bent-normal")
+# Half a step of 16 bits, of which normals and shares have about as many as that.
+_ROUNDING = 0.5 / 65535.0
+
+
+def needless_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
+    """Yield a sentence for each map that changes nothing or could be a factor.
+
+    Parameters
+    ----------
+    maps
+        Of a bake, by name.
+    size
+        Of the low-poly mesh: heights below half a step of 16 bits of it count as none.
+    """
+    for name, item in maps.items():
+        values = item.values[item.has_data]
+        if not len(values):
+            continue
+        rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
+        plain = _PLAIN.get(name)
+        if name in _IN_TANGENT_SPACE and item.options.space != "tangent":
+            plain = None
+        if plain is not None and float(np.abs(values - plain).max()) <= rounding:
+            yield f"{name}: it is the same as no map at every texel; it can be left out"
+        elif item.kind.coding in ("color", "mask") and _is_constant(values) and plain is None:
+            shown = ", ".join(f"{value:.4g}" for value in values[0])
+            yield f"{name}: every texel is {shown}; a factor of the material says the same"
+
+
+def _is_constant(values: np.ndarray) -> bool:
+    return bool(np.ptp(values, axis=0).max() <= _ROUNDING)
