@@ -14,6 +14,7 @@ KNOB_NAMES = (
     "texture-size",
     "samples",
     "bit-depth",
+    "map-kind",
     "ray-direction",
     "low-poly",
     "atlas-quality",

@@ -17,6 +17,7 @@ MODULES = {
     "texture-size": "baked_maps",
     "samples": "baked_maps",
     "bit-depth": "baked_maps",
+    "map-kind": "map_kinds",
     "ray-direction": "low_poly_mesh",
     "low-poly": "low_poly_mesh",
     "atlas-quality": "low_poly_mesh",
