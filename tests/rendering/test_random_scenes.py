@@ -137,9 +137,11 @@ def _for_parts(
         # Displacement runs before it is known what is seen, and where shadows fall.
         if place in hidden or name in ("casts_shadows", "receives_shadows", "projected"):
             more -= {"layers None", *displacements}
-        if more and only is not None and _is_masked(scene, only, options):
+        places = range(len(scene.objects)) if only is None else (only,)
+        if more and any(_is_masked(scene, i, options) for i in places):
             continue
-        if more and not _shows_elsewhere(scene, other, options, only=only):
+        views = (None, *places) if only is None else (only,)
+        if more and not any(_shows_elsewhere(scene, other, options, only=i) for i in views):
             yield f"{part}: {sorted(more)}"
         # Where a picture falls is known before it is read.
         is_thrown = name == "projected" and not has_rendered_environments(scene)
@@ -218,8 +220,8 @@ def _for_hidden_objects(
     scene: Scene, options: RenderOptions, camera: Camera, pixels: bytes, ran: Trace
 ) -> Iterator[str]:
     """What ran for the materials of objects that no sample sees."""
-    if has_rendered_environments(scene):
-        return
+    if has_rendered_environments(scene) or ("layers", None) in ran.effects:
+        return  # mirrors may show them, and only its opacity tells whether a layer covers them
     numbers = range(len(scene.objects))
     all_files = set().union(*(_files_of(scene, i, "displacement") for i in numbers))
     for place in numbers:
