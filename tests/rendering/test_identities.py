@@ -384,3 +384,19 @@ def test_an_object_space_normal_map_counts_whatever_its_strength(tmp_path: Path)
     scene = scene_of(AMBIENT, **LAMBERT, normal_map=holder)
     with pytest.raises(FileError, match=r"missing\.png"):
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
+
+
+@pytest.mark.parametrize(("alpha", "covered"), [(0.7, False), (0.95, True)])
+def test_opacity_above_the_cutoff_counts_beside_that_of_an_image(
+    alpha: float, covered: bool
+) -> None:
+    image = np.full((2, 2, 4), alpha, np.float32)
+    scene = scene_of(
+        AMBIENT, **LAMBERT, base_color=ImageTexture(image=image), opacity=0.6, alpha_mode="mask"
+    )
+    frame = draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
+    bare = scene_of(AMBIENT, **LAMBERT, alpha_mode="opaque")
+    behind = draw(prepare(bare, OPTIONS), camera_of(bare, OPTIONS))
+    middle = frame.color[12, 16, :3] != frame.color[0, 0, :3]
+    assert middle.any() == covered
+    assert (behind.color[12, 16, :3] != behind.color[0, 0, :3]).any()

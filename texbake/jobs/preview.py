@@ -25,7 +25,6 @@ from texbake.jobs.outputs import (
 )
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.mesh.files import read_mesh
-from texbake.pages.contributions_page import write_contributions_page
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.contributions import Contribution, contributions_of
 from texbake.rendering.costs import Costs
@@ -253,6 +252,9 @@ def preview_files(
     if measures and frame is not None:
         changes = contributions_of(scene, variants[0][1], frame, threads=threads, progress=progress)
     if html is not None and frame is not None:
+        # Imported here, so that other pictures do not load what pages need.
+        from texbake.pages.contributions_page import write_contributions_page
+
         write_contributions_page(html, Path(path).name, frame, changes, command)
     done = PreviewFiles(
         files=given(output, report, html),

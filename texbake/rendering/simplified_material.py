@@ -81,12 +81,6 @@ def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[
     if unread:
         yield "slots", "", _changed(material, unread)
 
-    for part in "reflection", "refraction":
-        mirror = getattr(material, part)
-        if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
-            material = _changed(material, {part: replace(mirror, strength=0.0)})
-            yield "images", f"the factor of {part}.strength is 0", material
-
 
 def _without_opacity(material: Material, around: Surroundings) -> Iterator[Step]:
     if material.alpha_mode == "opaque":
@@ -96,7 +90,11 @@ def _without_opacity(material: Material, around: Surroundings) -> Iterator[Step]
     least = material.alpha_cutoff if material.alpha_mode == "mask" else 0.0
     opacity = _factor_of(material.opacity)
     if material.alpha_mode == "mask" and opacity is not None and opacity >= least:
-        yield "opacity", "it is above the cutoff", replace(material, opacity=None)
+        # With another opacity it makes a product, which may be below the cutoff.
+        base, of_image = material.base_color, _holds_opacity(material, "base_color")
+        of_image = of_image and isinstance(base, ImageTexture) and has_opacity(base.image)
+        if not (of_image or material.vertex_colors):
+            yield "opacity", "it is above the cutoff", replace(material, opacity=None)
         return
     if opacity is None or not (opacity < least or opacity <= 0.0):
         return
@@ -122,6 +120,11 @@ def without_zeros(material: Material) -> Iterator[Step]:
             kind = "images" if isinstance(value, ImageTexture) else "procedures"
             material = _changed(material, {slot: zero})
             yield kind, f"the factor of {slot} is 0", material
+    for part in "reflection", "refraction":
+        mirror = getattr(material, part)
+        if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
+            material = _changed(material, {part: replace(mirror, strength=0.0)})
+            yield "images", f"the factor of {part}.strength is 0", material
 
 
 def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iterator[Step]:
