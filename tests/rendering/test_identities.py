@@ -400,3 +400,17 @@ def test_opacity_above_the_cutoff_counts_beside_that_of_an_image(
     middle = frame.color[12, 16, :3] != frame.color[0, 0, :3]
     assert middle.any() == covered
     assert (behind.color[12, 16, :3] != behind.color[0, 0, :3]).any()
+
+
+def test_a_black_or_perfect_mirror_keeps_its_bumps() -> None:
+    heights = np.random.default_rng(1).random((8, 8, 1)).astype(np.float32)
+    bumps = BumpMap(texture=ImageTexture(image=heights), height=0.2)
+    for mirror in (Reflection(strength=0.5), Reflection()):
+        material = LAMBERT | {"base_color": BLACK, "reflection": mirror, "bump_map": bumps}
+        scene = scene_of(SKY, **material)
+        camera = camera_of(scene, OPTIONS)
+        found = draw(prepare(scene, OPTIONS), camera).color
+        whole = draw(prepare(scene, OPTIONS, effects=(*EFFECTS, NOTHING)), camera).color
+        np.testing.assert_array_equal(found, whole)
+        flat = scene_of(SKY, **(material | {"bump_map": None}))
+        assert np.abs(found - draw(prepare(flat, OPTIONS), camera).color).max() > 0.05

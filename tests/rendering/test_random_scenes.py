@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from random_scenes import (
     has_rendered_environments,
@@ -30,7 +31,7 @@ from random_scenes import (
 import texbake.rendering.maps as maps
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effect import RenderState
+from texbake.rendering.effect import Effect, RenderState, only_when_needed
 from texbake.rendering.effects import EFFECTS, slots
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.options import RenderOptions
@@ -292,3 +293,20 @@ def test_nothing_runs_without_need(start: int, images: Path) -> None:
 def test_the_table_of_passes_tells_what_ran(images: Path) -> None:
     found = [line for seed in range(N_SCENES) for line in misstatements(seed, images)]
     assert not found, "\n".join(found)
+
+
+def test_simpler_materials_look_the_same(images: Path) -> None:
+    """An effect of the caller's own keeps materials as they are."""
+    own = Effect(name="own", does="nothing", called_for=only_when_needed, left_out="no need")
+    for seed in range(N_SCENES):
+        scene, options = random_scene(seed, images)
+        camera = camera_of(scene, options)
+        masks = any(item.material.alpha_mode == "mask" for item in scene.objects)
+        if masks and scene.lighting.occlusion is not None:
+            continue  # what is opaque by its mask hides ambient light, too
+        found, whole = (
+            draw(prepare(scene, options, effects=effects, threads=1), camera)
+            for effects in (EFFECTS, (*EFFECTS, own))
+        )
+        np.testing.assert_allclose(found.color, whole.color, atol=1e-6, err_msg=str(seed))
+        np.testing.assert_array_equal(found.coverage, whole.coverage, str(seed))

@@ -174,4 +174,6 @@ def _steps(item: SceneObject, around: Surroundings | None) -> Iterator[tuple[str
         material = replace(material, projected=aimed)
         yield "projected textures", why, material
     if around is not None:
-        yield from simplifications(material, around)
+        colors = item.mesh.colors if material.vertex_colors else None
+        vertex_opacity = colors is not None and colors.shape[1] == 4
+        yield from simplifications(material, around, vertex_opacity=vertex_opacity)

@@ -60,8 +60,16 @@ class Surroundings:
     other_objects: bool
 
 
-def simplifications(material: Material, around: Surroundings) -> Iterator[Step]:
-    """Yield steps to the simplest material that looks the same; the last one has it."""
+def simplifications(
+    material: Material, around: Surroundings, *, vertex_opacity: bool
+) -> Iterator[Step]:
+    """Yield steps to the simplest material that looks the same; the last one has it.
+
+    `vertex_opacity` says whether the vertex colors that the material shows have opacity.
+    """
+    for name, why, simpler in _without_opacity(material, vertex_opacity=vertex_opacity):
+        material = simpler
+        yield name, why, material
     for simplify in _STEPS:
         for name, why, simpler in simplify(material, around):
             material = simpler
@@ -82,7 +90,7 @@ def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[
         yield "slots", "", _changed(material, unread)
 
 
-def _without_opacity(material: Material, around: Surroundings) -> Iterator[Step]:
+def _without_opacity(material: Material, *, vertex_opacity: bool) -> Iterator[Step]:
     if material.alpha_mode == "opaque":
         if material.opacity is not None:
             yield "opacity", "its alpha mode is opaque", replace(material, opacity=None)
@@ -93,7 +101,7 @@ def _without_opacity(material: Material, around: Surroundings) -> Iterator[Step]
         # With another opacity it makes a product, which may be below the cutoff.
         base, of_image = material.base_color, _holds_opacity(material, "base_color")
         of_image = of_image and isinstance(base, ImageTexture) and has_opacity(base.image)
-        if not (of_image or material.vertex_colors):
+        if not (of_image or vertex_opacity):
             yield "opacity", "it is above the cutoff", replace(material, opacity=None)
         return
     if opacity is None or not (opacity < least or opacity <= 0.0):
@@ -204,8 +212,11 @@ def _dark(material: Material) -> Material:
         bump_map = None
     unread = ("specular", "exponent", "gloss", "roughness", "metalness", "occlusion", "light_map")
     bare = _changed(material, {name: getattr(_DEFAULTS, name) for name in unread})
+    # Bumps count in mirrors of lit materials alone.
+    bent = bump_map is not None and bool(material.reflection or material.refraction)
+    shading = "lambert" if bent and material.shading != "unlit" else "unlit"
     return replace(
-        bare, shading="unlit", base_color=color, opacity=opacity, projected=(), bump_map=bump_map
+        bare, shading=shading, base_color=color, opacity=opacity, projected=(), bump_map=bump_map
     )
 
 
@@ -363,7 +374,6 @@ _TESTS: tuple[tuple[str, str, Callable[[Material], str]], ...] = (
 )
 _STEPS: tuple[Callable[[Material, Surroundings], Iterator[Step]], ...] = (
     _without_unread_slots,
-    _without_opacity,
     _without_what_mirrors_hide,
     _without_unlit_parts,
     _without_unread_slots,
