@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -46,3 +47,22 @@ def test_files_of_another_form_are_ignored(content: str, mesh: Path, kept: Path)
 def test_last_keys_come_back(kept: Path) -> None:
     kept.write_text(json.dumps({"a": {"b": "key"}}))
     assert LastKeys(kept)["a", "b"] == "key"
+
+
+def test_digests_of_results_that_no_step_has_are_forgotten(write: Any, run: Any) -> None:
+    """Otherwise `watch` would remember, read and write one more set of them with each save."""
+    path: Path = write()
+    run(path)
+    kept = path.parent / "build" / ".texbake" / "digests.json"
+    n_files = len(json.loads(kept.read_bytes())["files"])
+    text = path.read_text()
+    for radius in (2.5, 2.6, 2.7):
+        path.write_text(text.replace("radius = 2.0", f"radius = {radius}"))
+        _, steps = run(path)
+        assert len(steps) == 3
+        assert len(json.loads(kept.read_bytes())["files"]) == n_files
+    run(path, only=("ball",))
+    assert len(json.loads(kept.read_bytes())["files"]) == n_files
+    path.write_text(text)
+    result, steps = run(path)
+    assert result.ok and not steps

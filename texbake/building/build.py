@@ -219,8 +219,9 @@ def _build(
             site.store.prune({step.key for step in states.values()})
         state = FINISHED
     finally:
-        site.digests.save()
         site.last.save(states)
+        site.store.forget_others(site.last.all(), site.digests)
+        site.digests.save()
         ended = result(state)
         write_build_report(site.folder / REPORT, ended.to_json())
     listener(BuildEvent(event="ended", done=len(states), total=len(states)))

@@ -13,6 +13,7 @@ import os
 import posixpath
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -139,6 +140,13 @@ class Digests:
         """Remember that a file with this signature has this digest."""
         self._known[path] = [list(signature), digest]
         self._changed = True
+
+    def forget(self, is_stale: Callable[[str], bool]) -> None:
+        """Forget the digests of files that nobody is likely to ask for again."""
+        stale = [path for path in self._known if is_stale(path)]
+        for path in stale:
+            del self._known[path]
+        self._changed |= bool(stale)
 
     def save(self) -> None:
         """Write the remembered digests; the file appears whole or not at all."""

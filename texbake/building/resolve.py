@@ -86,6 +86,10 @@ class LastKeys:
     def __getitem__(self, step: Id) -> str | None:
         return self._keys.get(step[0], {}).get(step[1])
 
+    def all(self) -> set[str]:
+        """Return the keys of all steps of all assets."""
+        return {key for steps in self._keys.values() for key in steps.values()}
+
     def save(self, states: Mapping[Id, StepState]) -> None:
         """Take over the keys of steps with results, and write all keys."""
         for (asset, step), state in states.items():

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,6 +97,20 @@ class Store:
                 signature = self._location.signature(file.name)
                 if signature is not None:
                     digests.remember(self._location.path(file.name), signature, file.sha256)
+
+    def forget_others(self, keys: Container[str], digests: Digests) -> None:
+        """Forget the digests of all entries but those of some keys.
+
+        Otherwise `watch` would remember each result that was ever made. An older entry that is used
+        again is read once.
+        """
+        root = self._location.path("")
+
+        def is_stale(path: str) -> bool:
+            _, _, name = path.partition(root)
+            return path.startswith(root) and name[3:].partition("/")[0] not in keys
+
+        digests.forget(is_stale)
 
     def fetch(self, file: StoredFile, folder: Path) -> Path:
         """Return a local file with the content of a stored one; it may be a copy in `folder`."""
