@@ -2,12 +2,24 @@
 
 import errno
 import os
+import signal
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from texbake import FileError
-from texbake.files import check_folder, check_writable, make_folder, replacing
+from texbake.files import (
+    appearing_together,
+    check_folder,
+    check_writable,
+    make_folder,
+    replacing,
+    scratch_folder,
+    write_files,
+    written_file,
+)
 
 
 def test_a_folder_is_made_with_those_it_is_in(tmp_path: Path) -> None:
@@ -118,3 +130,94 @@ def test_links_in_a_circle_are_reported(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="its links form a circle"):
         check_writable(link)
     assert link.is_symlink()
+
+
+def test_files_appear_together(tmp_path: Path) -> None:
+    old, new = tmp_path / "old.txt", tmp_path / "new.txt"
+    old.write_text("before")
+    with appearing_together():
+        for file in old, new, old:  # the last one counts
+            with replacing(file) as temporary:
+                temporary.write_text(f"{len(list(tmp_path.iterdir()))} files")
+            assert old.read_text() == "before" and not new.exists()
+            assert "files" in written_file(file).read_text()
+    assert old.read_text() == "4 files" and new.read_text() == "3 files"
+    assert {path.name for path in tmp_path.iterdir()} == {"old.txt", "new.txt"}
+    assert written_file(new) == new
+
+
+@pytest.mark.parametrize("stop", [ValueError, KeyboardInterrupt, SystemExit])
+def test_an_interrupted_set_leaves_nothing_and_loses_nothing(
+    tmp_path: Path, stop: type[BaseException]
+) -> None:
+    write_files(tmp_path, {"a": b"before", "b": b"before"})
+    with pytest.raises(stop), appearing_together():
+        write_files(tmp_path, {"a": b"after", "b": b"after", "c": b"after"})
+        raise stop
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {
+        "a": b"before",
+        "b": b"before",
+    }
+
+
+def test_files_in_scratch_folders_wait_for_no_others(tmp_path: Path) -> None:
+    with appearing_together(), scratch_folder() as folder:
+        write_files(folder, {"a": b"there"})
+        assert (folder / "a").read_bytes() == b"there"
+        with replacing(tmp_path / "outer") as outer:
+            write_files(outer.parent, {outer.name: b"whole"})  # by a writer that is atomic itself
+            assert outer.read_bytes() == b"whole"
+        assert not (tmp_path / "outer").exists()
+    assert not folder.exists()
+    assert (tmp_path / "outer").read_bytes() == b"whole"
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers on this system")
+def test_a_signal_does_not_part_a_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("texbake.files.to_disk", lambda path: None)  # so that most time is moving
+    names = [f"{number}" for number in range(100)]
+    outcomes = set()
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        for trial in range(60):
+            write_files(tmp_path, dict.fromkeys(names, b"before"))
+            with suppress(KeyboardInterrupt):
+                with appearing_together():
+                    write_files(tmp_path, dict.fromkeys(names, b"after"))
+                    signal.setitimer(signal.ITIMER_REAL, 1e-6 + 2.5e-5 * trial)
+                while True:  # until the signal has come
+                    time.sleep(1.0)
+            contents = [(tmp_path / name).read_bytes() for name in names]
+            assert len(set(contents)) == 1
+            outcomes.add(contents[0])
+            assert len(list(tmp_path.iterdir())) == len(names)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert b"after" in outcomes
+
+
+def test_content_is_on_the_disk_before_a_file_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synchronized: list[Path] = []
+    moved: list[Path] = []
+
+    def fsync(descriptor: int) -> None:
+        synchronized.append(Path(f"/proc/self/fd/{descriptor}").readlink())
+
+    def move(source: str, target: str) -> None:
+        assert Path(source) in synchronized
+        moved.append(Path(target))
+        rename(source, target)
+
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("this system does not name the files of descriptors")
+    rename = os.rename
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "replace", move)
+    write_files(tmp_path, {"a": b"a", "b": b"b"})
+    with replacing(tmp_path / "c") as temporary:
+        temporary.write_bytes(b"c")
+    assert [path.name for path in moved] == ["a", "b", "c"]
+    assert synchronized.count(tmp_path) == 2  # the names, too

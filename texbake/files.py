@@ -1,16 +1,27 @@
-"""Read files whole, and write them atomically: to a temporary file beside them, then rename it."""
+"""Read files whole, and write them atomically: to a temporary file beside them, then rename it.
+
+Files that belong together appear together: those of a job, or of any `appearing_together` block.
+"""
 
 from __future__ import annotations
 
 import os
 import stat
+import tempfile
+from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
 
 PathLike = str | os.PathLike[str]
+
+_PREFIX = ".texbake-"  # of temporary files
+# Finished temporary files by their targets, while a block of files that appear together is open.
+_WAITING: ContextVar[dict[Path, Path] | None] = ContextVar("waiting files", default=None)
+_SCRATCH_FOLDERS: set[Path] = set()
 
 
 def require_file(path: PathLike) -> None:
@@ -67,6 +78,9 @@ def replacing(path: PathLike) -> Iterator[Path]:
     `path` is left unchanged. The temporary path has the suffix of `path`, because many writers
     choose the format by it. If `path` is a symbolic link, the file it points to is replaced.
 
+    Within `appearing_together` the file is moved when that block ends; until then it is found at
+    `written_file(path)`.
+
     Raises
     ------
     FileError
@@ -74,21 +88,132 @@ def replacing(path: PathLike) -> Iterator[Path]:
         a pipe.
     """
     target = _target_of(path)
+    waiting = _WAITING.get()
+    soon_gone = target.name.startswith(_PREFIX) or _is_scratch(target)
     # The name does not contain that of `path`: some writers accept only names that are UTF-8.
-    temporary = target.with_name(f".texbake-{os.urandom(6).hex()}{target.suffix}")
+    temporary = target.with_name(f"{_PREFIX}{os.urandom(6).hex()}{target.suffix}")
     try:
         # Create the file first, so that an unwritable folder fails before the work, not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))
         yield temporary
-        temporary.replace(target)
+        if soon_gone:
+            temporary.replace(target)
+        elif waiting is None:
+            _put_in_place({target: temporary})
+        else:
+            before = waiting.get(target)
+            waiting[target] = temporary
+            if before is not None:
+                before.unlink(missing_ok=True)
     except OSError as error:
         if isinstance(error, FileError):
             raise
-        raise FileError(
-            f"{path}: cannot be written: {error.strerror or error}; nothing was changed"
-        ) from error
+        raise _unwritable(path, error, "nothing was changed") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if waiting is None or waiting.get(target) != temporary:
+            temporary.unlink(missing_ok=True)
+
+
+def _unwritable(path: PathLike, error: OSError, state: str) -> FileError:
+    return FileError(f"{path}: cannot be written: {error.strerror or error}; {state}")
+
+
+@contextmanager
+def appearing_together() -> Iterator[None]:
+    """Let the files that a block writes appear when it ends, all of them, or none if it raises.
+
+    An asset whose bake is interrupted keeps all of its older files, instead of a mix of older and
+    newer ones. Each file waits under a temporary name in its own folder. A block within another
+    one belongs to it. Also a decorator of functions.
+
+    Raises
+    ------
+    FileError
+        A file cannot take its name, such as one that another program holds open on Windows. The
+        files before it are in place then.
+    """
+    if _WAITING.get() is not None:
+        yield
+        return
+    waiting: dict[Path, Path] = {}
+    token = _WAITING.set(waiting)
+    try:
+        yield
+        _put_in_place(waiting)
+    finally:
+        _WAITING.reset(token)
+        for temporary in waiting.values():
+            temporary.unlink(missing_ok=True)
+
+
+def _put_in_place(waiting: Mapping[Path, Path]) -> None:
+    """Move finished files to their targets, in one step that no signal divides.
+
+    Their content is on the disk before, so that a power cut leaves no empty files of their names.
+    """
+    for target, temporary in waiting.items():
+        try:
+            to_disk(temporary)
+        except OSError as error:  # such as a disk that is full only now
+            raise _unwritable(target, error, "nothing was changed") from error
+    # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
+    moves = map(os.replace, [*map(str, waiting.values())], [*map(str, waiting)])
+    try:
+        deque(moves, maxlen=0)
+    except OSError as error:
+        state = "nothing was changed" if len(waiting) == 1 else "some files of this job are older"
+        raise _unwritable(error.filename2 or error.filename, error, state) from error
+    for folder in {target.parent: None for target in waiting}:
+        to_disk(folder)
+
+
+def written_file(path: PathLike) -> Path:
+    """Return where the content of a file is: at its temporary path while it waits for others."""
+    waiting = _WAITING.get()
+    return Path(path) if not waiting else waiting.get(_target_of(path), Path(path))
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a temporary folder, which is removed after the block.
+
+    Files in it wait for no others.
+    """
+    # Where open files cannot be removed, the system clears its own folder for them.
+    with tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as name:
+        folder = Path(os.path.realpath(name))
+        _SCRATCH_FOLDERS.add(folder)
+        try:
+            yield folder
+        finally:
+            _SCRATCH_FOLDERS.discard(folder)
+
+
+def to_disk(path: Path) -> None:
+    """Have a file, or the names in a folder, on the disk before anything else is written.
+
+    Raises
+    ------
+    OSError
+        The content of a file cannot be written. Folders never raise: many systems cannot do this.
+    """
+    if path.is_dir():
+        with suppress(OSError):
+            _synchronize(path, os.O_RDONLY)
+    else:
+        _synchronize(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+
+
+def _synchronize(path: Path, how: int) -> None:
+    descriptor = os.open(path, how)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _is_scratch(path: Path) -> bool:
+    return not _SCRATCH_FOLDERS.isdisjoint(path.parents)
 
 
 def _mode_for(target: Path) -> int:
@@ -164,7 +289,7 @@ def make_folder(folder: PathLike) -> Path:
 
 
 def write_files(folder: PathLike, files: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder, each whole or not at all, and return their paths.
+    """Write files into a folder, all or none of them, and return their paths.
 
     Parameters
     ----------
@@ -179,7 +304,8 @@ def write_files(folder: PathLike, files: Mapping[str, bytes]) -> list[Path]:
         A file cannot be written.
     """
     there = make_folder(folder)
-    for name, content in files.items():
-        with replacing(there / name) as path:
-            path.write_bytes(content)
+    with appearing_together():
+        for name, content in files.items():
+            with replacing(there / name) as path:
+                path.write_bytes(content)
     return [there / name for name in files]

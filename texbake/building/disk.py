@@ -17,7 +17,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from texbake.errors import FileError
-from texbake.files import make_folder
+from texbake.files import make_folder, to_disk
 
 _POLL_SECONDS = 0.2
 _FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
@@ -135,7 +135,7 @@ def _lock_of(folder: Path) -> Path:
 
 def copy_file(source: Path, target: Path) -> None:
     """Copy a file and have it on the disk, sharing its blocks if the file system can."""
-    with source.open("rb") as reader, target.open("xb") as writer:
+    with source.open("rb") as reader, target.open("wb") as writer:
         if not _cloned(reader.fileno(), writer.fileno()):
             shutil.copyfileobj(reader, writer, 1 << 20)
         writer.flush()
@@ -150,29 +150,6 @@ def _cloned(source: int, target: int) -> bool:
     except (ImportError, OSError):
         return False
     return True
-
-
-def to_disk(path: Path) -> None:
-    """Have a file, or the names in a folder, on the disk before anything else is written.
-
-    Raises
-    ------
-    OSError
-        The content of a file cannot be written. Folders never raise: many systems cannot do this.
-    """
-    if path.is_dir():
-        with suppress(OSError):
-            _synchronize(path, os.O_RDONLY)
-    else:
-        _synchronize(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
-
-
-def _synchronize(path: Path, how: int) -> None:
-    descriptor = os.open(path, how)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def make_lasting(folder: Path) -> None:

@@ -14,8 +14,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from texbake.building.disk import copy_file, make_lasting, to_disk
+from texbake.building.disk import copy_file, make_lasting
 from texbake.errors import DependencyError, FileError, TexbakeError
+from texbake.files import replacing, to_disk
 
 
 def is_url(place: str) -> bool:
@@ -103,12 +104,8 @@ class LocalFolder:
         target = Path(self.path(name))
         with file_errors(target):
             target.parent.mkdir(parents=True, exist_ok=True)
-            temporary = target.with_name(f".texbake-{secrets.token_hex(6)}")
-            try:
+            with replacing(target) as temporary:
                 copy_file(source, temporary)
-                temporary.replace(target)
-            finally:
-                temporary.unlink(missing_ok=True)
 
     def put_folder(self, source: Path, name: str, last: str) -> None:
         """Rename a folder of the same file system; an existing one is kept."""

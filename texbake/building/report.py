@@ -10,7 +10,6 @@ from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.disk import to_disk
 from texbake.building.graph import Id
 from texbake.building.resolve import StepState
 from texbake.building.store import stored_files
@@ -256,4 +255,3 @@ def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
     lines = ",\n  ".join(json.dumps(asset) for asset in report.get("assets", ()))
     with replacing(path) as temporary:
         temporary.write_text(f'{head},\n "assets": [\n  {lines}\n ]\n}}\n', encoding="utf-8")
-        to_disk(temporary)  # a power cut leaves this report or the last one

@@ -21,6 +21,7 @@ from texbake.building.disk import clear, owned_folder
 from texbake.building.graph import Node
 from texbake.building.locations import LocalFolder, file_signature, location_of
 from texbake.errors import FileError, TexbakeError
+from texbake.files import appearing_together
 
 MANIFEST = "manifest.json"
 _TEMPORARY = "tmp"  # never the beginning of a key
@@ -297,8 +298,10 @@ class Publisher:
         if not missing:
             return 0
         with tempfile.TemporaryDirectory(prefix="texbake-") as copies:
+            with appearing_together():
+                for name, file in missing:
+                    self._location.put(self._store.fetch(file, Path(copies)), name)
             for name, file in missing:
-                self._location.put(self._store.fetch(file, Path(copies)), name)
                 signature = self._location.signature(name)
                 if signature is not None:  # it may be gone already
                     self._digests.remember(self._location.path(name), signature, file.sha256)

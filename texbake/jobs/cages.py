@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from texbake.baking.cage.fit import Cage, fit_cage
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.fit import check_fit, why_rays_would_miss
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
 
 
+@appearing_together()
 def cage_file(
     high: PathLike,
     low: PathLike,

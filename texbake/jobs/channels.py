@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_folder, check_writable
+from texbake.files import PathLike, appearing_together, check_folder, check_writable
 from texbake.jobs.channel_options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
 from texbake.texture.image import FloatImage, Image, read_image, write_image
@@ -97,6 +97,7 @@ def pack_channel_files(
     return JobResult(files=given(output), report=report)
 
 
+@appearing_together()
 def split_channel_files(
     image: PathLike,
     output: PathLike | Sequence[PathLike],

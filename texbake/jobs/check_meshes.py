@@ -13,7 +13,7 @@ from texbake.checks.options import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.checks.report import CheckReport
 from texbake.errors import OptionError
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -43,6 +43,7 @@ _SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces
 _RING = (1.0, 1.0, 1.0)
 
 
+@appearing_together()
 def check_mesh_files(
     mesh: PathLike,
     low: PathLike | None = None,

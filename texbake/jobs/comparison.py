@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -31,6 +31,7 @@ SAME_DB = 40.0
 VISIBLE_OUTLINE = 0.01
 
 
+@appearing_together()
 def compare_files(
     high: PathLike,
     low: PathLike,

@@ -5,7 +5,7 @@ GLB files keep materials whole, OBJ files what .mtl files have of them.
 
 from __future__ import annotations
 
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import JobResult, check_mesh
 from texbake.jobs.written import SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
@@ -17,6 +17,7 @@ from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
 
 
+@appearing_together()
 def repair_file(
     mesh: PathLike,
     output: PathLike,
@@ -52,6 +53,7 @@ def repair_file(
     return JobResult(files=files, report=report, warnings=warnings)
 
 
+@appearing_together()
 def transform_file(
     mesh: PathLike,
     output: PathLike,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from texbake.files import PathLike, check_folder, make_folder
+from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions
 from texbake.jobs.outputs import check_page
 from texbake.jobs.run import RunResult, run, with_page
@@ -24,6 +24,7 @@ _ABOUT_TURNS = (
 )
 
 
+@appearing_together()
 def demo(
     folder: PathLike = DEMO_FOLDER,
     options: DemoOptions | None = None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_folder, check_writable, make_folder
+from texbake.files import PathLike, appearing_together, check_folder, check_writable, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
@@ -71,6 +71,7 @@ class HeightMapReport:
         ]
 
 
+@appearing_together()
 def mipmap_files(
     image: PathLike,
     output: PathLike,
@@ -103,6 +104,7 @@ def mipmap_files(
     return JobResult(files=files, report=len(files))
 
 
+@appearing_together()
 def cubemap_files(
     source: PathLike,
     output: PathLike,
@@ -134,6 +136,7 @@ def cubemap_files(
     return JobResult(files=done.files, report=done, warnings=tuple(warnings))
 
 
+@appearing_together()
 def pack_texture_files(
     images: Sequence[PathLike],
     output: PathLike,
@@ -221,6 +224,7 @@ def _mesh_targets(
     return targets
 
 
+@appearing_together()
 def height_to_normal_file(
     height: PathLike,
     output: PathLike,
@@ -258,6 +262,7 @@ def height_to_normal_file(
     return JobResult(files=given(output), report=report)
 
 
+@appearing_together()
 def normal_to_height_file(
     normal: PathLike,
     output: PathLike,

@@ -31,7 +31,7 @@ from texbake.baking.texels import (
     snap_uvs,
 )
 from texbake.errors import OptionError, UvError
-from texbake.files import PathLike, check_folder, make_folder
+from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
@@ -138,6 +138,7 @@ class LightMaps:
         return replace(scene, objects=tuple(objects), lighting=lighting)
 
 
+@appearing_together()
 def bake_light_map_files(
     scene: PathLike,
     folder: PathLike,

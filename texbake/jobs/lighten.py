@@ -15,7 +15,7 @@ import numpy as np
 from texbake.baking.bake import bake
 from texbake.baking.report import BakeReport
 from texbake.errors import FileFormatError, OptionError
-from texbake.files import PathLike, check_writable
+from texbake.files import PathLike, appearing_together, check_writable, written_file
 from texbake.jobs.carried import (
     carried_channels,
     compared_without,
@@ -116,13 +116,11 @@ class LightenReport:
             rows.append(("texels", "{} x {}".format(*self.size)))
         if self.simplified is not None:
             distance = self.simplified.distance
-            rows.append(
-                (
-                    "distance of the surfaces",
-                    f"RMS {100 * distance.rms_relative:.3f} %, "
-                    f"greatest {100 * distance.max_relative:.3f} % of the diagonal",
-                )
+            apart = (
+                f"RMS {100 * distance.rms_relative:.3f} %, "
+                f"greatest {100 * distance.max_relative:.3f} % of the diagonal"
             )
+            rows.append(("distance of the surfaces", apart))
         if self.comparison is not None:
             mean, worst = decibels(self.comparison.mean_db), decibels(self.comparison.worst_db)
             without = " without missing images" if self.missing_images else ""
@@ -157,6 +155,7 @@ def _pictures(comparison: ModelComparison) -> dict[str, Any]:
     }
 
 
+@appearing_together()
 def lighten_file(
     model: PathLike,
     output: PathLike,
@@ -235,7 +234,7 @@ def lighten_file(
         n_faces_before=source.n_faces,
         n_faces=made.mesh.n_faces,
         n_bytes_before=model_bytes(model, materials),
-        n_bytes=Path(output).stat().st_size,
+        n_bytes=written_file(output).stat().st_size,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
         size=made.size,

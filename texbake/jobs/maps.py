@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,7 +20,14 @@ from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_folder, check_writable, make_folder
+from texbake.files import (
+    PathLike,
+    appearing_together,
+    check_folder,
+    check_writable,
+    make_folder,
+    scratch_folder,
+)
 from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.outputs import (
@@ -64,6 +70,7 @@ class MapFiles(JobResult[BakeReport]):
         }
 
 
+@appearing_together()
 def bake_files(
     high: PathLike,
     low: PathLike,
@@ -213,9 +220,9 @@ class _WritingMaps:
     files: Mapping[str, Path]
 
     def __call__(self, maps: Mapping[str, BakedMap]) -> None:
-        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+        with scratch_folder() as folder:
             for name, path in self.files.items():
-                maps[name].write(Path(folder) / f"{name}{path.suffix}")
+                maps[name].write(folder / f"{name}{path.suffix}")
 
 
 def _check_outputs(
@@ -268,6 +275,7 @@ def _write_page(
     )
 
 
+@appearing_together()
 def remap_files(
     hits: PathLike,
     folder: PathLike,

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from texbake.errors import FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -137,6 +137,7 @@ class Relief:
     scale: float = 8.0
 
 
+@appearing_together()
 def make_file(
     shape: str,
     output: PathLike,
@@ -203,6 +204,7 @@ def _raised(mesh: Mesh, relief: Relief, threads: int | None) -> Mesh:
     )
 
 
+@appearing_together()
 def remesh_file(
     mesh: PathLike,
     output: PathLike,

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
@@ -24,7 +23,7 @@ from texbake.baking.parts.result import PartsResult
 from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError
-from texbake.files import PathLike, make_folder
+from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.maps import (
@@ -88,6 +87,7 @@ def needs_parts(high: Sequence[PathLike], low: Sequence[PathLike], parts: PartsO
     return mesh.uvs is not None and Tiles.of(mesh.corner_uvs()).numbers != [FIRST_TILE]
 
 
+@appearing_together()
 def bake_parts_files(
     high: Sequence[PathLike],
     low: Sequence[PathLike],
@@ -145,9 +145,7 @@ def bake_parts_files(
     check_picture(miss_map)
     check_report(report)
     stages = Stages(progress)
-    # Where open files cannot be removed, the system clears its own folder for them.
-    waiting = TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True)
-    with waiting as done_maps:
+    with scratch_folder() as done_maps:
         with stages.part("read meshes"):
             highs, lows = _read(high, progress), _read(low, progress)
             cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
@@ -162,7 +160,7 @@ def bake_parts_files(
             high_materials=materials,
             low_materials=_low_materials(low, lows, parts),
             ray_maps=_ray_maps(skew_mask, offset_map, asset),
-            folder=Path(done_maps),
+            folder=done_maps,
             progress=progress,
         )
         why = _why_missed(highs, lows, result.report)

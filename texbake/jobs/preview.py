@@ -6,14 +6,13 @@ buffers give pictures of all their combinations, side by side in one file.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_folder, make_folder
+from texbake.files import PathLike, appearing_together, check_folder, make_folder, scratch_folder
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -150,6 +149,7 @@ class PreviewFiles(JobResult[Frame | None]):
         return [*rows]
 
 
+@appearing_together()
 def preview_files(
     path: PathLike,
     output: PathLike | None,
@@ -303,8 +303,8 @@ class _WritingPicture:
     threads: int | None
 
     def __call__(self, color: FloatImage) -> None:
-        with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-            path = Path(folder) / f"picture{self.suffix}"
+        with scratch_folder() as folder:
+            path = folder / f"picture{self.suffix}"
             write_image(color, path, color=True, threads=self.threads)
 
 

@@ -3,13 +3,12 @@
     high ─ simplify ─ unwrap ─► low.obj ─ bake ─► normal.png, displacement.exr ─► low.glb
       └───────────────────────────── compare ─► preview.png, compare.png ─► report.json
 
-Every file appears whole, and only when its stage has succeeded; until then a file of an earlier
-run is kept.
+The files appear together when all stages have succeeded; until then those of an earlier run are
+kept.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,16 @@ import numpy as np
 
 from texbake.baking.bake import bake
 from texbake.baking.result import BakeResult
-from texbake.files import PathLike, check_folder, check_writable, make_folder, replacing
+from texbake.files import (
+    PathLike,
+    appearing_together,
+    check_folder,
+    check_writable,
+    make_folder,
+    replacing,
+    scratch_folder,
+    written_file,
+)
 from texbake.jobs.carried import (
     carried_channels,
     compared_without,
@@ -141,6 +149,7 @@ class RunResult:
         }
 
 
+@appearing_together()
 def run(
     high: MeshLike,
     folder: PathLike,
@@ -207,7 +216,9 @@ def run(
         chosen = options.bake_options(channels)
         baked = bake(high, low, chosen, materials=materials, progress=progress)
     with stages.part("write maps"):
-        _write_maps(baked, files, progress)
+        with Stages(progress).stage("write maps"):
+            baked.maps["normal"].write(files["normal"])
+            baked.maps["displacement"].write(files["displacement"])
         if materials is None:
             _write_plain(baked, low, files, options)
         else:
@@ -247,17 +258,11 @@ def _files_in(folder: PathLike, high: Mesh, channels: Sequence[str]) -> dict[str
     return files
 
 
-def _write_maps(baked: BakeResult, files: dict[str, Path], progress: ProgressSink | None) -> None:
-    with Stages(progress).stage("write maps"):
-        baked.maps["normal"].write(files["normal"])
-        baked.maps["displacement"].write(files["displacement"])
-
-
 def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
     """Write the low-poly mesh with its normal map and the base color of the options."""
     # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
-    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-        normal_map = Path(folder) / files["normal"].name
+    with scratch_folder() as folder:
+        normal_map = folder / files["normal"].name
         baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
         color = decode_srgb(np.array(options.base_color)).tolist()
         write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
@@ -298,8 +303,8 @@ def _compared(
     comparison = compare(
         high,
         low,
-        normal_map=files["normal"],
-        displacement=files["displacement"],
+        normal_map=written_file(files["normal"]),
+        displacement=written_file(files["displacement"]),
         high_materials=materials,
         options=picture,
         threads=options.threads,
@@ -329,6 +334,7 @@ def _off_by(closeness: Closeness) -> str:
     return f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
+@appearing_together()
 def run_files(
     high: PathLike,
     folder: PathLike,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from texbake.files import PathLike
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -22,6 +22,7 @@ from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_
 from texbake.progress import ProgressSink
 
 
+@appearing_together()
 def simplify_file(
     mesh: PathLike,
     output: PathLike,
@@ -77,6 +78,7 @@ def simplify_file(
     return replace(done, files=(*done.files, Path(report)))
 
 
+@appearing_together()
 def simplify_levels(
     mesh: PathLike,
     levels: Sequence[tuple[int | None, PathLike]],

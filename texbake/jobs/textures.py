@@ -11,7 +11,7 @@ from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.result import TextureBake, TextureReport
 from texbake.baking.texture.solid import bake_solid
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_writable
+from texbake.files import PathLike, appearing_together, check_writable
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -28,6 +28,7 @@ from texbake.texture.image_formats import check_image_format
 _CAMERA_SUFFIXES = (".toml", ".txt")
 
 
+@appearing_together()
 def bake_texture_files(
     mesh: PathLike,
     output: PathLike,

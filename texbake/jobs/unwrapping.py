@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from texbake.errors import FileFormatError, OptionError
-from texbake.files import PathLike, check_folder, make_folder
+from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
     JobResult,
@@ -41,6 +41,7 @@ class UnwrapFiles(JobResult[tuple[UnwrapReport, ...]]):
         return reports[0] if len(reports) == 1 else {"meshes": reports}
 
 
+@appearing_together()
 def unwrap_files(
     meshes: PathLike | Sequence[PathLike],
     output: PathLike,

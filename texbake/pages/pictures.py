@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakeResult
-from texbake.files import PathLike
+from texbake.files import PathLike, scratch_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
 from texbake.texture.image import Image, read_image
@@ -103,9 +101,9 @@ def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -
         Sentences below the pictures, by the name of the map.
     """
     notes, room, pictures = notes or {}, MOST_BYTES // max(len(result.maps), 1), []
-    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
+    with scratch_folder() as folder:
         for name, baked in result.maps.items():
-            path = Path(folder) / f"{name}.png"
+            path = folder / f"{name}.png"
             written = baked.write(path, bits=8)
             pictures.append(
                 _picture(

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.files import PathLike
+from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import read_materials
 from texbake.progress import ProgressSink, Stages
@@ -188,11 +188,12 @@ def model_scene(path: PathLike) -> Scene:
     FileError, FileFormatError
         As for `compare_models`.
     """
-    if Path(path).suffix.lower() in _GLTF:
-        scene = read_gltf_scene(path)
+    file = written_file(path)
+    if file.suffix.lower() in _GLTF:
+        scene = read_gltf_scene(file)
     else:
-        mesh = read_mesh(path)
-        materials = read_materials(path, mesh)
+        mesh = read_mesh(file)
+        materials = read_materials(file, mesh)
         scene = replace(scene_from_materials(mesh, materials), files=(Path(path),))
     room = Environment(image=STUDIO_ROOM, background=False, lighting=True, size=_ROOM_PX)
     return replace(scene, lighting=Lighting(environment=room), view=None, name=Path(path).name)

@@ -14,14 +14,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.files import PathLike, replacing, require_file
+from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands
@@ -371,8 +370,8 @@ def _as_file(data: bytes, name: str) -> Iterator[Path]:
         if data[start : start + len(magic)] == magic:
             suffix = known
             break
-    with TemporaryDirectory(prefix="texbake-") as folder:
-        path = Path(folder) / f"image{suffix}"
+    with scratch_folder() as folder:
+        path = folder / f"image{suffix}"
         path.write_bytes(data)
         try:
             yield path

@@ -10,7 +10,6 @@ Files appear whole, the text last; what an earlier export left under other names
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,14 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import OptionError, UvError
-from texbake.files import PathLike, check_folder, make_folder, replacing
+from texbake.files import (
+    PathLike,
+    appearing_together,
+    check_folder,
+    make_folder,
+    replacing,
+    scratch_folder,
+)
 from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions
@@ -123,6 +129,7 @@ def export_files(
     )
 
 
+@appearing_together()
 def export_asset(
     mesh: MeshLike,
     maps: Mapping[str, PathLike],
@@ -252,8 +259,8 @@ def _write_mesh(
     if any(source.tile for source in sources) or not converter.target.embeds:
         embedded = {}
     images = path.parent if path.suffix in (".usda", ".usdc") else None
-    with tempfile.TemporaryDirectory(prefix="texbake-") as name:
-        textures = _textures(embedded, images or Path(name), converter)
+    with scratch_folder() as folder:
+        textures = _textures(embedded, images or folder, converter)
         write_mesh(turned[0], path, **textures, **extra)
     return list(textures.values()) if images else []
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, MeshError, OptionError
-from texbake.files import PathLike
+from texbake.errors import MeshError, OptionError
+from texbake.files import PathLike, read_bytes, written_file
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SPACE, from_description
@@ -166,13 +165,10 @@ def image_file(path: PathLike) -> tuple[bytes, str]:
     OptionError
         It is of another format.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
+    data = read_bytes(written_file(path))
     kind = media_type(data)
     if kind == "image/png":
-        png_description(path)  # raises where it is damaged
+        png_description(written_file(path))  # raises where it is damaged
         return data, kind
     if kind == "image/jpeg":
         return data, kind
@@ -184,7 +180,7 @@ def check_normal_map(path: PathLike) -> None:
     _, kind = image_file(path)
     if kind != "image/png":
         return
-    facts = from_description(png_description(path))
+    facts = from_description(png_description(written_file(path)))
     if facts.get(SPACE, "tangent") != "tangent":
         raise OptionError(
             f"{path}: it is in {facts[SPACE]} space; "

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 import struct
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import UvError
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike, replacing, scratch_folder
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
@@ -117,8 +116,8 @@ def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
 
     Not by USD's own writer, which puts the time into the file.
     """
-    with tempfile.TemporaryDirectory(prefix="texbake-") as name:
-        root = Path(name) / "asset.usdc"
+    with scratch_folder() as folder:
+        root = folder / "asset.usdc"
         stage.GetRootLayer().Export(str(root))
         files = {root.name: root, **textures}
         with path.open("wb") as file, zipfile.ZipFile(file, "w") as package:

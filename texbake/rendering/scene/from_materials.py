@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
+from texbake.files import scratch_folder
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
@@ -25,7 +23,7 @@ def scene_from_materials(mesh: Mesh, materials: Materials | None) -> Scene:
     """
     if materials is not None:
         materials = gltf_images(materials if mesh.uvs is not None else materials.without_images())
-    with tempfile.TemporaryDirectory(prefix="texbake-") as folder:
-        copy = Path(folder) / "model.glb"
+    with scratch_folder() as folder:
+        copy = folder / "model.glb"
         write_glb(mesh, copy, materials=materials)
         return read_gltf_scene(copy)
