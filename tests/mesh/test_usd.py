@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import sys
 import zipfile
 
 import numpy as np
@@ -392,7 +393,9 @@ def test_a_file_cut_anywhere_is_one_clear_line_or_whole(tmp_path, grouped, suffi
 def test_a_missing_file_or_library_is_reported(tmp_path, path, monkeypatch):
     with pytest.raises(FileError, match="there is no such file"):
         read_usd(path)
-    monkeypatch.setitem(__import__("sys").modules, "pxr.Usd", None)
+    monkeypatch.setitem(sys.modules, "pxr.Usd", None)
+    (tmp_path / "pxr.py").write_text("raise ImportError('usd-core is not here')")
+    monkeypatch.syspath_prepend(tmp_path)  # for the process that reads
     for use in (lambda: write_mesh(plane(), path), lambda: (path.touch(), read_usd(path))):
         with pytest.raises(DependencyError, match=r"texbake\[usd\]"):
             use()

@@ -18,6 +18,7 @@ from urllib.parse import unquote
 
 from texbake.errors import TexbakeError
 from texbake.files import read_bytes
+from texbake.mesh.files.usd_process import ask_usd
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
@@ -86,20 +87,8 @@ def _text(name: bytes) -> str:
 
 
 def _of_usd(path: Path) -> Iterator[Path]:
-    try:
-        from pxr import Tf, UsdUtils
-    except ImportError:
-        return
-    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # silences warnings of missing files
-    try:
-        layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
-    except Tf.ErrorException:
-        return
-    finally:
-        del unheard
-    for name in (*(layer.realPath for layer in layers), *assets, *missing):
-        if name and Path(name) != path:
-            yield path.parent / name
+    for name in ask_usd(path, "files", {}):
+        yield path.parent / name
 
 
 _READERS = {

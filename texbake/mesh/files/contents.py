@@ -5,7 +5,6 @@ Nothing is decoded, and what is missing is only noted.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -25,8 +24,7 @@ from texbake.mesh.files.mtl import library_names, map_name
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import decode_name
-from texbake.mesh.files.usd_materials import usd_channels
-from texbake.mesh.files.usd_stage import open_stage, reporting_damage
+from texbake.mesh.files.usd_process import ask_usd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +69,9 @@ class FileContents:
     passed_over: tuple[str, ...] = ()
 
 
+_CLASSES = {made.__name__: made for made in (FileContents, MaterialContent)}
+
+
 def read_contents(path: PathLike) -> FileContents | None:
     """Read what a glTF, FBX, OBJ or USD file says besides its surface; None for other formats.
 
@@ -87,7 +88,8 @@ def read_contents(path: PathLike) -> FileContents | None:
     if suffix == ".fbx":
         return replace(_of_fbx(read_scene(path)), passed_over=passed_over(path))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
-        return _of_usd(path)
+        contents: FileContents = ask_usd(path, "contents", _CLASSES)
+        return contents
     return _of_obj(Path(path)) if suffix == ".obj" else None
 
 
@@ -251,39 +253,3 @@ def _fbx_channels(
         images[label] = None if image is None else image[0]
         channels[_FBX_CHANNELS.get(name, name)] = label
     return channels
-
-
-def _of_usd(path: PathLike) -> FileContents:
-    from pxr import UsdGeom, UsdShade
-
-    stage = open_stage(path)
-    materials = []
-    images: dict[str, bytes | None] = {}
-    uv_sets: dict[str, None] = {}
-    with reporting_damage(path):
-        for prim in stage.Traverse():
-            if prim.IsA(UsdShade.Material):
-                channels: dict[str, str | None] = {}
-                for channel, image in usd_channels(UsdShade.Material(prim)).items():
-                    channels[channel] = None if image is None else Path(image[0]).name
-                    if image is not None:
-                        images[Path(image[0]).name] = image[1]
-                name = str(prim.GetDisplayName() or prim.GetName())
-                materials.append(MaterialContent(name=name, channels=channels))
-            elif prim.IsA(UsdGeom.Mesh):
-                primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
-                uv_sets |= {
-                    str(primvar.GetPrimvarName()): None
-                    for primvar in primvars
-                    if str(primvar.GetTypeName()).startswith("texCoord2")
-                }
-        has_unit = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
-        meters = float(UsdGeom.GetStageMetersPerUnit(stage)) if has_unit else 0.0
-        up = str(UsdGeom.GetStageUpAxis(stage))
-    return FileContents(
-        materials=tuple(materials),
-        images=images,
-        uv_sets=tuple(uv_sets),
-        meters_per_unit=meters if 0.0 < meters < math.inf else None,
-        up=f"+{up}",
-    )

@@ -29,6 +29,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.files.conversion import fan_corners
+from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.files.usd_stage import (
     UsdCorners,
     numbers_of,
@@ -38,6 +39,7 @@ from texbake.mesh.files.usd_stage import (
     reporting_damage,
 )
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.uv_sets import UvSet
 
 _MAX_CORNERS = (1 << 31) - 1
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -61,6 +63,12 @@ def read_usd(path: PathLike) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
+    mesh: Mesh = ask_usd(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})
+    return mesh
+
+
+def mesh_of_stage(path: PathLike) -> Mesh:
+    """Answer for `read_usd`."""
     stage = open_stage(path)
     with reporting_damage(path):
         parts = read_parts(path, stage)

@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from texbake.errors import FileError
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.usd import UsdPart, read_parts
+from texbake.mesh.files.usd_limits import LIMITS
+from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
 from texbake.mesh.materials import (
     CHANNELS,
@@ -50,6 +53,7 @@ _COMPONENTS = {"r": (0,), "g": (1,), "b": (2,), "a": (3,), "rgb": (0, 1, 2)}
 # Black is the edge of most images that are meant to end there.
 _WRAPS = {"clamp": "clamp", "black": "clamp", "mirror": "mirror"}
 _BEYOND = 1e30  # what no number of a material is
+_CLASSES = {made.__name__: made for made in (Materials, MeshMaterial, ChannelSource, ChannelImage)}
 
 
 def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -64,15 +68,24 @@ def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     FileFormatError
         It is not USD, or it is damaged.
     """
+    found: Materials | None = ask_usd(path, "materials", _CLASSES)
+    # The groups of the mesh are those of the file, in its order.
+    if found is None or mesh.face_groups is None:
+        return None
+    of_groups = found.face_materials
+    if len(of_groups) != len(mesh.group_names):
+        return None
+    return replace(found, face_materials=of_groups[mesh.face_groups])
+
+
+def materials_of_stage(path: PathLike) -> Materials | None:
+    """Answer for `read_usd_materials`: with a material for each group, as if these were faces."""
     from pxr import UsdGeom
 
     stage = open_stage(path)
     with reporting_damage(path):
         parts = read_parts(path, stage)
-        # The groups of the mesh are those of its parts, in this order.
         holders = [holder for part in parts for holder in part.holders]
-        if mesh.face_groups is None or len(holders) != len(mesh.group_names):
-            return None
         bound = [_bound_material(stage, holder) for holder in holders]
         paths = [str(material.GetPath()) if material else "" for material in bound]
         if not any(paths):
@@ -89,7 +102,7 @@ def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     numbers = {name: i for i, name in enumerate(found)}
     of_groups = np.array([numbers[name] for name in paths], dtype=np.int32)
     return Materials(
-        face_materials=of_groups[mesh.face_groups],
+        face_materials=of_groups,
         materials=materials,
         missing=tuple(reader.missing.lines),
         missing_images=tuple(reader.missing.images),
@@ -288,6 +301,7 @@ def _image_file(shader: Any) -> tuple[str, str, bytes | None]:
     return str(getattr(asset, "path", "")), resolved, data
 
 
+@cache  # of a process that answers one question
 def _asset_bytes(root: str, resolved: str) -> bytes | None:
     """Content of an image beside the file, or in a package; None where there is none."""
     from pxr import Ar
@@ -295,13 +309,14 @@ def _asset_bytes(root: str, resolved: str) -> bytes | None:
     try:
         file_beside(root, resolved)  # raises where it lies outside the folder of the stage
         if not Ar.IsPackageRelativePath(resolved):
+            LIMITS.allow(Path(resolved).stat().st_size)
             return read_bytes(resolved)
         asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(resolved))
         if not asset:
             return None
         with asset:
             return bytes(asset.GetBuffer()) or None
-    except FileError:
+    except OSError:
         return None
 
 

@@ -1,0 +1,125 @@
+"""The process that reads a USD file and answers one question about it; see `usd_process`.
+
+    python -P -m texbake.mesh.files.usd_child QUESTION FILE PARENT
+
+PARENT is the process that asks: this one ends with it. The answer goes to stdout, as `answers.send`
+writes it: a pair of "answer" and the answer, or of the name of an error and its message.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from texbake.errors import FileFormatError, TexbakeError
+from texbake.limits import ALLOW_OUTSIDE, is_within
+from texbake.mesh.files.answers import send
+from texbake.mesh.files.usd_limits import LIMITS
+from texbake.mesh.files.usd_stage import require_usd
+
+QUESTIONS = {
+    "mesh": ("texbake.mesh.files.usd", "mesh_of_stage"),
+    "materials": ("texbake.mesh.files.usd_materials", "materials_of_stage"),
+    "contents": ("texbake.mesh.files.usd_contents", "contents_of_stage"),
+    "files": (__name__, "files_of_stage"),
+}
+"""Questions, and the module and function that answer each, given the path."""
+
+_PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
+
+
+def main(question: str, path: str, parent: int) -> None:
+    """Answer a question on stdout."""
+    _end_with(parent)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # usd-core prints to stdout as well
+    try:
+        answer = ("answer", _answer(question, path))
+    except MemoryError:
+        answer = (
+            FileFormatError.__name__,
+            f"{path}: reading it takes more memory than a file of its size may; export it again, "
+            "or, if you trust it, read it with texbake --allow-outside",
+        )
+    except TexbakeError as error:
+        answer = (type(error).__name__, str(error))
+    except Exception:
+        answer = ("bug", traceback.format_exc())
+    send(answer, answers)
+
+
+def _answer(question: str, path: str) -> Any:
+    module, name = QUESTIONS[question]
+    answer: Callable[[str], Any] = getattr(import_module(module), name)
+    require_usd(path)
+    if os.environ.get(ALLOW_OUTSIDE) == "1":
+        return answer(path)
+    LIMITS.start()
+    LIMITS.allow(Path(path).stat().st_size)
+    held = list(_layers(path))  # as long as they are, they are not read a second time
+    found = answer(path)
+    del held
+    return found
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent ends, also if that is killed."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
+    if os.getppid() != parent:
+        sys.exit(1)
+
+
+def _layers(path: str) -> Iterator[Any]:
+    """Layers that a file is composed of, and lie in its folder; the limits grow with each."""
+    from pxr import Sdf, Tf
+
+    folder = Path(path).parent
+    seen = {os.path.realpath(path)}
+    waiting = [str(path)]
+    while waiting:
+        with suppress(Tf.ErrorException, UnicodeDecodeError):  # is reported when it is read
+            layer = Sdf.Layer.FindOrOpen(waiting.pop())
+            if layer is None:
+                continue
+            yield layer
+            for name in layer.GetCompositionAssetDependencies():
+                place = layer.ComputeAbsolutePath(name)
+                file = place.partition("[")[0]  # of a package, the package itself
+                real = os.path.realpath(file)
+                if place and is_within(folder, file) and Path(file).is_file():
+                    if real not in seen:
+                        LIMITS.allow(Path(file).stat().st_size)
+                    if place not in seen:
+                        waiting.append(place)
+                    seen |= {real, place}
+
+
+def files_of_stage(path: str) -> list[str]:
+    """Files that a USD file is composed of, and those that it names; its own name is left out.
+
+    Images in tiles are those that exist.
+    """
+    from pxr import Tf, UsdUtils
+
+    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # silences warnings of missing files
+    try:
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(path)
+    except Tf.ErrorException:
+        return []
+    finally:
+        del unheard
+    names = [*(layer.realPath for layer in layers), *assets, *missing]
+    return [str(name) for name in names if name and Path(name) != Path(path)]
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))

@@ -1,0 +1,107 @@
+"""Questions about USD files, answered by a process of its own.
+
+usd-core, Pixar's library, is written for files that one trusts: some damaged files end the process
+that reads them, or keep it busy without an end. So a child process reads them, with limits of time
+and memory, and whatever happens to it becomes an error of one line.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from typing import IO, Any
+
+from texbake import errors
+from texbake.errors import FileFormatError, TexbakeError
+from texbake.files import PathLike, require_file
+from texbake.mesh.files.answers import AnswerError, Classes, receive
+
+_CHILD = "texbake.mesh.files.usd_child"
+# One thread reads as fast as several here, and its memory can be limited.
+_ONE_THREAD = {
+    "PXR_WORK_THREAD_LIMIT": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1",
+}  # fmt: skip
+
+
+def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
+    """Return what a USD file says to a question.
+
+    Parameters
+    ----------
+    path
+    question
+        A key of `texbake.mesh.files.usd_child.QUESTIONS`.
+    classes : mapping of str to type
+        Dataclasses that the answer may contain, by their names.
+
+    Raises
+    ------
+    DependencyError
+        usd-core is not installed.
+    FileError
+        The file is missing.
+    FileFormatError
+        It is damaged, or takes more time or memory than a file of its size may.
+    TexbakeError
+        As the function that answers the question raises it.
+    """
+    require_file(path)
+    with subprocess.Popen(
+        # -P: files in the current folder are not imported as modules.
+        [sys.executable, "-P", "-m", _CHILD, question, os.fspath(path), str(os.getpid())],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **_ONE_THREAD, "PYTHONPATH": _module_path()},
+    ) as child:
+        assert child.stdout is not None
+        try:
+            kind, answer = _answer(child.stdout, classes)
+        except AnswerError:
+            raise FileFormatError(f"{path}: {_ending(child)}") from None
+        finally:
+            # The child answers or it is not needed; a signal that ends this process comes here too.
+            child.kill()
+    if kind == "bug":
+        raise RuntimeError(f"{path}: {answer}")
+    if kind != "answer":
+        raise _error(kind, answer)
+    return answer
+
+
+def _module_path() -> str:
+    """Folders in which this process looks for modules; the folder it runs in is none of them."""
+    return os.pathsep.join(folder for folder in sys.path if folder)
+
+
+def _answer(file: IO[bytes], classes: Classes) -> tuple[str, Any]:
+    """Return the kind of an answer and the answer."""
+    answer = receive(file, classes)
+    if not isinstance(answer, tuple) or len(answer) != 2 or not isinstance(answer[0], str):
+        raise AnswerError("it is not an answer")
+    return answer
+
+
+def _error(kind: str, message: Any) -> TexbakeError:
+    """Return the error of a name."""
+    found = getattr(errors, kind, None)
+    if isinstance(found, type) and issubclass(found, TexbakeError):
+        return found(str(message))
+    return FileFormatError(str(message))
+
+
+def _ending(child: subprocess.Popen[bytes]) -> str:
+    """Return why a child gave no answer."""
+    code = child.wait()
+    if code in (-getattr(signal, "SIGXCPU", 0), -getattr(signal, "SIGALRM", 0)) and code:
+        return (
+            "reading it takes longer than a file of its size may; export it again, or, if you "
+            "trust it, read it with texbake --allow-outside"
+        )
+    how = f"exit code {code}"
+    with suppress(ValueError):
+        how = signal.Signals(-code).name
+    return f"usd-core stopped while it read it ({how}); the file is damaged; export it again"
