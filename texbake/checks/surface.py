@@ -280,7 +280,8 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     Returns
     -------
     others : (F,) int32
-        A face that crosses each, the same on every run; -1 for none.
+        A face that crosses each, the same on every run; -1 for none, and for most copies in a large
+        stack of equal faces.
     unsure : (F,) bool
         Faces for which the search was stopped, because thousands of others are near them.
     """
@@ -302,7 +303,7 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     def look(start: int, stop: int) -> None:
         core.find_crossings(*parts, normals, depth, most, start, stop, others, unsure)
 
-    run_bands(look, mesh.n_faces, band=_BAND, threads=threads)
+    run_bands(look, len(tree.order), band=_BAND, threads=threads)
     return others, unsure
 
 

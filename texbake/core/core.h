@@ -363,8 +363,9 @@ int64_t number_components(
 
 /* face_crossings.c */
 void find_crossings(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, const double positions[n_vertices][3],
-    const int32_t faces[n_faces][3], const int32_t order[n_faces], const float boxes[n_nodes][6],
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t order[n_kept], const float boxes[n_nodes][6],
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces]);
 
@@ -856,9 +857,10 @@ void place_fans(
 
 /* ray_occlusion.c */
 void find_mostly_hidden(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n_ids, int64_t n_samples,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n_ids,
+    int64_t n_samples,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const int32_t face_ids[n_ids], const double samples[n_samples][3], const double eye[4],
     int64_t start, int64_t stop, bool hidden[n_ids]);
 
@@ -1163,14 +1165,14 @@ void morton_keys(
     double cells_a_unit, int64_t axis_bits, int64_t id_bits, int64_t start, int64_t stop,
     uint64_t keys[n_faces]);
 int64_t build_triangle_tree(
-    int64_t n_vertices, int64_t n_faces, int64_t n_most,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_most,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t ids[n_faces], const uint64_t codes[n_faces], float boxes[n_most][6],
+    const int32_t ids[n_kept], const uint64_t codes[n_kept], float boxes[n_most][6],
     int32_t nodes[n_most][2]);
 void closest_points(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const double points[n][3], OPTIONAL const double directions[n][3], double max_distance,
     int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
     double barycentrics[n][3]);

@@ -134,8 +134,9 @@ static int32_t find_crossing(
 /* For the faces at places start to stop - 1 in the order of the tree, one that crosses each. Those
    with a normal of zero take no part. */
 void find_crossings(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, const double positions[n_vertices][3],
-    const int32_t faces[n_faces][3], const int32_t order[n_faces], const float boxes[n_nodes][6],
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes,
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3],
+    const int32_t order[n_kept], const float boxes[n_nodes][6],
     const int32_t nodes[n_nodes][2], const double normals[n_faces][3], double depth, int64_t most,
     int64_t start, int64_t stop, int32_t others[n_faces], bool unsure[n_faces])
 {

@@ -116,9 +116,10 @@ static bool is_hidden(
 /* Write which of the faces `face_ids[start]` to `face_ids[stop - 1]` have more than half of their
    samples hidden from the viewer: `eye` is a point and 1, or a direction and 0. */
 void find_mostly_hidden(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n_ids, int64_t n_samples,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n_ids,
+    int64_t n_samples,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const int32_t face_ids[n_ids], const double samples[n_samples][3], const double eye[4],
     int64_t start, int64_t stop, bool hidden[n_ids])
 {

@@ -87,13 +87,13 @@ static void bound_faces(
 
 /* Split ranges of the order from the top, then join boxes from the bottom; return how many nodes. */
 int64_t build_triangle_tree(
-    int64_t n_vertices, int64_t n_faces, int64_t n_most,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_most,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t ids[n_faces], const uint64_t codes[n_faces], float boxes[n_most][6],
+    const int32_t ids[n_kept], const uint64_t codes[n_kept], float boxes[n_most][6],
     int32_t nodes[n_most][2])
 {
     nodes[0][0] = 0;
-    nodes[0][1] = (int32_t)n_faces;
+    nodes[0][1] = (int32_t)n_kept;
     int64_t n_nodes = 1;
     for (int64_t node = 0; node < n_nodes; node++) {
         const int32_t first = nodes[node][0], count = nodes[node][1];
@@ -183,9 +183,9 @@ static int32_t closest_face(
 /* Find the closest face to points start to stop - 1; where directions are given, the closest of those
    that face the way the point's direction points. */
 void closest_points(
-    int64_t n_vertices, int64_t n_faces, int64_t n_nodes, int64_t n,
+    int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t order[n_faces], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
+    const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const double points[n][3], const double directions[n][3], double max_distance, int64_t start,
     int64_t stop, double distances[n], int32_t face_ids[n], double barycentrics[n][3])
 {

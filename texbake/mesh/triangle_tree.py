@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
@@ -26,8 +27,8 @@ class TriangleTree:
     ----------
     positions : (V, 3) float64
     faces : (F, 3) int32
-    order : (F,) int32
-        Face ids, so that those below a node are contiguous.
+    order : (n,) int32
+        Face ids, so that those below a node are contiguous. Most copies of faces are left out.
     boxes : (N, 6) float32
         Least x, y, z, then greatest of each node, rounded outward.
     nodes : (N, 2) int32
@@ -58,6 +59,9 @@ class TriangleTree:
         positions = np.ascontiguousarray(positions, dtype=np.float64)
         faces = np.ascontiguousarray(faces, dtype=np.int32)
         ids, codes = _morton_order(positions, faces, threads)
+        kept = without_copies(positions, faces, ids, codes)
+        if not kept.all():
+            ids, codes = ids[kept], codes[kept]
         boxes = np.empty((2 * len(faces), 6), dtype=np.float32)
         nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
         n_nodes = core.build_triangle_tree(positions, faces, ids, codes, boxes, nodes)

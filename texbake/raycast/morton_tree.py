@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import Chunk
@@ -20,6 +21,7 @@ WIDTH = 8  # triangles of a leaf, and boxes of a node
 _CELLS = 1024  # of the curve, along the longest side of the box
 _DIGIT_BITS = 10
 _FACES_PER_BAND = 1 << 18
+_LOWER_HALF = np.uint64((1 << 32) - 1)
 _LEAVES_PER_BAND = 1 << 13  # a multiple of WIDTH: a node is written by one band
 
 
@@ -59,11 +61,16 @@ class MortonTree:
     ) -> MortonTree:
         """Build the tree over some faces of a mesh, one after another; None: over all of them.
 
+        Of a stack of faces with the same corners, the first is kept, which is the one that is hit.
         The ids of a chunk are those that its triangles have in the whole mesh.
         """
         faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)
-        n_leaves = -(-len(faces) // WIDTH)
+        if isinstance(mesh, Mesh):
+            ids, codes = places & _LOWER_HALF, places >> np.uint64(32)
+            kept = without_copies(mesh.positions, mesh.faces, ids.astype(np.int32), codes)
+            places = places[kept]
+        n_leaves = -(-len(places) // WIDTH)
         sizes = [-(-n_leaves // WIDTH)]
         while sizes[-1] > 1:
             sizes.append(-(-sizes[-1] // WIDTH))

@@ -38,6 +38,9 @@ _SEED = 20140912
 _LOOKS_ACROSS = 24  # parallel rays along either side of a view
 _MOST_RAYS = 400_000  # from both sides of all parts together
 _MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
+# A ray through triangles that overlap meets many of them. These bound all rays of a mesh together:
+# the largest parts get theirs first, and parts that get none are unclear.
+_RAYS_ALLOWED, _BOXES_ALLOWED = 4_000_000, 100_000_000
 # Rays start this far from the surface, in local units.
 _OFFSET = 1e-6
 # How many standard deviations of chance the votes for one side must be ahead.
@@ -99,14 +102,15 @@ def find_orientation(mesh: Mesh, scene: RayScene, *, keep_open: bool = False) ->
     welded = weld_rows(mesh.positions)[mesh.faces]
     parts, turned = _parts_wound_alike(mesh, welded)
     n_parts = int(parts.max(initial=-1)) + 1
-    votes = _Votes.of(_points(mesh, parts, turned, n_parts), parts, n_parts, scene)
+    points = _points(mesh, parts, turned, n_parts)
+    votes = _Votes.of(points, parts, n_parts, scene)
     one_sided = ~two_sided_faces(welded)
     if keep_open:
         one_sided &= ~_open_faces(welded, mesh.n_vertices)
     matters = np.bincount(parts, one_sided, n_parts) > 0.0
     inwards = votes.inwards() & matters
     firsts = np.unique(parts, return_index=True)[1]
-    unclear = votes.seen & ~votes.clear & matters
+    unclear = ((votes.seen & ~votes.clear) | points.left_out) & matters
     turned = (turned ^ inwards[parts]) & ~unclear[parts] & one_sided
     return Orientation(
         turned, n_parts, int(np.count_nonzero(inwards)), tuple(firsts[unclear].tolist())
@@ -154,6 +158,7 @@ class _Points:
     parts: IntArray
     positions: FloatArray
     normals: FloatArray
+    left_out: BoolArray  # (n_parts,): parts that rays enough for all of them would have reached
 
 
 def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Points:
@@ -168,6 +173,8 @@ def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Po
     share = _MOST_RAYS // 2 * (ends - begins) / max(sums[-1], np.finfo(float).tiny)
     n_points = np.clip(share, _LEAST_OF_PART, _MOST_OF_PART).astype(np.int64)
     n_points[ends <= begins] = 0
+    left_out = _left_out(n_points, ends - begins, _points_allowed(mesh))
+    n_points[left_out] = 0
     of_points = np.repeat(np.arange(n_parts, dtype=np.int32), n_points)
     random = np.random.Generator(np.random.PCG64(_SEED))
     n = len(of_points)
@@ -180,7 +187,31 @@ def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Po
     with np.errstate(invalid="ignore"):
         normals = crosses[faces] / lengths[faces, None]
     normals[turned[faces]] *= -1.0
-    return _Points(of_points, positions, np.nan_to_num(normals))
+    return _Points(of_points, positions, np.nan_to_num(normals), left_out)
+
+
+def _points_allowed(mesh: Mesh) -> float:
+    """Points of all parts together, from the boxes that a ray through the mesh meets.
+
+    That a line which meets a box meets another one inside of it has the probability of the ratio of
+    their areas.
+    """
+    corners = mesh.positions[mesh.faces] / max(mesh.diagonal, 1e-300)
+    x, y, z = (corners.max(axis=1) - corners.min(axis=1)).T
+    low, high = mesh.bounds / max(mesh.diagonal, 1e-300)
+    width, height, depth = high - low
+    whole = width * height + height * depth + depth * width
+    n_boxes = float((x * y + y * z + z * x).sum()) / max(whole, 1e-300)
+    return min(_RAYS_ALLOWED, _BOXES_ALLOWED / max(n_boxes, 1.0)) / 2.0
+
+
+def _left_out(n_points: npt.NDArray[np.int64], areas: FloatArray, allowed: float) -> BoolArray:
+    """(n_parts,) bool: parts without points, so that those of the larger ones are as allowed."""
+    left_out = np.zeros(len(n_points), dtype=np.bool_)
+    if n_points.sum() > allowed:
+        largest_first = np.argsort(-areas, kind="stable")
+        left_out[largest_first[np.cumsum(n_points[largest_first]) > allowed]] = True
+    return left_out & (n_points > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +261,8 @@ class _Votes:
     def inwards(self) -> BoolArray:
         """(n_parts,) bool: parts to turn over."""
         inwards: BoolArray = self.clear & (self.behind > self.in_front)
-        for part in np.flatnonzero(~self.seen).tolist():
+        asked = np.union1d(self.hits[:, 0], np.flatnonzero(self.seen))
+        for part in np.setdiff1d(asked, np.flatnonzero(self.seen)).tolist():
             inwards[part] = inwards[self._around(part)]
         return inwards
 
