@@ -40,7 +40,7 @@ _MOST_RAYS = 400_000  # from both sides of all parts together
 _MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
 # A ray through triangles that overlap meets many of them. These bound all rays of a mesh together:
 # the largest parts get theirs first, and parts that get none are unclear.
-_RAYS_ALLOWED, _BOXES_ALLOWED = 4_000_000, 100_000_000
+_RAYS_ALLOWED, _BOXES_ALLOWED = 2_000_000, 100_000_000
 # Rays start this far from the surface, in local units.
 _OFFSET = 1e-6
 # How many standard deviations of chance the votes for one side must be ahead.

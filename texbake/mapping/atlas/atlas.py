@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.errors import UvError
-from texbake.mapping.atlas.charts import Charts, existing_charts
+from texbake.errors import UnwrapError, UvError
+from texbake.mapping.atlas.charts import Charts, existing_charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.flattening.relax import relax_charts
 from texbake.mapping.atlas.hard_edges import regions_between
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.stretch import face_stretch
@@ -134,6 +136,34 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
         mesh, hard_edges=options.seams_at_hard_edges, angle=options.seam_angle, regions=regions
     )
     points = snap_points(mesh)
+    lone, others = find_lone_faces(points, mesh.faces, regions, threads)
+    if not len(lone):
+        charts = _connected_charts(mesh, points, options, regions, stages, threads)
+    else:
+        pieces = [(lone, lone_charts(points, mesh.faces[lone]))]
+        if len(others):
+            connected = Mesh(positions=mesh.positions, faces=mesh.faces[others], name=mesh.name)
+            among = None if regions is None else regions[others]
+            with suppress(UnwrapError):  # none of them has an area
+                found = _connected_charts(connected, points, options, among, stages, threads)
+                pieces.append((others, found))
+        charts = gather_charts(mesh.faces, pieces)
+    if n_within:
+        note = f"{n_within:,} hard edges have no seam, because they end within a chart"
+        charts = replace(charts, notes=(*charts.notes, note))
+    longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    return replace(charts, uvs=charts.uvs * longest)
+
+
+def _connected_charts(
+    mesh: Mesh,
+    points: FloatArray,
+    options: UnwrapOptions,
+    regions: IntArray | None,
+    stages: Stages,
+    threads: int | None,
+) -> Charts:
+    """Cut, relax and join the charts of a mesh, in units of its points."""
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
@@ -152,11 +182,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
             charts = bound_charts(
                 points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
             )
-    if n_within:
-        note = f"{n_within:,} hard edges have no seam, because they end within a chart"
-        charts = replace(charts, notes=(*charts.notes, note))
-    longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
-    return replace(charts, uvs=charts.uvs * longest)
+    return charts
 
 
 def _improved(

@@ -156,7 +156,7 @@ def _taken_apart(
     new_charts = charts.astype(np.int64)
     new_charts[torn] = charts.max() + 1 + connected_faces(edge_ids(joints[torn]))
 
-    uvs = np.concatenate([uvs, _laid_flat(corners[lost]).reshape(-1, 2)])
+    uvs = np.concatenate([uvs, laid_flat(corners[lost]).reshape(-1, 2)])
     faces = faces.copy()
     faces[lost] = np.arange(len(uvs) - 3 * lost.sum(), len(uvs)).reshape(-1, 3)
     pairs = np.stack([faces, np.repeat(new_charts[:, None], 3, axis=1)], axis=2).reshape(-1, 2)
@@ -164,7 +164,7 @@ def _taken_apart(
     return new_faces.reshape(-1, 3), uvs[pairs[:, 0]], pairs[:, 1].astype(np.int32)
 
 
-def _laid_flat(corners: FloatArray) -> FloatArray:
+def laid_flat(corners: FloatArray) -> FloatArray:
     """(F, 3, 2) float64: triangles placed in the plane, with their lengths, counter-clockwise."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     lengths = np.linalg.norm(first, axis=1)
