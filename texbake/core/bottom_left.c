@@ -18,6 +18,8 @@
 /* Size classes of boxes along each side. */
 enum { N_CLASSES = 64 };
 
+enum { UNKNOWN = -1 }; /* longest run of a row */
+
 void free_all(const struct free_cells *cells)
 {
     for (int64_t row = 0; row < cells->n_rows; row++) {
@@ -58,6 +60,22 @@ static int64_t longest_span(const struct turned_chart *chart)
     return longest;
 }
 
+/* The longest free run of a row, which is measured only if charts were placed there since. */
+static int64_t longest_run(const struct free_cells *cells, int64_t row)
+{
+    if (cells->longest[row] == UNKNOWN) {
+        const int32_t *runs = cells->runs + row * cells->n_columns;
+        int32_t longest = 0;
+        for (int64_t column = 0; column < cells->n_columns;) {
+            const int32_t run = runs[column];
+            longest = run > longest ? run : longest;
+            column += run > 0 ? run : -run;
+        }
+        cells->longest[row] = longest;
+    }
+    return cells->longest[row];
+}
+
 struct spot lowest_place(
     const struct free_cells *cells, const struct turned_chart *chart, struct spot first,
     int64_t below, int64_t *steps)
@@ -68,10 +86,11 @@ struct spot lowest_place(
     const int64_t widest_row = chart->spans[probe].row;
     const int64_t widest = chart->spans[probe].end - chart->spans[probe].begin;
     for (int64_t y = first.y; y < stop; y++) {
-        if (cells->longest[y + widest_row] < widest)
+        int64_t x = y == first.y ? first.x : 0, passed = 0;
+        /* To look at the rest of a row takes less than to measure all of it. */
+        if (x == 0 && longest_run(cells, y + widest_row) < widest)
             continue;
         const int32_t *runs = cells->runs + y * n_columns;
-        int64_t x = y == first.y ? first.x : 0, passed = 0;
         while (passed < n_spans && x + chart->width <= n_columns) {
             ++*steps;
             const struct span span = chart->spans[probe];
@@ -116,21 +135,6 @@ static int64_t block_row(int32_t *row, int64_t begin, int64_t end, int64_t n_col
     return end - begin;
 }
 
-/* Measure the longest free run of each of some rows. */
-static void measure_longest(const struct free_cells *cells, int64_t first, int64_t last)
-{
-    for (int64_t row = max_i64(first, 0); row < min_i64(last, cells->n_rows); row++) {
-        const int32_t *runs = cells->runs + row * cells->n_columns;
-        int32_t longest = 0;
-        for (int64_t column = 0; column < cells->n_columns;) {
-            const int32_t run = runs[column];
-            longest = run > longest ? run : longest;
-            column += run > 0 ? run : -run;
-        }
-        cells->longest[row] = longest;
-    }
-}
-
 int64_t block_chart(
     const struct free_cells *cells, const struct turned_chart *chart, int64_t x, int64_t y,
     int64_t n_widths, const int32_t *half_widths)
@@ -150,7 +154,9 @@ int64_t block_chart(
                 cells->runs + row * cells->n_columns, begin, end, cells->n_columns);
         }
     }
-    measure_longest(cells, y - reach, y + chart->height + reach);
+    const int64_t last = min_i64(y + chart->height + reach, cells->n_rows);
+    for (int64_t row = max_i64(y - reach, 0); row < last; row++)
+        cells->longest[row] = UNKNOWN;
     return steps;
 }
 

@@ -8,7 +8,7 @@
 
 /* The free cells of a grid. `runs` holds, for each cell, how many cells are free from it to the
    right; or, as a negative number, how many at least are blocked. `longest` holds the longest free
-   run of each row. */
+   run of each row, below 0 until it is asked for. */
 struct free_cells {
     int64_t n_rows, n_columns;
     int32_t *runs, *longest;

@@ -76,7 +76,7 @@ class Bins:
         bitmaps = self.poses.bitmaps(scale, SNAP_MARGIN / self.grid.cell)
         places = np.full((self.charts.n_charts, 4), -1, dtype=np.int32)
         tiles = np.full(self.charts.n_charts, -1, dtype=np.int32)
-        room_above = _SCALE_GROWTH
+        room_above = math.inf
         everything = self.order(trial)
         for group in np.unique(self.groups):
             order = everything[self.groups[everything] == group]
@@ -173,13 +173,22 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
     many = bins.hurry > 0
     first_guess, precision = (_LOW_GUESS, _ROUGH_STEP) if many else (_FIRST_GUESS, _SCALE_STEP)
     scale = min(math.sqrt(first_guess * n_cells * bins.n_tiles / largest), too_large)
-    step = _SCALE_GROWTH
+    if bins.hurry > 1:
+        scale = min(_guess_with_padding(bins, first_guess), scale)
+    step, share = _SCALE_GROWTH, 0.0
     while too_large - fits > precision * too_large:
         if bins.try_scale(scale):
-            fits = scale
             # The free rows above the charts show how much larger they can be.
-            step = max(bins.room_above, 1.0 + precision) if many else step
-            scale = min(scale * step, (fits + too_large) / 2.0)
+            step = min(max(bins.room_above, 1.0 + precision), _SCALE_GROWTH) if many else step
+            larger = scale * step
+            if bins.hurry > 1:
+                before, share = share, 1.0 / bins.room_above
+                growth = (1.0 - share) * (scale - fits) / max(share - before, 1e-6)
+                larger = min(max(scale + growth, scale * (1.0 + precision)), 2.0 * scale)
+            fits = scale
+            if bins.hurry > 1 and bins.room_above < 1.0 + precision:
+                break
+            scale = min(larger, (fits + too_large) / 2.0)
         else:
             too_large = scale
             scale = max(scale / step, (fits + too_large) / 2.0)
@@ -191,6 +200,19 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
         while bins.try_scale(fits * (1.0 + _SCALE_STEP), trial):
             fits *= 1.0 + _SCALE_STEP
     return True
+
+
+def _guess_with_padding(bins: Bins, share: float) -> float:
+    """Scale at which the charts, as squares with padding between them, fill a share of the tiles.
+
+    Where the padding alone fills more, a share of what it leaves.
+    """
+    gap = float(len(bins.grid.half_widths) // 2)
+    padding = len(bins.areas) * gap**2
+    n_cells = bins.grid.width * bins.grid.height * bins.n_tiles
+    room = max(share * n_cells - padding, share * max(n_cells - padding, 1.0) / 2.0)
+    squared, linear = float(bins.areas.sum()), gap * float(np.sqrt(bins.areas).sum())
+    return room / (linear + math.sqrt(linear**2 + squared * room))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
