@@ -15,6 +15,7 @@ from texbake.files import (
     check_folder,
     check_writable,
     make_folder,
+    remove_file,
     replacing,
     scratch_folder,
     write_files,
@@ -221,3 +222,39 @@ def test_content_is_on_the_disk_before_a_file_takes_its_name(
         temporary.write_bytes(b"c")
     assert [path.name for path in moved] == ["a", "b", "c"]
     assert synchronized.count(tmp_path) == 2  # the names, too
+
+
+def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path: Path) -> None:
+    target, companion = tmp_path / "rock.obj", tmp_path / "rock.uvs.npz"
+    target.write_bytes(b"before")
+    companion.write_bytes(b"before")
+
+    def write(stop: bool) -> None:
+        with appearing_together():
+            with replacing(target) as temporary:
+                temporary.write_bytes(b"after")
+            remove_file(companion)
+            assert companion.is_file()
+            if stop:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(stop=True)
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == {b"before"}
+    write(stop=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["rock.obj"]
+    remove_file(companion)  # it may be gone already
+    remove_file(target)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_written_after_its_removal_stays(tmp_path: Path) -> None:
+    target = tmp_path / "rock.uvs.npz"
+    with appearing_together():
+        for content in b"first", b"second":
+            with replacing(target) as temporary:
+                temporary.write_bytes(content)
+            remove_file(target)
+        with replacing(target) as temporary:
+            temporary.write_bytes(b"third")
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"third"]

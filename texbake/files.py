@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from itertools import chain
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
@@ -19,8 +20,9 @@ from texbake.errors import FileError, FileFormatError
 PathLike = str | os.PathLike[str]
 
 _PREFIX = ".texbake-"  # of temporary files
-# Finished temporary files by their targets, while a block of files that appear together is open.
-_WAITING: ContextVar[dict[Path, Path] | None] = ContextVar("waiting files", default=None)
+# Finished temporary files by their targets, while a block of files that appear together is open;
+# None for a target that is to be removed.
+_WAITING: ContextVar[dict[Path, Path | None] | None] = ContextVar("waiting files", default=None)
 _SCRATCH_FOLDERS: set[Path] = set()
 
 
@@ -135,7 +137,7 @@ def appearing_together() -> Iterator[None]:
     if _WAITING.get() is not None:
         yield
         return
-    waiting: dict[Path, Path] = {}
+    waiting: dict[Path, Path | None] = {}
     token = _WAITING.set(waiting)
     try:
         yield
@@ -143,23 +145,50 @@ def appearing_together() -> Iterator[None]:
     finally:
         _WAITING.reset(token)
         for temporary in waiting.values():
-            temporary.unlink(missing_ok=True)
+            if temporary is not None:
+                temporary.unlink(missing_ok=True)
 
 
-def _put_in_place(waiting: Mapping[Path, Path]) -> None:
+def remove_file(path: PathLike) -> None:
+    """Remove a file if it exists; within `appearing_together`, when that block ends.
+
+    For a file that belongs to an older version of another one.
+
+    Raises
+    ------
+    FileError
+        It cannot be removed.
+    """
+    target = _target_of(path)
+    waiting = _WAITING.get()
+    if waiting is None or _is_scratch(target):
+        try:
+            target.unlink(missing_ok=True)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be removed: {error.strerror or error}") from error
+        return
+    before = waiting.get(target)
+    waiting[target] = None
+    if before is not None:
+        before.unlink(missing_ok=True)
+
+
+def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
     """Move finished files to their targets, in one step that no signal divides.
 
     Their content is on the disk before, so that a power cut leaves no empty files of their names.
     """
-    for target, temporary in waiting.items():
+    moved = {target: temporary for target, temporary in waiting.items() if temporary is not None}
+    removed = [str(target) for target in waiting if target not in moved and target.is_file()]
+    for target, temporary in moved.items():
         try:
             to_disk(temporary)
         except OSError as error:  # such as a disk that is full only now
             raise _unwritable(target, error, "nothing was changed") from error
-    # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
-    moves = map(os.replace, [*map(str, waiting.values())], [*map(str, waiting)])
+    moves = map(os.replace, [*map(str, moved.values())], [*map(str, moved)])
     try:
-        deque(moves, maxlen=0)
+        # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
+        deque(chain(moves, map(os.unlink, removed)), maxlen=0)
     except OSError as error:
         state = "nothing was changed" if len(waiting) == 1 else "some files of this job are older"
         raise _unwritable(error.filename2 or error.filename, error, state) from error
@@ -170,7 +199,7 @@ def _put_in_place(waiting: Mapping[Path, Path]) -> None:
 def written_file(path: PathLike) -> Path:
     """Return where the content of a file is: at its temporary path while it waits for others."""
     waiting = _WAITING.get()
-    return Path(path) if not waiting else waiting.get(_target_of(path), Path(path))
+    return (waiting.get(_target_of(path)) if waiting else None) or Path(path)
 
 
 @contextmanager

@@ -147,3 +147,23 @@ def test_convert_keeps_sets_or_says_so(mesh, tmp_path):
     assert tmp_path / "c.uvs.npz" in done.files
     done = transform_file(tmp_path / "b.glb", tmp_path / "d.ply")
     assert "further texture coordinates" in done.warnings[0]
+
+
+def test_an_obj_file_that_is_not_written_keeps_its_further_sets(mesh, tmp_path, monkeypatch):
+    path = tmp_path / "ball.obj"
+    write_mesh(mesh, path)
+    older = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert set(older) == {"ball.obj", "ball.uvs.npz"}
+    plain = mesh.replace(uv_sets={})
+
+    def stop(path):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("texbake.files.to_disk", stop)
+        for newer in plain, transformed(mesh, np.diag([2.0, 2.0, 2.0, 1.0])):
+            with pytest.raises(KeyboardInterrupt):
+                write_mesh(newer, path)
+            assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == older
+    write_mesh(plain, path)
+    assert [file.name for file in tmp_path.iterdir()] == ["ball.obj"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, make_folder, replacing
+from texbake.files import PathLike, appearing_together, make_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import encode_heights, encode_normals
 from texbake.texture.image import Image, write_image
@@ -48,10 +47,9 @@ def write_images(
         )
     for folder in {file.parent for file in images}:
         make_folder(folder)
-    with ExitStack() as together:
-        places = [together.enter_context(replacing(file)) for file in images]
-        for place, pixels in zip(places, images.values(), strict=True):
-            write_image(pixels, place, color=color, bits=bits, threads=threads)
+    with appearing_together():
+        for file, pixels in images.items():
+            write_image(pixels, file, color=color, bits=bits, threads=threads)
 
 
 def suffix_like(source: Image) -> str:

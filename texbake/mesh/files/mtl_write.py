@@ -10,10 +10,9 @@ physically based rendering", Clara.io, 2015.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike, appearing_together, replacing
 from texbake.mesh.files.mtl import IMAGES, VALUES
 from texbake.mesh.files.obj import plain_name, write_obj
 from texbake.mesh.materials import ChannelImage, Materials, MeshMaterial
@@ -28,6 +27,7 @@ _SPELLINGS = {
 }  # fmt: skip
 
 
+@appearing_together()
 def write_obj_materials(mesh: Mesh, path: PathLike, materials: Materials) -> tuple[Path, ...]:
     """Write an OBJ file, its .mtl file and their images; return the paths of all.
 
@@ -47,17 +47,16 @@ def write_obj_materials(mesh: Mesh, path: PathLike, materials: Materials) -> tup
         lines += [f"newmtl {name}", *_statements(material, images), ""]
     contents = {path.with_name(file): data for data, file in images.items()}
     contents[library] = "\n".join(lines).encode("utf-8", "replace")
-    with ExitStack() as together:
-        for file, content in contents.items():
-            together.enter_context(replacing(file)).write_bytes(content)
-        write_obj(
-            mesh,
-            together.enter_context(replacing(path)),
-            library=library.name,
-            face_materials=materials.face_materials,
-            material_names=names,
-            beside=path,
-        )
+    for file, content in contents.items():
+        with replacing(file) as temporary:
+            temporary.write_bytes(content)
+    write_obj(
+        mesh,
+        path,
+        library=library.name,
+        face_materials=materials.face_materials,
+        material_names=names,
+    )
     return path, *contents
 
 

@@ -33,7 +33,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import FileFormatError, MeshError
-from texbake.files import PathLike, replacing
+from texbake.files import PathLike, appearing_together, replacing
 from texbake.mesh.files.conversion import fan_corners, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
@@ -243,6 +243,7 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
     return sizes, corners
 
 
+@appearing_together()
 def write_obj(
     mesh: Mesh,
     path: PathLike,
@@ -250,7 +251,6 @@ def write_obj(
     library: str = "",
     face_materials: IntArray | None = None,
     material_names: Sequence[str] = (),
-    beside: PathLike | None = None,
 ) -> None:
     """Write positions, colors, texture coordinates, normals, faces, groups and materials.
 
@@ -269,8 +269,6 @@ def write_obj(
         Index into `material_names` of each face.
     material_names
         As they stand in the library.
-    beside
-        The path of the file in the end, where `path` is a temporary one.
 
     Raises
     ------
@@ -305,7 +303,7 @@ def write_obj(
                 material = face_materials[start]
                 file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
             write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
-    write_uv_sets(mesh, path if beside is None else beside)
+    write_uv_sets(mesh, path)
 
 
 def _corner_indices(mesh: Mesh) -> IntArray:

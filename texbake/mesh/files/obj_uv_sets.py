@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError
-from texbake.files import PathLike
+from texbake.files import PathLike, remove_file
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
 
@@ -36,7 +36,7 @@ def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
     """
     beside = uv_sets_path(path)
     if not mesh.uv_sets:
-        beside.unlink(missing_ok=True)
+        remove_file(beside)
         return
     arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces)}
     arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
