@@ -6,8 +6,10 @@ Files that belong together appear together: those of a job, or of any `appearing
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import tempfile
+import threading
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,13 +18,25 @@ from itertools import chain
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
+from texbake.unfinished import PREFIX, clear_own, scratch_prefix, unfinished_name
 
 PathLike = str | os.PathLike[str]
 
-_PREFIX = ".texbake-"  # of temporary files
-# Finished temporary files by their targets, while a block of files that appear together is open;
-# None for a target that is to be removed.
-_WAITING: ContextVar[dict[Path, Path | None] | None] = ContextVar("waiting files", default=None)
+
+class _Waiting:
+    """What waits for the end of a block of files that appear together.
+
+    `files` has finished temporary files by their targets, None for a target that is to be removed;
+    `folders` has those that were made for them.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[Path, Path | None] = {}
+        self.folders: list[Path] = []
+
+
+_WAITING: ContextVar[_Waiting | None] = ContextVar("waiting files", default=None)
+_MOVING = threading.Lock()  # held while files take their names
 _SCRATCH_FOLDERS: set[Path] = set()
 
 
@@ -91,9 +105,9 @@ def replacing(path: PathLike) -> Iterator[Path]:
     """
     target = _target_of(path)
     waiting = _WAITING.get()
-    soon_gone = target.name.startswith(_PREFIX) or _is_scratch(target)
+    soon_gone = target.name.startswith(PREFIX) or _is_scratch(target)
     # The name does not contain that of `path`: some writers accept only names that are UTF-8.
-    temporary = target.with_name(f"{_PREFIX}{os.urandom(6).hex()}{target.suffix}")
+    temporary = target.parent / unfinished_name(target.parent, target.suffix)
     try:
         # Create the file first, so that an unwritable folder fails before the work, not after it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode_for(target)))
@@ -103,8 +117,8 @@ def replacing(path: PathLike) -> Iterator[Path]:
         elif waiting is None:
             _put_in_place({target: temporary})
         else:
-            before = waiting.get(target)
-            waiting[target] = temporary
+            before = waiting.files.get(target)
+            waiting.files[target] = temporary
             if before is not None:
                 before.unlink(missing_ok=True)
     except OSError as error:
@@ -112,7 +126,7 @@ def replacing(path: PathLike) -> Iterator[Path]:
             raise
         raise _unwritable(path, error, "nothing was changed") from error
     finally:
-        if waiting is None or waiting.get(target) != temporary:
+        if waiting is None or waiting.files.get(target) != temporary:
             temporary.unlink(missing_ok=True)
 
 
@@ -125,8 +139,9 @@ def appearing_together() -> Iterator[None]:
     """Let the files that a block writes appear when it ends, all of them, or none if it raises.
 
     An asset whose bake is interrupted keeps all of its older files, instead of a mix of older and
-    newer ones. Each file waits under a temporary name in its own folder. A block within another
-    one belongs to it. Also a decorator of functions.
+    newer ones. Each file waits under a temporary name in its own folder. Folders that were made for
+    them are removed if the block raises. A block within another one belongs to it. Also a decorator
+    of functions.
 
     Raises
     ------
@@ -137,16 +152,20 @@ def appearing_together() -> Iterator[None]:
     if _WAITING.get() is not None:
         yield
         return
-    waiting: dict[Path, Path | None] = {}
+    waiting = _Waiting()
     token = _WAITING.set(waiting)
     try:
         yield
-        _put_in_place(waiting)
+        _put_in_place(waiting.files)
+        waiting.folders.clear()
     finally:
         _WAITING.reset(token)
-        for temporary in waiting.values():
+        for temporary in waiting.files.values():
             if temporary is not None:
                 temporary.unlink(missing_ok=True)
+        for folder in reversed(waiting.folders):
+            with suppress(OSError):  # it is not empty
+                folder.rmdir()
 
 
 def remove_file(path: PathLike) -> None:
@@ -167,8 +186,8 @@ def remove_file(path: PathLike) -> None:
         except OSError as error:
             raise FileError(f"{path}: cannot be removed: {error.strerror or error}") from error
         return
-    before = waiting.get(target)
-    waiting[target] = None
+    before = waiting.files.get(target)
+    waiting.files[target] = None
     if before is not None:
         before.unlink(missing_ok=True)
 
@@ -187,8 +206,9 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
             raise _unwritable(target, error, "nothing was changed") from error
     moves = map(os.replace, [*map(str, moved.values())], [*map(str, moved)])
     try:
-        # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
-        deque(chain(moves, map(os.unlink, removed)), maxlen=0)
+        with _MOVING:
+            # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
+            deque(chain(moves, map(os.unlink, removed)), maxlen=0)
     except OSError as error:
         state = "nothing was changed" if len(waiting) == 1 else "some files of this job are older"
         raise _unwritable(error.filename2 or error.filename, error, state) from error
@@ -199,7 +219,26 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
 def written_file(path: PathLike) -> Path:
     """Return where the content of a file is: at its temporary path while it waits for others."""
     waiting = _WAITING.get()
-    return (waiting.get(_target_of(path)) if waiting else None) or Path(path)
+    return (waiting.files.get(_target_of(path)) if waiting else None) or Path(path)
+
+
+def clear_unfinished(patience: float) -> None:
+    """Remove all temporary files and folders of this process, which then must end at once.
+
+    For a signal that the work does not hear. Files that take their names just now are waited for.
+
+    Parameters
+    ----------
+    patience
+        Most seconds to wait.
+    """
+    _MOVING.acquire(timeout=patience)  # never released: no other files may take their names
+    clear_own()
+
+
+def new_scratch_folder() -> Path:
+    """Make a temporary folder, which the caller removes."""
+    return Path(tempfile.mkdtemp(prefix=scratch_prefix(Path(tempfile.gettempdir()))))
 
 
 @contextmanager
@@ -208,14 +247,15 @@ def scratch_folder() -> Iterator[Path]:
 
     Files in it wait for no others.
     """
-    # Where open files cannot be removed, the system clears its own folder for them.
-    with tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as name:
-        folder = Path(os.path.realpath(name))
-        _SCRATCH_FOLDERS.add(folder)
-        try:
-            yield folder
-        finally:
-            _SCRATCH_FOLDERS.discard(folder)
+    made = new_scratch_folder()
+    folder = Path(os.path.realpath(made))
+    _SCRATCH_FOLDERS.add(folder)
+    try:
+        yield folder
+    finally:
+        _SCRATCH_FOLDERS.discard(folder)
+        # Where open files cannot be removed, the system clears its own folder for them.
+        shutil.rmtree(made, ignore_errors=True)
 
 
 def to_disk(path: Path) -> None:
@@ -309,8 +349,11 @@ def make_folder(folder: PathLike) -> Path:
     FileError
         The folder cannot be created, or there is a file of that name.
     """
-    path = Path(folder)
+    path, waiting = Path(folder), _WAITING.get()
     try:
+        if waiting is not None:
+            missing = [there for there in (path, *path.parents) if not there.exists()]
+            waiting.folders += reversed(missing)
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{path}: the folder cannot be made: {error.strerror}") from error

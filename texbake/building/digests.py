@@ -11,7 +11,6 @@ import hashlib
 import json
 import os
 import posixpath
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,7 +20,7 @@ from typing import Any
 from texbake.building.companions import SUFFIXES, companions
 from texbake.building.locations import file_signature, is_url, location_of
 from texbake.errors import FileError
-from texbake.files import replacing, require_file
+from texbake.files import replacing, require_file, scratch_folder
 
 _TICK_NS = 50_000_000
 MISSING = "missing"  # in place of the digest of a missing file
@@ -178,8 +177,8 @@ def _named_at(url: str) -> list[str]:
     """Return the URLs that the file behind a URL names; none if it cannot be read."""
     folder, name = url.rsplit("/", 1)
     scheme, _, root = folder.partition("://")
-    with tempfile.TemporaryDirectory(prefix="texbake-") as copies, suppress(FileError):
-        copy = location_of(folder).fetch(name, Path(copies))
+    with scratch_folder() as copies, suppress(FileError):
+        copy = location_of(folder).fetch(name, copies)
         below = [os.path.relpath(found, copy.parent) for found in companions(copy)]
         return [f"{scheme}://{posixpath.normpath(posixpath.join(root, path))}" for path in below]
     return []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +12,7 @@ from texbake.building import progress
 from texbake.building.locations import is_url, location_of
 from texbake.building.report import INSIDE, AssetResult, BuildResult, StepResult
 from texbake.errors import FileError
-from texbake.files import PathLike, make_folder, replacing
+from texbake.files import PathLike, make_folder, replacing, scratch_folder
 from texbake.pages.build_page import BuildRow, thumbnail, write_build_page
 from texbake.parallel import run_bands
 
@@ -130,5 +129,5 @@ def _made(place: str) -> bytes:
     if not is_url(place):
         return thumbnail(place)
     folder, name = place.rsplit("/", 1)
-    with tempfile.TemporaryDirectory(prefix="texbake-") as copies:
-        return thumbnail(location_of(folder).fetch(name, Path(copies)))
+    with scratch_folder() as copies:
+        return thumbnail(location_of(folder).fetch(name, copies))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import tempfile
 from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from texbake.building.disk import clear, owned_folder
 from texbake.building.graph import Node
 from texbake.building.locations import LocalFolder, file_signature, location_of
 from texbake.errors import FileError, TexbakeError
-from texbake.files import appearing_together
+from texbake.files import appearing_together, scratch_folder
 
 MANIFEST = "manifest.json"
 _TEMPORARY = "tmp"  # never the beginning of a key
@@ -123,9 +122,9 @@ class Store:
         if self.is_local:
             with owned_folder(Path(self.place) / _TEMPORARY) as folder:
                 yield folder
-            return
-        with tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as name:
-            yield Path(name)
+        else:
+            with scratch_folder() as folder:
+                yield folder
 
     def commit(
         self,
@@ -297,10 +296,10 @@ class Publisher:
         missing = self.missing(node, manifest)
         if not missing:
             return 0
-        with tempfile.TemporaryDirectory(prefix="texbake-") as copies:
+        with scratch_folder() as copies:
             with appearing_together():
                 for name, file in missing:
-                    self._location.put(self._store.fetch(file, Path(copies)), name)
+                    self._location.put(self._store.fetch(file, copies), name)
             for name, file in missing:
                 signature = self._location.signature(name)
                 if signature is not None:  # it may be gone already

@@ -8,11 +8,9 @@ second worker finds that of the first.
 from __future__ import annotations
 
 import socket
-import tempfile
 import time
 import traceback
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from texbake import __version__
@@ -22,6 +20,7 @@ from texbake.building.step import Job
 from texbake.building.steps import STEP_KINDS
 from texbake.building.store import DamagedError, Manifest, Store
 from texbake.errors import FileError, TexbakeError
+from texbake.files import scratch_folder
 from texbake.progress import peak_memory_bytes
 
 DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
@@ -164,12 +163,9 @@ def _done(task: Task) -> Manifest:
         return there
     kind = STEP_KINDS[task.kind]
     start = time.perf_counter()
-    with (
-        store.folder() as folder,
-        tempfile.TemporaryDirectory(prefix="texbake-", ignore_cleanup_errors=True) as copies,
-    ):
+    with store.folder() as folder, scratch_folder() as copies:
         inputs = {
-            role: tuple(fetched(store, item, Path(copies)) for item in items)
+            role: tuple(fetched(store, item, copies) for item in items)
             for role, items in task.inputs.items()
         }
         signatures = _signatures(task)

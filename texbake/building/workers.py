@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import shutil
 import signal
 import subprocess
 import sys
@@ -30,6 +31,7 @@ from texbake.building.task import (
     TaskOutcome,
     run_task,
 )
+from texbake.files import new_scratch_folder
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
@@ -166,6 +168,8 @@ class _Process:
     def __init__(self, threads: int) -> None:
         # The last output of libraries is the only hint on why a worker died.
         self._said: IO[bytes] = tempfile.TemporaryFile(prefix="texbake-worker-")  # noqa: SIM115
+        # A worker that is killed cannot remove its temporary files itself.
+        self._scratch = new_scratch_folder()
         names = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
         try:
             self._process = subprocess.Popen(
@@ -174,10 +178,15 @@ class _Process:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._said,
-                env={**os.environ, **dict.fromkeys(names, str(threads))},
+                env={
+                    **os.environ,
+                    **dict.fromkeys(names, str(threads)),
+                    "TMPDIR": str(self._scratch),
+                },
             )
         except OSError:
             self._said.close()
+            shutil.rmtree(self._scratch, ignore_errors=True)
             raise
 
     @property
@@ -212,6 +221,7 @@ class _Process:
             assert pipe is not None
             with suppress(OSError):  # data that could not be sent
                 pipe.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _ending(self) -> str:
         """Return how the process ended, with the last line that it printed."""

@@ -40,13 +40,16 @@ class Finished:
 
 def run_process(command: Sequence[str], *, timeout: float) -> Finished:
     """Run a command to its end, or until `timeout` seconds have passed."""
-    launched = subprocess.run(
-        [sys.executable, "-I", str(_LAUNCHER), str(timeout), *command],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    report = json.loads(launched.stdout)
+    line = [sys.executable, "-I", str(_LAUNCHER), str(timeout), *command]
+    with subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as launched:
+        assert launched.stdin is not None and launched.stdout is not None
+        try:
+            answer = launched.stdout.read()
+        finally:
+            launched.stdin.close()  # it ends its command, unless that has ended
+    if launched.returncode:
+        raise subprocess.CalledProcessError(launched.returncode, line)
+    report = json.loads(answer)
     return Finished(
         seconds=report.get("seconds", 0.0),
         processor_seconds=report.get("processor_seconds"),

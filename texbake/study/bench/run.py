@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
+from texbake.files import scratch_folder
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.study.bench.cases import BenchCase, made_case
@@ -71,11 +72,11 @@ def run_bench(
     start = time.perf_counter()
     stages = Stages(progress)
     pair = None if high is None or low is None else (as_mesh(high), as_mesh(low))
-    with tempfile.TemporaryDirectory(prefix="texbake-bench-") as folder:
+    with scratch_folder() as folder:
         versions, missing = _find_programs(options, stages)
         contests = tuple(
-            _contest(task, case, prepared, sorted(versions), options, Path(folder), stages)
-            for task, case, prepared in _prepared(pair, options, Path(folder), stages)
+            _contest(task, case, prepared, sorted(versions), options, folder, stages)
+            for task, case, prepared in _prepared(pair, options, folder, stages)
         )
     kept = tuple(contest for contest in contests if contest.measurements)
     if not kept:

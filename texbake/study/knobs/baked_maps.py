@@ -25,6 +25,7 @@ from texbake.study.truth.pictures import close_up
 from texbake.study.truth.probes import N_RAYS, angles_deg, mean_normals, probe, truth_of
 from texbake.texture.encoding import decode_normals, encode_normals
 from texbake.texture.image import read_image, write_image
+from texbake.unfinished import scratch_prefix
 
 _SIZES = (256, 512, 1024, 2048, 4096, 8192)
 _QUICK_SIZES = (32, 64, 128)
@@ -176,7 +177,7 @@ def _bit_depth_bench(case: Case) -> Bench:
     size = case.choose(2048, 128)
     baked = bake(pair.high, pair.low, BakeOptions(size=size, threads=case.threads))
     truth, known = baked.maps["normal"].values, baked.has_data
-    folder = tempfile.TemporaryDirectory(prefix="texbake-study-")
+    folder = tempfile.TemporaryDirectory(prefix=scratch_prefix(Path(tempfile.gettempdir())))
 
     def work(coding: str) -> Path:
         bits, dithered = _CODINGS[coding]

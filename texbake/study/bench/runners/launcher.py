@@ -1,11 +1,13 @@
 """Run a command and print what it took: `launcher.py TIMEOUT COMMAND...`, one JSON object.
 
 A child of a large process inherits the mark of its greatest memory. This small process stands
-between, so that the peak it reports is that of the command alone.
+between, so that the peak it reports is that of the command alone. It ends the command when stdin
+ends, so that no command outlives the program that wants its figures.
 """
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,6 +17,9 @@ import time
 
 def main(timeout, *command):
     """Run the command, with its output in a temporary file."""
+    for name in "SIGINT", "SIGTERM", "SIGHUP":  # whoever sends one also closes stdin
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda number, frame: None)
     with tempfile.TemporaryFile() as output:
         start = time.perf_counter()
         try:
@@ -32,6 +37,7 @@ def main(timeout, *command):
 
         timer = threading.Timer(float(timeout), end)
         timer.start()
+        threading.Thread(target=end_with_stdin, args=(process,), daemon=True).start()
         usage = wait_for(process)
         seconds = time.perf_counter() - start
         timer.cancel()
@@ -43,6 +49,12 @@ def main(timeout, *command):
         report["processor_seconds"] = usage.ru_utime + usage.ru_stime
         report["peak_bytes"] = usage.ru_maxrss * unit
     print(json.dumps(report))
+
+
+def end_with_stdin(process):
+    """End the command when stdin ends; nothing is ever written to it."""
+    sys.stdin.buffer.read()
+    process.kill()
 
 
 def wait_for(process):

@@ -1,0 +1,54 @@
+"""A signal ends the process also while a library works that Python cannot interrupt."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# The last line takes minutes without the interpreter, which hears no signal meanwhile.
+DEAF = """
+import hashlib, sys
+from pathlib import Path
+from texbake_cli.failures import end_cleanly_on_signals
+from texbake.files import appearing_together, replacing, scratch_folder
+
+end_cleanly_on_signals()
+with scratch_folder() as scratch, appearing_together():
+    (scratch / "copy.bin").write_bytes(b"copy")
+    with replacing(Path(sys.argv[1]) / "map.png") as temporary:
+        temporary.write_bytes(b"newer")
+    with replacing(Path(sys.argv[1]) / "mesh.obj") as temporary:
+        print("ready", flush=True)
+        hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+def test_it_ends_and_leaves_only_the_older_files(name: str, tmp_path: Path) -> None:
+    outputs, scratch = tmp_path / "outputs", tmp_path / "scratch"
+    outputs.mkdir()
+    scratch.mkdir()
+    (outputs / "map.png").write_bytes(b"older")
+    number = getattr(signal, name)
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", DEAF, str(outputs)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(scratch)},
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.send_signal(number)
+        _, said = process.communicate(timeout=30)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 128 + number
+    assert said.decode() == f"texbake: {'interrupted' if name == 'SIGINT' else 'terminated'}\n"
+    assert {file.name: file.read_bytes() for file in outputs.iterdir()} == {"map.png": b"older"}
+    assert not list(scratch.iterdir())
