@@ -57,7 +57,8 @@ def test_what_a_killed_process_left_is_cleared(tmp_path: Path, scratch: Path) ->
     outputs = tmp_path / "outputs"
     outputs.mkdir()
     (outputs / "map.png").write_bytes(b"older")
-    assert start(outputs, "end").wait() == 1
+    with start(outputs, "end") as killed:
+        assert killed.wait() == 1
     assert len(list(outputs.iterdir())) == 3 and len(list(scratch.iterdir())) == 1
     write(outputs)
     assert {file.name for file in outputs.iterdir()} == {"map.png", "other.png"}
@@ -79,7 +80,7 @@ def test_what_a_living_process_writes_stays(tmp_path: Path, scratch: Path) -> No
 
 
 def test_what_another_machine_left_stays(tmp_path: Path) -> None:
-    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended = subprocess.Popen([sys.executable, "-P", "-c", ""])
     ended.wait()
     name = unfinished.unfinished_name(tmp_path, ".png")
     machine = name.split("-")[1]

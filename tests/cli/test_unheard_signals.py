@@ -10,7 +10,7 @@ import pytest
 
 # The last line takes minutes without the interpreter, which hears no signal meanwhile.
 DEAF = """
-import hashlib, sys
+import hashlib, sys, threading
 from pathlib import Path
 from texbake_cli.failures import end_cleanly_on_signals
 from texbake.files import appearing_together, replacing, scratch_folder
@@ -21,7 +21,7 @@ with scratch_folder() as scratch, appearing_together():
     with replacing(Path(sys.argv[1]) / "map.png") as temporary:
         temporary.write_bytes(b"newer")
     with replacing(Path(sys.argv[1]) / "mesh.obj") as temporary:
-        print("ready", flush=True)
+        threading.Timer(0.3, print, ["ready"], {"flush": True}).start()
         hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
 """
 

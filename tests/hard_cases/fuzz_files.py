@@ -39,13 +39,10 @@ class HangError(BaseException):
     """A file took longer than `SECONDS`; no reader that catches any `Exception` may hide it."""
 
 
-def _fault(read: Reader, path: Path) -> str | None:
-    """Read one file; return what went wrong, or None."""
+def fault_of(read: Reader, path: Path) -> str | None:
+    """Read one file, however long it takes; return what went wrong, or None."""
     from texbake import TexbakeError
 
-    start = time.monotonic()
-    allowed = USD_SECONDS if path.suffix.startswith(".usd") else SECONDS
-    signal.alarm(allowed)
     try:
         read(path)
     except TexbakeError as error:
@@ -57,11 +54,23 @@ def _fault(read: Reader, path: Path) -> str | None:
             frame = frame.tb_next
         where = f"{frame.tb_frame.f_code.co_filename}:{frame.tb_lineno}" if frame else "?"
         return f"{type(error).__name__}: {str(error)[:200]} at {where}"
+    return None
+
+
+def _fault(read: Reader, path: Path) -> str | None:
+    """Read one file in the time allowed; return what went wrong, or None."""
+    start = time.monotonic()
+    allowed = USD_SECONDS if path.suffix.startswith(".usd") else SECONDS
+    signal.alarm(allowed)
+    try:
+        fault = fault_of(read, path)
+    except HangError:  # between the reader and the end of the alarm
+        fault = None
     finally:
         signal.alarm(0)
     # A library that catches everything may have swallowed the alarm.
     taken = time.monotonic() - start
-    return f"took {taken:.1f} s" if taken > allowed else None
+    return fault or (f"took {taken:.1f} s" if taken > allowed else None)
 
 
 def _hang(*_: object) -> None:
@@ -80,7 +89,7 @@ def fuzz(name: str, options: argparse.Namespace, home: Path, state: dict[str, An
     make(path)
     content = path.read_bytes()
     read(path)  # loads all that is needed, and shows that the seed is valid
-    _bound_memory()
+    bound_memory(MEMORY)
     candidate = folder / f"mutant{suffix}"
     faults = state["faults"]
     end = time.monotonic() + 60.0 * options.minutes
@@ -113,10 +122,10 @@ def _bound_time() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
 
 
-def _bound_memory() -> None:
-    """Bound the address space by what is there now, the readers loaded, and `MEMORY` more."""
+def bound_memory(more: int) -> None:
+    """Bound the address space by what is there now, the readers loaded, and so many bytes more."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + MEMORY
+    limit = pages * resource.getpagesize() + more
     resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
 
 

@@ -101,3 +101,10 @@ def test_round_trip_is_bit_equal(tmp_path):
     again = read_mesh(tmp_path / "mesh.off")
     assert again.positions.tobytes() == mesh.positions.tobytes()
     assert again.faces.tobytes() == mesh.faces.tobytes()
+
+
+def test_many_signs_of_comments_are_read_once(read):
+    # Dividing them in every possible way would take longer than the age of the universe.
+    rows = "3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    for start in "\n" + "#" * 2000 + "\n", "#" * 2000 + "\nOFF # OFF\n":
+        assert read(start + rows).n_faces == 1

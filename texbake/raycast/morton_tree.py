@@ -67,8 +67,9 @@ class MortonTree:
         faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)
         if isinstance(mesh, Mesh):
-            ids, codes = places & _LOWER_HALF, places >> np.uint64(32)
-            kept = without_copies(mesh.positions, mesh.faces, ids.astype(np.int32), codes)
+            face_ids = (places & _LOWER_HALF).astype(np.int32)
+            codes = places >> np.uint64(32)
+            kept = without_copies(mesh.positions, mesh.faces, face_ids, codes)
             places = places[kept]
         n_leaves = -(-len(places) // WIDTH)
         sizes = [-(-n_leaves // WIDTH)]

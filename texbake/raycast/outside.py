@@ -202,7 +202,7 @@ def _points_allowed(mesh: Mesh) -> float:
     width, height, depth = high - low
     whole = width * height + height * depth + depth * width
     n_boxes = float((x * y + y * z + z * x).sum()) / max(whole, 1e-300)
-    return min(_RAYS_ALLOWED, _BOXES_ALLOWED / max(n_boxes, 1.0)) / 2.0
+    return float(min(_RAYS_ALLOWED, _BOXES_ALLOWED / max(n_boxes, 1.0)) / 2.0)
 
 
 def _left_out(n_points: npt.NDArray[np.int64], areas: FloatArray, allowed: float) -> BoolArray:

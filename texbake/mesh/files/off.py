@@ -26,8 +26,8 @@ from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
 from texbake.mesh.files.source import read_array, require_text
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
-# Comments and blank lines before the first word are skipped.
-_FIRST_WORD = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:\s|#[^\r\n]*)*(ST)?(C)?(N)?(4)?(n)?OFF\b")
+# Comments and blank lines before the first word are skipped, and never divided in another way.
+_FIRST_WORD = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:\s|#[^\r\n]*+)*+(ST)?(C)?(N)?(4)?(n)?OFF\b")
 _BINARY = re.compile(rb"[ \t]*BINARY\b")
 
 
