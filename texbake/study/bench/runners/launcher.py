@@ -52,8 +52,12 @@ def main(timeout, *command):
 
 
 def end_with_stdin(process):
-    """End the command when stdin ends; nothing is ever written to it."""
-    sys.stdin.buffer.read()
+    """End the command when stdin ends; nothing is ever written to it.
+
+    Not read through `sys.stdin`, whose lock this thread would still hold when Python ends.
+    """
+    while os.read(0, 1):
+        pass
     process.kill()
 
 
