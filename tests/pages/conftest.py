@@ -147,6 +147,13 @@ class Browser:
             "c.dispatchEvent(new Event('input', { bubbles: true })); })()"
         )
 
+    def changed_picture(self, selector: str, before: np.ndarray) -> np.ndarray:
+        """The picture of an element as soon as it is another one: a frame may come late."""
+        end = time.monotonic() + TIMEOUT
+        while np.array_equal(shown := self.picture(selector), before):
+            assert time.monotonic() < end, f"{selector} did not change"
+        return shown
+
     def press(self, key: str, **more: object) -> None:
         """Press a key on what has the focus."""
         for kind in "keyDown", "keyUp":

@@ -205,8 +205,9 @@ def test_the_map_is_shown_to_the_texel(opened, page) -> None:
     data = re.search(r'id="map-0"[^>]*base64,([^"]*)"', text)[1]
     codes = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
     opened.value("document.querySelector('#maps canvas').focus()")
+    fitted = opened.picture(MAP)
     opened.press("1")
-    shown = opened.picture(MAP)
+    shown = opened.changed_picture(MAP, fitted)
     top, left = (shown.shape[0] - 96) // 2, (shown.shape[1] - 96) // 2
     np.testing.assert_array_equal(shown[top : top + 96, left : left + 96], codes)
     assert "texel 48, 48" in opened.value("document.querySelector('.readout').textContent")
