@@ -57,3 +57,29 @@ def test_an_input_that_is_still_being_written_is_waited_for(
     )
     watch(path, built=seen.append, until=lambda: len(seen) == 2)
     assert all(isinstance(result, BuildResult) and result.ok for result in seen)
+
+
+def test_a_file_that_is_saved_without_a_pause_is_built(
+    write: Any, inline: Any, monkeypatch: Any, tmp_path: Path
+) -> None:
+    from texbake.mesh.files import write_mesh
+    from texbake.mesh.shapes import uv_sphere
+
+    crew = inline()
+    monkeypatch.setattr(module, "local_workers", lambda options: crew)
+    path = write('[[assets]]\ninputs.high = "a.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "high"\n')
+    saves = 0
+
+    def save(seconds: float = 0.0) -> None:
+        nonlocal saves
+        saves += 1
+        write_mesh(
+            uv_sphere(4, 8, lambda theta, phi: 1.0 + saves + 0.0 * theta), tmp_path / "a.ply"
+        )
+
+    save()
+    monkeypatch.setattr(module.time, "sleep", save)
+    seen: list[BuildResult | TexbakeError] = []
+    watch(path, built=seen.append, until=lambda: len(seen) == 3 or saves > 100)
+    assert all(isinstance(result, BuildResult) and result.ok for result in seen)
+    assert len(seen) == 3

@@ -21,6 +21,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -56,6 +57,9 @@ BOUNDS = {
     "threads of watch": 0.5,
     "files in TMPDIR": 2,
 }
+LONGEST_WAIT = (
+    30  # seconds from one build to the next, in the mean; saves without a pause must be built
+)
 NOT_BOUNDED = ("files in the store", "size of the store", "size of digests.json")
 MB = 1 << 20
 
@@ -82,11 +86,21 @@ def descriptors(process: int) -> int:
     return len(os.listdir(f"/proc/{process}/fd"))  # noqa: PTH208
 
 
+def sizes(folder: Path) -> dict[str, int]:
+    """Return the sizes of the files below a folder; files of a moment may be gone before."""
+    found = {}
+    for path in folder.rglob("*"):
+        with suppress(FileNotFoundError):
+            if path.is_file():
+                found[path.relative_to(folder).as_posix()] = path.stat().st_size
+    return found
+
+
 def measured(process: int, root: Path) -> dict[str, float]:
     """Return all figures of now."""
     workers = children(process)
-    stored = [path for path in (root / "build/.texbake/store").rglob("*") if path.is_file()]
-    digests = root / "build/.texbake/digests.json"
+    stored = sizes(root / "build/.texbake/store")
+    digests = sizes(root / "build/.texbake").get("digests.json", 0)
     return {
         "memory of watch": memory(process),
         "memory of the workers": sum(map(memory, workers)),
@@ -96,8 +110,8 @@ def measured(process: int, root: Path) -> dict[str, float]:
         "threads of watch": len(list(Path(f"/proc/{process}/task").iterdir())),
         "files in TMPDIR": len(list((root / "tmp").rglob("*"))),
         "files in the store": len(stored),
-        "size of the store": sum(path.stat().st_size for path in stored),
-        "size of digests.json": digests.stat().st_size if digests.exists() else 0,
+        "size of the store": sum(stored.values()),
+        "size of digests.json": digests,
     }
 
 
@@ -222,7 +236,10 @@ def main() -> int:
         print(f"left in TMPDIR: {left or 'nothing'}; workers left: {orphans or 'none'}")
         print(f"other lines: {counts['other']}: {odd}")
         print("grew: " + (", ".join(grew) or "nothing"))
-        return 1 if grew or left or orphans else 0
+        starved = counts["watching ..."] * LONGEST_WAIT < 60 * arguments.minutes
+        if starved:
+            print(f"fewer builds than one in {LONGEST_WAIT} s")
+        return 1 if grew or left or orphans or starved else 0
     finally:
         watch.kill()
         watch.wait()

@@ -20,6 +20,8 @@ from texbake.errors import TexbakeError
 from texbake.files import PathLike
 
 _POLL_SECONDS = 0.5
+# A build does not wait longer than so many polls: some programs save without a pause.
+_MOST_POLLS = 20
 
 Signatures = dict[str, Any]
 
@@ -35,8 +37,8 @@ def watch(
 ) -> None:
     """Build a pipeline, and again whenever the pipeline file or a file that it reads is saved.
 
-    A build starts once nothing changes any more, for programs that save in several steps. Workers
-    stay warm between builds.
+    A build starts once nothing changes any more, for programs that save in several steps, and at
+    the latest 20 polls after the first change. Workers stay warm between builds.
 
     Parameters
     ----------
@@ -74,9 +76,11 @@ def _wait(
 ) -> None:
     """Wait until something is saved, and then until nothing changes between two polls."""
     now = before
+    n_polls = 0  # since the first change
     while not until():
         last, now = now, _signatures(path, options)
-        if now != before and now == last:
+        n_polls += now != before
+        if n_polls and (now == last or n_polls == _MOST_POLLS):
             return
         time.sleep(poll_seconds)
 
