@@ -22,7 +22,7 @@ N_BYTES = 1_000_000
 @pytest.fixture(scope="module")
 def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
     """The result of each format, and what was printed beside it."""
-    limit = 300.0 + len(FORMATS) * 60.0 * fuzz_minutes
+    limit = 900.0 + len(FORMATS) * 60.0 * fuzz_minutes
     command = [
         sys.executable, str(hard_cases_dir / "fuzz_files.py"), "--bytes", str(N_BYTES),
         "--minutes", str(fuzz_minutes), "--folder", str(tmp_path_factory.mktemp("mutants")),
