@@ -9,8 +9,8 @@ import click
 
 from texbake import __version__, raised_limits
 
-from .failures import end_cleanly_on_signals
 from .lazy import LazyGroup
+from .signals import end_cleanly_on_signals
 
 
 @click.group(

@@ -65,7 +65,6 @@ from .errors import (
     UnwrapError as UnwrapError,
     UvError as UvError,
 )
-from .files import clear_unfinished as clear_unfinished
 from .jobs.cages import cage_file as cage_file
 from .jobs.channel_options import PackChannelsOptions as PackChannelsOptions
 from .jobs.channels import (

@@ -1,4 +1,4 @@
-"""A signal ends the process also while a library works that Python cannot interrupt."""
+"""A signal ends the process with one line: while a library works, and before and after the work."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ import pytest
 DEAF = """
 import hashlib, sys, threading
 from pathlib import Path
-from texbake_cli.failures import end_cleanly_on_signals
+from texbake_cli.signals import end_cleanly_on_signals
 from texbake.files import appearing_together, replacing, scratch_folder
 
 end_cleanly_on_signals()
@@ -25,8 +25,32 @@ with scratch_folder() as scratch, appearing_together():
         hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
 """
 
+# A signal while modules are imported, and one while the process ends.
+EARLY = """
+import os, sys
+from texbake_cli import run
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "click":
+            os.kill(os.getpid(), number)
+
+number = int(sys.argv[1])
+sys.meta_path.insert(0, Finder())
+run()
+"""
+LATE = """
+import atexit, os, sys
+from texbake_cli import run
+
+atexit.register(os.kill, os.getpid(), int(sys.argv[1]))
+sys.argv[1:] = ["--version"]
+run()
+"""
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+
+
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_it_ends_and_leaves_only_the_older_files(name: str, tmp_path: Path) -> None:
     outputs, scratch = tmp_path / "outputs", tmp_path / "scratch"
@@ -52,3 +76,14 @@ def test_it_ends_and_leaves_only_the_older_files(name: str, tmp_path: Path) -> N
     assert said.decode() == f"texbake: {'interrupted' if name == 'SIGINT' else 'terminated'}\n"
     assert {file.name: file.read_bytes() for file in outputs.iterdir()} == {"map.png": b"older"}
     assert not list(scratch.iterdir())
+
+
+@pytest.mark.parametrize("code", [EARLY, LATE], ids=["early", "late"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_it_ends_before_and_after_the_work(name: str, code: str) -> None:
+    number = getattr(signal, name)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, str(int(number))], capture_output=True, text=True
+    )
+    said = "interrupted" if name == "SIGINT" else "terminated"
+    assert (done.returncode, done.stderr) == (128 + number, f"texbake: {said}\n")

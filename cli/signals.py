@@ -1,0 +1,95 @@
+"""Signals that end the process: Ctrl-C, SIGTERM, and SIGHUP of a closed terminal.
+
+While a command works, a signal raises an exception, after which the work is cleaned up. Before and
+after that, while modules are imported or the process is ending, it ends the process at once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from types import FrameType
+from typing import NoReturn
+
+_PATIENCE = 0.5  # seconds in which the work hears a signal
+_HEARD = threading.Event()
+_WORKING = threading.Event()
+_NAMES = "SIGINT", "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
+_ENDS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
+
+
+class Terminated(KeyboardInterrupt):
+    """A signal that ends the process. It is cleaned up after as after Ctrl-C."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__()
+        self.signal_number = signal_number
+
+
+@cache  # the second call has nothing to do
+def end_cleanly_on_signals() -> None:
+    """Make SIGTERM and SIGHUP end the work like Ctrl-C.
+
+    Python hears a signal only between its own steps, and a library may take seconds for one. So a
+    thread waits beside the work, and ends the process if the work has not heard a signal in time.
+    """
+    for number in _ENDS:
+        # A process started with `nohup` must keep ignoring the signal.
+        if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _terminate)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+    if os.name != "nt":  # where only sockets can tell a thread of signals
+        told, tells = os.pipe()
+        os.set_blocking(tells, False)
+        signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+        threading.Thread(target=_end_unheard, args=(told,), daemon=True).start()
+
+
+@contextmanager
+def raised_signals() -> Iterator[None]:
+    """Let signals raise `KeyboardInterrupt` or `Terminated` within the block."""
+    try:
+        _WORKING.set()
+        yield
+    finally:
+        _WORKING.clear()
+
+
+def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
+    _HEARD.set()
+    signal.signal(signal_number, signal.SIG_IGN)  # a second one must not interrupt the cleanup
+    if not _WORKING.is_set():
+        _end(signal_number)
+    raise Terminated(signal_number)
+
+
+def _interrupt(signal_number: int, frame: FrameType | None) -> NoReturn:
+    _HEARD.set()
+    if not _WORKING.is_set():
+        _end(signal_number)
+    raise KeyboardInterrupt
+
+
+def _end_unheard(told: int) -> NoReturn:
+    """End the process at a signal that the work does not hear."""
+    while True:
+        number = os.read(told, 1)[0]
+        if number in _ENDS and not _HEARD.wait(_PATIENCE):
+            _end(number)
+
+
+def _end(signal_number: int) -> NoReturn:
+    """End the process at once, without temporary files."""
+    files = sys.modules.get("texbake.files")  # not imported: then there are none
+    if files is not None:
+        files.clear_unfinished(_PATIENCE)
+    said = "interrupted" if signal_number == signal.SIGINT else "terminated"
+    with suppress(OSError):
+        os.write(2, f"texbake: {said}\n".encode())
+    os._exit(128 + signal_number)
