@@ -1,4 +1,6 @@
 import os
+import signal
+import sys
 import time
 from pathlib import Path
 
@@ -60,6 +62,18 @@ def test_a_worker_that_crashes_is_replaced(tmp_path: Path) -> None:
     assert crash == WorkerFailure("crashed (exit code 7, oh)", 7)
     assert isinstance(first, tuple) and isinstance(last, tuple)
     assert first[0] != last[0]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM"])
+def test_a_request_whose_worker_is_killed_is_sent_once_more(tmp_path: Path, name: str) -> None:
+    been = tmp_path / "been"
+    end = f"import signal; os.kill(os.getpid(), signal.{name})"
+    once = f"if not os.path.exists({str(been)!r}): open({str(been)!r}, 'w'); {end}"
+    answered, killed, last = answers_to(tmp_path, [once, end, ""])
+    assert isinstance(answered, tuple) and isinstance(last, tuple)
+    number = getattr(signal, name)
+    assert killed == WorkerFailure(f"crashed (exit code {-number})", -number)
 
 
 def test_a_worker_that_talks_much_to_stderr_does_not_hang(tmp_path: Path) -> None:

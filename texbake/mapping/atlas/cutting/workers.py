@@ -11,6 +11,7 @@ stdout. Requests and answers are framed: eight bytes of length, little-endian, t
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,6 +29,16 @@ Result = TypeVar("Result")
 
 # After this many timeouts, no further request is sent: a library that hangs often takes forever.
 _MOST_TIMEOUTS = 3
+
+# Signals by which the system, when it is short of memory, or a person ends a worker. The request is
+# not at fault, and results must not depend on it: another worker tries once more.
+_SENT_BY_OTHERS = {
+    -getattr(signal, name)
+    for name in ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")
+    if hasattr(signal, name)
+}
+
+_MOST_ATTEMPTS = 2
 
 _POLL_SECONDS = 0.1  # between checks for results; some systems do not interrupt a longer wait
 
@@ -134,11 +145,15 @@ class _Crew(Generic[Result]):
         worker: _Worker | None = None
         try:
             while (number := self._next_number()) is not None:
-                worker = worker or self._new_worker()
-                result = self._result(worker, self._requests[number])
-                if isinstance(result, WorkerFailure):
-                    self._bury(worker)
-                    worker = None
+                for _ in range(_MOST_ATTEMPTS):
+                    worker = worker or self._new_worker()
+                    result = self._result(worker, self._requests[number])
+                    if isinstance(result, WorkerFailure):
+                        self._bury(worker)
+                        worker = None
+                        if result.exit_code in _SENT_BY_OTHERS and not self._dismissed:
+                            continue
+                    break
                 self.results[number] = result
         finally:
             self._bury(worker)
