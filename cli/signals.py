@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -17,6 +18,7 @@ from types import FrameType
 from typing import NoReturn
 
 _PATIENCE = 0.5  # seconds in which the work hears a signal
+_TO_END = 0.3  # seconds in which it then ends; other threads may not hear anything
 _HEARD = threading.Event()
 _WORKING = threading.Event()
 _NAMES = "SIGINT", "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
@@ -35,8 +37,9 @@ class Terminated(KeyboardInterrupt):
 def end_cleanly_on_signals() -> None:
     """Make SIGTERM and SIGHUP end the work like Ctrl-C.
 
-    Python hears a signal only between its own steps, and a library may take seconds for one. So a
-    thread waits beside the work, and ends the process if the work has not heard a signal in time.
+    Python hears a signal only between its own steps, and a library may take seconds for one. What
+    has heard it may wait for threads that have not. So a thread waits beside the work, and ends the
+    process if it goes on after a signal.
     """
     for number in _ENDS:
         # A process started with `nohup` must keep ignoring the signal.
@@ -77,10 +80,12 @@ def _interrupt(signal_number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _end_unheard(told: int) -> NoReturn:
-    """End the process at a signal that the work does not hear."""
+    """End the process at a signal if the work goes on all the same."""
     while True:
         number = os.read(told, 1)[0]
-        if number in _ENDS and not _HEARD.wait(_PATIENCE):
+        if number in _ENDS:
+            if _HEARD.wait(_PATIENCE):
+                time.sleep(_TO_END)
             _end(number)
 
 

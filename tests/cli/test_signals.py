@@ -8,12 +8,22 @@ from pathlib import Path
 
 import pytest
 
-# The last line takes minutes without the interpreter, which hears no signal meanwhile.
-DEAF = """
+# `deaf` takes minutes without the interpreter, which hears no signal meanwhile.
+PROGRAM = """
 import hashlib, sys, threading
 from pathlib import Path
+from texbake.parallel import run_bands
 from texbake_cli.signals import end_cleanly_on_signals
 from texbake.files import appearing_together, replacing, scratch_folder
+
+def deaf():
+    hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
+
+def work(start, stop):
+    if threading.current_thread() is not threading.main_thread():
+        deaf()
+    while True:
+        threading.Event().wait(0.01)
 
 end_cleanly_on_signals()
 with scratch_folder() as scratch, appearing_together():
@@ -22,8 +32,9 @@ with scratch_folder() as scratch, appearing_together():
         temporary.write_bytes(b"newer")
     with replacing(Path(sys.argv[1]) / "mesh.obj") as temporary:
         threading.Timer(0.3, print, ["ready"], {"flush": True}).start()
-        hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
+        {work}
 """
+WORKS = {"nothing": "deaf()", "only the main thread": "run_bands(work, 2, band=1, threads=2)"}
 
 # A signal while modules are imported, and one while the process ends.
 EARLY = """
@@ -51,15 +62,16 @@ run()
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
 
+@pytest.mark.parametrize("hears", WORKS)
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
-def test_it_ends_and_leaves_only_the_older_files(name: str, tmp_path: Path) -> None:
+def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path: Path) -> None:
     outputs, scratch = tmp_path / "outputs", tmp_path / "scratch"
     outputs.mkdir()
     scratch.mkdir()
     (outputs / "map.png").write_bytes(b"older")
     number = getattr(signal, name)
     process = subprocess.Popen(
-        [sys.executable, "-P", "-c", DEAF, str(outputs)],
+        [sys.executable, "-P", "-c", PROGRAM.replace("{work}", WORKS[hears]), str(outputs)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(scratch)},
