@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import click
 
-from texbake import OptionError, TexbakeError
+from texbake import OptionError, TexbakeError, is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable
@@ -50,14 +50,30 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         raise _wrong_usage(with_flags(str(error), _command(ctx)), ctx) from error
     except TexbakeError as error:
         raise Failure(f"texbake: {with_flags(str(error), _command(ctx))}", 1) from error
-    except MemoryError as error:
-        raise Failure(
-            "texbake: out of memory; try a smaller --size, fewer --samples or fewer --threads", 1
-        ) from error
     except Terminated as error:
         raise Failure("texbake: terminated", 128 + error.signal_number) from error
     except KeyboardInterrupt as error:
         raise Failure("texbake: interrupted", 130) from error
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+        raise Failure(f"texbake: out of memory; {_memory_advice(_command(ctx))}", 1) from error
+
+
+def _memory_advice(command: click.Command | None) -> str:
+    """Return what may take less memory, of what the command lets one choose."""
+    flags = {flag for option in command.params for flag in option.opts} if command else set()
+    ways = [
+        way
+        for flag, way in (
+            ("--max-memory", "--max-memory 2G"),
+            ("--size", "a smaller --size"),
+            ("--samples", "fewer --samples"),
+            ("--threads", "fewer --threads"),
+        )
+        if flag in flags
+    ]
+    return f"try {', '.join((*ways, 'a smaller mesh or image'))}"
 
 
 def _command(ctx: click.Context | None) -> click.Command | None:

@@ -64,6 +64,7 @@ from .errors import (
     TexbakeError as TexbakeError,
     UnwrapError as UnwrapError,
     UvError as UvError,
+    is_out_of_memory as is_out_of_memory,
 )
 from .jobs.cages import cage_file as cage_file
 from .jobs.channel_options import PackChannelsOptions as PackChannelsOptions

@@ -14,6 +14,7 @@ Anything else that is raised is a bug and keeps its traceback.
 
 from __future__ import annotations
 
+import errno
 import re
 
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
@@ -67,3 +68,19 @@ class CageError(MeshError):
 
 class MissError(TexbakeError):
     """More texels missed the high-poly mesh than the user allows."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error says that the system gave no more memory, for whatever it was wanted.
+
+    Python has errors of its own where a thread cannot start, or a library not be loaded.
+
+    >>> is_out_of_memory(MemoryError()), is_out_of_memory(RuntimeError("can't start new thread"))
+    (True, True)
+    """
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+        return True
+    return isinstance(error, RuntimeError | ImportError) and any(
+        words in str(error)
+        for words in ("can't start new thread", "failed to map segment", "cannot allocate memory")
+    )

@@ -114,7 +114,9 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (FileError("two\n  lines"), 1, "texbake: two lines"),
         (OptionError("size: 0"), 2, "texbake: size: 0 (see: texbake --help)"),
         (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
-        (MemoryError(), 1, "texbake: out of memory; try"),
+        (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
+        (RuntimeError("can't start new thread"), 1, "texbake: out of memory; try"),
+        (ImportError("a.so: failed to map segment"), 1, "texbake: out of memory; try"),
         (KeyboardInterrupt(), 130, "texbake: interrupted"),
         (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
     ],
@@ -128,6 +130,18 @@ def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) 
     assert caught.value.exit_code == exit_code
     assert line in caught.value.message
     assert "\n" not in caught.value.message
+
+
+def test_out_of_memory_names_what_the_command_has() -> None:
+    for name, ways in (
+        ("bake", "--max-memory 2G, a smaller --size, fewer --samples, fewer --threads"),
+        ("convert", "a smaller mesh"),
+    ):
+        context = click.Context(texbake, info_name="texbake")
+        context.invoked_subcommand = name
+        with pytest.raises(click.ClickException) as caught, failures_as_one_line(context):
+            raise MemoryError
+        assert caught.value.message.startswith(f"texbake: out of memory; try {ways}")
 
 
 def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from texbake.building.locations import file_signature, is_url
 from texbake.building.step import Job
 from texbake.building.steps import STEP_KINDS
 from texbake.building.store import DamagedError, Manifest, Store
-from texbake.errors import FileError, TexbakeError
+from texbake.errors import FileError, TexbakeError, is_out_of_memory
 from texbake.files import scratch_folder
 from texbake.progress import peak_memory_bytes
 
@@ -140,10 +140,10 @@ def run_task(values: dict[str, Any]) -> dict[str, Any]:
         )
     except TexbakeError as error:
         outcome = TaskOutcome(status=FAILED, error=_one_line(str(error)), worker=worker)
-    except MemoryError:
-        message = "out of memory; use a smaller size, or fewer jobs"
-        outcome = TaskOutcome(status=FAILED, error=message, worker=worker)
     except Exception as error:
+        if is_out_of_memory(error):
+            message = f"out of memory; {memory_advice(task)}"
+            return asdict(TaskOutcome(status=FAILED, error=message, worker=worker))
         message = _one_line(f"{type(error).__name__}: {error}")
         trace = traceback.format_exc()
         outcome = TaskOutcome(
@@ -186,6 +186,22 @@ def _done(task: Task) -> Manifest:
             "peak_memory_bytes": peak_memory_bytes(),
         }
         return store.commit(task.key, folder, task.outputs, task.ingredients, more)
+
+
+def memory_advice(task: Task) -> str:
+    """Return what a task may take, and what to do where that is too much, as the end of a line."""
+    take = f"it is estimated to take up to {_gigabytes(task.memory_bytes)}"
+    if task.most_memory is not None and task.memory_bytes > task.most_memory:
+        most = _gigabytes(task.most_memory)
+        return (
+            f"{take}, of the {most} that this build may use; "
+            "give it a smaller mesh or smaller images, or build where there is more memory"
+        )
+    return f"{take}; run fewer jobs at once, or give it a smaller mesh or smaller images"
+
+
+def _gigabytes(n_bytes: int) -> str:
+    return f"{n_bytes / (1 << 30):.1f} GB"
 
 
 def _signatures(task: Task) -> dict[str, Any]:

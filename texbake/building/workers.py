@@ -29,6 +29,7 @@ from texbake.building.task import (
     LOST,
     Task,
     TaskOutcome,
+    memory_advice,
     run_task,
 )
 from texbake.files import new_scratch_folder
@@ -203,7 +204,7 @@ class _Process:
             self._process.stdin.flush()
             line = self._process.stdout.readline()
         if not line.endswith(b"\n"):
-            return TaskOutcome(status=LOST, error=self._ending())
+            return TaskOutcome(status=LOST, error=self._ending(task))
         values: dict[str, Any] = json.loads(line)
         return TaskOutcome(**values)
 
@@ -223,7 +224,7 @@ class _Process:
                 pipe.close()
         shutil.rmtree(self._scratch, ignore_errors=True)
 
-    def _ending(self) -> str:
+    def _ending(self, task: Task) -> str:
         """Return how the process ended, with the last line that it printed."""
         try:
             code = self._process.wait(_PATIENCE)
@@ -236,8 +237,9 @@ class _Process:
         self._said.seek(0)
         said = self._said.read().decode("utf-8", "replace").split("\n")
         last = next((line.strip() for line in reversed(said) if line.strip()), "")
-        hint = "; the system may have run out of memory" if how == "SIGKILL" else ""
-        message = f"its worker ended ({how}), twice{hint}"
+        message = f"its worker ended ({how}), twice"
+        if how == "SIGKILL":
+            message += f"; the system may have run out of memory: {memory_advice(task)}"
         return f"{message}: {last[:200]}" if last else message
 
 
