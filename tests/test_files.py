@@ -224,6 +224,16 @@ def test_content_is_on_the_disk_before_a_file_takes_its_name(
     assert synchronized.count(tmp_path) == 2  # the names, too
 
 
+def test_the_names_of_new_folders_are_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synchronized: list[Path] = []
+    monkeypatch.setattr("texbake.files.to_disk", synchronized.append)
+    for _ in range(2):
+        make_folder(tmp_path / "a" / "b")
+        assert synchronized == [tmp_path, tmp_path / "a"]
+
+
 def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path: Path) -> None:
     target, companion = tmp_path / "rock.obj", tmp_path / "rock.uvs.npz"
     target.write_bytes(b"before")

@@ -342,7 +342,7 @@ def check_folder(folder: PathLike) -> None:
 
 
 def make_folder(folder: PathLike) -> Path:
-    """Create a folder and its missing parents, and return its path.
+    """Create a folder and its missing parents, and return its path; their names are on the disk.
 
     Raises
     ------
@@ -351,10 +351,12 @@ def make_folder(folder: PathLike) -> Path:
     """
     path, waiting = Path(folder), _WAITING.get()
     try:
+        missing = [there for there in (path, *path.parents) if not there.exists()][::-1]
         if waiting is not None:
-            missing = [there for there in (path, *path.parents) if not there.exists()]
-            waiting.folders += reversed(missing)
+            waiting.folders += missing
         path.mkdir(parents=True, exist_ok=True)
+        for there in missing:
+            to_disk(there.parent)
     except OSError as error:
         raise FileError(f"{path}: the folder cannot be made: {error.strerror}") from error
     return path

@@ -600,6 +600,21 @@ def test_a_folder_whose_name_has_brackets(tmp_path: Path, inline: Any) -> None:
     assert [asset.name for asset in build(folder / "p.toml", workers=inline()).assets] == ["a"]
 
 
+def test_what_keeps_git_away_is_whole_or_not_there(
+    write: Write, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(path: Path, text: str, **rest: Any) -> None:
+        path.write_bytes(text[:1].encode())
+        raise KeyboardInterrupt
+
+    path = write()
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "write_text", stopped)
+        run(path, folder=tmp_path / "build")
+    run(path, folder=tmp_path / "build")
+    assert (tmp_path / "build" / ".texbake" / ".gitignore").read_text() == "*\n"
+
+
 def test_ten_thousand_assets_are_planned_and_found_current(
     write: Write, tmp_path: Path, inline: Any
 ) -> None:

@@ -100,7 +100,7 @@ def test_locations_that_cannot_be_opened(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="nowhere://x: cannot be reached"):
         location_of("nowhere://x")
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be used: Not a directory"):
+    with pytest.raises(FileError, match="cannot be made: Not a directory"):
         location_of(tmp_path / "file").put(tmp_path / "file", "a/b")
 
 

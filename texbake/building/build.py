@@ -36,7 +36,7 @@ from texbake.building.schedule import Schedule, states_of
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import OptionError, TexbakeError
-from texbake.files import PathLike, make_folder
+from texbake.files import PathLike, make_folder, replacing
 from texbake.jobs.outputs import check_page
 from texbake.parallel import default_threads
 
@@ -168,7 +168,8 @@ class Site:
         make_folder(self.inside)
         ignore = self.inside / ".gitignore"
         if not ignore.exists():
-            ignore.write_text("*\n", encoding="utf-8")
+            with replacing(ignore) as temporary:
+                temporary.write_text("*\n", encoding="utf-8")
 
     def resolver(self, states: dict[Id, StepState]) -> tuple[Resolver, Publisher]:
         """Return what finds the state of steps, and what publishes outputs."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from texbake.errors import FileError
-from texbake.files import make_folder, to_disk
+from texbake.files import make_folder
 
 _POLL_SECONDS = 0.2
 _FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
@@ -150,11 +150,3 @@ def _cloned(source: int, target: int) -> bool:
     except (ImportError, OSError):
         return False
     return True
-
-
-def make_lasting(folder: Path) -> None:
-    """Make a folder and its parents, and have their names on the disk."""
-    if not folder.is_dir():
-        make_lasting(folder.parent)
-        folder.mkdir(exist_ok=True)
-        to_disk(folder.parent)

@@ -14,9 +14,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from texbake.building.disk import copy_file, make_lasting
+from texbake.building.disk import copy_file
 from texbake.errors import DependencyError, FileError, TexbakeError
-from texbake.files import replacing, to_disk
+from texbake.files import make_folder, replacing, to_disk
 
 
 def is_url(place: str) -> bool:
@@ -103,7 +103,7 @@ class LocalFolder:
         """Copy a file, sharing its blocks if the file system can."""
         target = Path(self.path(name))
         with file_errors(target):
-            target.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(target.parent)
             with replacing(target) as temporary:
                 copy_file(source, temporary)
 
@@ -113,7 +113,7 @@ class LocalFolder:
         with file_errors(target):
             for path in (*source.rglob("*"), source):
                 to_disk(path)
-            make_lasting(target.parent)
+            make_folder(target.parent)
             try:
                 source.rename(target)
             except OSError:
