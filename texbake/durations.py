@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 _SECONDS = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0}
 
@@ -29,5 +29,7 @@ def parse_seconds(value: str | float) -> float:
     except ValueError:
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise OptionError(f"time_budget: {word!r} is not a duration; give one such as 20s or 2min")
+        raise OptionError(
+            f"time_budget: {quoted(word)} is not a duration; give one such as 20s or 2min"
+        )
     return number * _SECONDS.get(unit, 1.0)

@@ -20,6 +20,35 @@ import re
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
 
 
+_MOST_QUOTED = 60  # characters of a value that a message shows
+
+
+def quoted(value: object) -> str:
+    """Return a value as Python writes it, shortened in its middle, for a message.
+
+    Files hold names and values of any length.
+
+    >>> quoted("wood"), len(quoted("wood" * 1000))
+    ("'wood'", 60)
+    """
+    try:
+        return shortened(repr(value))
+    except RecursionError:  # lists in lists in lists
+        return "a deeply nested value"
+
+
+def shortened(text: str, most: int = _MOST_QUOTED) -> str:
+    """Return text with an ellipsis for its middle where it is longer than `most` characters.
+
+    >>> shortened("a name of a material", 9)
+    'a na...al'
+    """
+    if len(text) <= most:
+        return text
+    n_end = (most - 3) // 3
+    return f"{text[: most - 3 - n_end]}...{text[len(text) - n_end :]}"
+
+
 class TexbakeError(Exception):
     """Root of everything that texbake raises on purpose."""
 

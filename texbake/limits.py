@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 
 MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
@@ -21,6 +21,8 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
 DEFAULT_MAX_IMAGE = 16384
+LONGEST_NAME = 400
+"""Characters of a path that a file names."""
 
 
 @contextmanager
@@ -73,7 +75,7 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
 def _max_image() -> int:
     text = os.environ.get(MAX_IMAGE, "") or str(DEFAULT_MAX_IMAGE)
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1 << 20:
-        raise OptionError(f"{MAX_IMAGE}: {text[:40]!r} is not a number of pixels, such as 16384")
+        raise OptionError(f"{MAX_IMAGE}: {quoted(text)} is not a number of pixels, such as 16384")
     return int(text)
 
 
@@ -91,13 +93,16 @@ def file_beside(path: PathLike, name: str) -> Path:
     Raises
     ------
     FileError
-        It lies outside the folder of the file, and that is not allowed.
+        It lies outside the folder of the file, and that is not allowed; or no file can have such a
+        name.
     """
+    if len(name) > LONGEST_NAME:
+        raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
     folder = Path(path).parent
     place = folder / name
     if not is_within(folder, place) and os.environ.get(ALLOW_OUTSIDE) != "1":
         raise FileError(
-            f"{path}: it names {str(name)[:200]!r}, which lies outside its folder; if you trust "
+            f"{path}: it names {quoted(str(name))}, which lies outside its folder; if you trust "
             "the file, read it with texbake --allow-outside"
         )
     return place

@@ -6,7 +6,7 @@ import re
 import string
 from collections.abc import Sequence
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 DEFAULT_PATTERN = "{map}.{ext}"
 FIRST_TILE = 1001
@@ -73,12 +73,16 @@ def map_file_names(
         if isinstance(error, OptionError):
             raise
         raise OptionError(
-            f"name_pattern: {pattern!r} cannot be parsed ({error}); write {DEFAULT_PATTERN}"
+            f"name_pattern: {quoted(pattern)} cannot be parsed ({error}); write {DEFAULT_PATTERN}"
         ) from error
     if not pattern.endswith(".{ext}"):
-        raise OptionError(f"name_pattern: {pattern!r} must end with .{{ext}}")
+        raise OptionError(f"name_pattern: {quoted(pattern)} must end with .{{ext}}")
     if any("/" in name or "\\" in name for name in names.values()):
-        raise OptionError(f"name_pattern: {pattern!r} names a folder; give the names of files only")
+        raise OptionError(
+            f"name_pattern: {quoted(pattern)} names a folder; give the names of files only"
+        )
     if len({name.lower() for name in names.values()}) < len(names):
-        raise OptionError(f"name_pattern: {pattern!r} gives two maps the same name; add {{map}}")
+        raise OptionError(
+            f"name_pattern: {quoted(pattern)} gives two maps the same name; add {{map}}"
+        )
     return names

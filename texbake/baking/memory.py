@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 
 from texbake.baking.map_names import SECONDARY_MAPS
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 MB = 1 << 20
 # A process with all libraries loaded, and the memory that it does not return.
@@ -46,7 +46,9 @@ def parse_bytes(text: str | int) -> int:
     found = _SIZE.fullmatch(str(text).strip())
     amount = 0 if found is None else int(float(found[1]) * _UNITS[found[2].lower()])
     if amount < 1:
-        raise OptionError(f"max_memory: {text!r} is not an amount of memory; give one such as 8G")
+        raise OptionError(
+            f"max_memory: {quoted(text)} is not an amount of memory; give one such as 8G"
+        )
     return amount
 
 

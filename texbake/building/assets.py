@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 
 from texbake.building.file import AssetRule, Pipeline
 from texbake.building.locations import is_url, matches
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.rendering.scene.file.faults import nearest
 
 DEFAULT_NAME = "{stem}"
@@ -55,7 +55,9 @@ def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAs
         return list(assets.values())
     for pattern in only:
         if not any(_is(name, pattern) for name in assets):
-            raise OptionError(f"only: no asset is called {pattern!r}; {_near(pattern, assets)}")
+            raise OptionError(
+                f"only: no asset is called {quoted(pattern)}; {_near(pattern, assets)}"
+            )
     return [asset for name, asset in assets.items() if any(_is(name, pattern) for pattern in only)]
 
 
@@ -80,7 +82,7 @@ def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
         if not hits:
             raise pipeline.fault(
                 (*place, "inputs", first),
-                f"{pattern!r} matches no file; it is relative to {pipeline.path.parent}",
+                f"{quoted(pattern)} matches no file; it is relative to {pipeline.path.parent}",
             )
         found.update(dict.fromkeys(hits))
     assets = []
@@ -120,7 +122,9 @@ def _asset(
         raise pipeline.fault(place, str(error)) from error
     parts = name.split("/")
     if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
-        raise pipeline.fault(place, f"{name!r} is not a name for files; use one without .. and \\")
+        raise pipeline.fault(
+            place, f"{quoted(name)} is not a name for files; use one without .. and \\"
+        )
     return PipelineAsset(name, rule, inputs)
 
 
@@ -132,10 +136,12 @@ def _twice(pipeline: Pipeline, one: PipelineAsset, other: PipelineAsset) -> Exce
     if all(sources):
         return pipeline.fault(
             place,
-            f"{sources[0]} and {sources[1]} both give the asset {one.name!r}; "
+            f"{sources[0]} and {sources[1]} both give the asset {quoted(one.name)}; "
             "use a name that distinguishes them, such as '{folder}_{stem}'",
         )
-    return pipeline.fault(place, f"two assets are called {one.name!r}; give each its own name")
+    return pipeline.fault(
+        place, f"two assets are called {quoted(one.name)}; give each its own name"
+    )
 
 
 def filled(pattern: str, values: Mapping[str, str]) -> str:
@@ -150,12 +156,12 @@ def filled(pattern: str, values: Mapping[str, str]) -> str:
         A name in braces is not known, or a brace is unmatched.
     """
     if {"{", "}"} & set(_PLACE.sub("", pattern)):
-        raise OptionError(f"{pattern!r} has an unmatched brace; names are written {{name}}")
+        raise OptionError(f"{quoted(pattern)} has an unmatched brace; names are written {{name}}")
 
     def value(found: re.Match[str]) -> str:
         if found[1] not in values:
             raise OptionError(
-                f"{pattern!r} has {found[0]}, which is not known; {nearest(found[1], values)}"
+                f"{quoted(pattern)} has {found[0]}, which is not known; {nearest(found[1], values)}"
             )
         return values[found[1]]
 

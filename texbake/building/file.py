@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, cr
 from texbake.building.locate import key_lines, line_of
 from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, require_file
 from texbake.limits import file_beside
 from texbake.rendering.scene.file.faults import (
@@ -202,7 +202,7 @@ def read_pipeline(path: PathLike) -> Pipeline:
         content = tomllib.loads(text.replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not a pipeline file: it is not UTF-8 text") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
         found = PipelineTable.model_validate(content)
@@ -223,7 +223,8 @@ def _check_names(pipeline: Pipeline) -> None:
         for number, name in enumerate(rule.steps or ()):
             if name not in pipeline.steps:
                 raise pipeline.fault(
-                    (*place, "steps", number), f"no step {name!r}; {nearest(name, pipeline.steps)}"
+                    (*place, "steps", number),
+                    f"no step {quoted(name)}; {nearest(name, pipeline.steps)}",
                 )
         for name in rule.options:
             if name not in pipeline.steps:

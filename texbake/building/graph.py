@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from texbake.building.assets import PipelineAsset, absolute, filled
 from texbake.building.file import Pipeline, StepTable
 from texbake.building.locations import is_url
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.rendering.scene.file.faults import nearest
 
 Id = tuple[str, str]
@@ -114,7 +114,7 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
     for name in table.after:
         if name not in pipeline.steps:
             raise pipeline.fault(
-                (*table.place, "after"), f"no step {name!r}; {nearest(name, pipeline.steps)}"
+                (*table.place, "after"), f"no step {quoted(name)}; {nearest(name, pipeline.steps)}"
             )
         before.append((asset.name, name))
     outputs = table.kind.outputs(table.settings)
@@ -137,7 +137,8 @@ def _source(
         outputs = _outputs_of(pipeline, asset, name)
         if output and output not in outputs:
             raise pipeline.fault(
-                (*table.place, role), f"{name} makes no {output!r}; {nearest(output, outputs)}"
+                (*table.place, role),
+                f"{name} makes no {quoted(output)}; {nearest(output, outputs)}",
             )
         return StepSource((asset.name, name), output or next(iter(outputs)))
     if text in asset.inputs:
@@ -146,7 +147,8 @@ def _source(
         known = [*pipeline.steps, *asset.inputs]
         raise pipeline.fault(
             (*table.place, role),
-            f"{text!r} is neither a step nor an input of {asset.name}; {nearest(text, known)}",
+            f"{quoted(text)} is neither a step nor an input of {asset.name}; "
+            f"{nearest(text, known)}",
         )
     try:
         path = absolute(pipeline, filled(text, {"asset": asset.name}))
@@ -154,7 +156,8 @@ def _source(
         raise pipeline.fault((*table.place, role), str(error)) from error
     if not is_url(path) and "{" not in text and not os.path.isfile(path):  # noqa: PTH113
         raise pipeline.fault(
-            (*table.place, role), f"{text!r} is neither a step nor an input nor a file there is"
+            (*table.place, role),
+            f"{quoted(text)} is neither a step nor an input nor a file there is",
         )
     return FileSource(path)
 
@@ -192,11 +195,11 @@ def _published(
 def _fault_of(name: str, suffix: str) -> str | None:
     """Return what is wrong with the name of an output that has this suffix."""
     if name.startswith("/") or "\\" in name or {"", ".", ".."} & set(name.split("/")):
-        return f"{name!r} does not lie below the folder of outputs"
+        return f"{quoted(name)} does not lie below the folder of outputs"
     if any(character < " " for character in name):
-        return f"{name!r} has a character that file names cannot have"
+        return f"{quoted(name)} has a character that file names cannot have"
     if suffix and PurePosixPath(name).suffix.lower() != suffix:
-        return f"{name!r} has the wrong suffix for a {suffix} file; end it with .{{ext}}"
+        return f"{quoted(name)} has the wrong suffix for a {suffix} file; end it with .{{ext}}"
     return None
 
 
@@ -257,7 +260,8 @@ def _check_files(pipeline: Pipeline, owners: dict[str, Node], read: set[str], ro
     for name, node in owners.items():
         if name.split("/")[0] in BUILDS_OWN:
             raise pipeline.fault(
-                (*node.table.place, "output"), f"{name!r} is reserved for the build's own files"
+                (*node.table.place, "output"),
+                f"{quoted(name)} is reserved for the build's own files",
             )
 
 
@@ -265,10 +269,10 @@ def _same_output(pipeline: Pipeline, name: str, one: Node, other: Node) -> Excep
     place = (*other.table.place, "output")
     if one is other:
         return pipeline.fault(
-            place, f"several outputs are called {name!r}; put {{output}} into the pattern"
+            place, f"several outputs are called {quoted(name)}; put {{output}} into the pattern"
         )
     return pipeline.fault(
         place,
-        f"{' '.join(one.id)} and {' '.join(other.id)} both write {name!r}; "
+        f"{' '.join(one.id)} and {' '.join(other.id)} both write {quoted(name)}; "
         "put {asset} or {step} into the pattern",
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.baking.memory import parse_bytes
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
 from texbake.schema import CheckedOptions, Option
 
@@ -89,7 +89,7 @@ class BuildOptions(CheckedOptions):
         _ = self.memory_bytes  # checks it
         if self.scheduler is not None and "://" not in self.scheduler:
             raise OptionError(
-                f"scheduler: {self.scheduler!r} is not an address; use one such as tcp://host:8786"
+                f"scheduler: {quoted(self.scheduler)} is not an address; use one such as tcp://host:8786"
             )
         if self.prune and self.only:
             raise OptionError(

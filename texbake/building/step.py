@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, WithJsonSchema
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.progress import StageRecord
 from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import Table, described, table
@@ -237,7 +237,7 @@ References = Annotated[
 def check_format(value: object, known: tuple[str, ...]) -> None:
     """Raise `OptionError` if a format is not known."""
     if value not in known:
-        raise OptionError(f"format: {value!r} is not one of {', '.join(known)}")
+        raise OptionError(f"format: {quoted(value)} is not one of {', '.join(known)}")
 
 
 def steady(report: Any) -> Any:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, check_folder, check_writable
 from texbake.jobs.channel_options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
@@ -224,4 +224,4 @@ def _check_names(image: PathLike, names: Sequence[str], n_channels: int) -> None
         if used.count(name) > 1:
             raise OptionError(f"names: {name} is given twice")
         if Path(name).name != name or name in (".", ".."):
-            raise OptionError(f"names: {name!r} cannot be a part of a file name")
+            raise OptionError(f"names: {quoted(name)} cannot be a part of a file name")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, check_writable, replacing
 from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
 
@@ -96,7 +96,7 @@ def check_mesh(path: PathLike, *, folder_is_made: bool = False) -> None:
     suffix = Path(path).suffix
     if suffix.lower() not in WRITABLE_MESH_SUFFIXES:
         known = ", ".join(WRITABLE_MESH_SUFFIXES)
-        raise FileFormatError(f"{path}: meshes cannot be written as {suffix!r}; use {known}")
+        raise FileFormatError(f"{path}: meshes cannot be written as {quoted(suffix)}; use {known}")
     if not folder_is_made:
         check_writable(path)
 
@@ -112,7 +112,9 @@ def check_page(path: PathLike | None) -> None:
     if path is not None:
         suffix = Path(path).suffix
         if suffix.lower() not in _PAGE_SUFFIXES:
-            raise FileFormatError(f"{path}: a page cannot be written as {suffix!r}; use .html")
+            raise FileFormatError(
+                f"{path}: a page cannot be written as {quoted(suffix)}; use .html"
+            )
         check_writable(path)
 
 

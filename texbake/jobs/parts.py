@@ -22,7 +22,7 @@ from texbake.baking.parts.report import PartsReport
 from texbake.baking.parts.result import PartsResult
 from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
@@ -245,7 +245,7 @@ def _pattern_of_sets(pattern: str, parts: PartsOptions) -> str:
         return _SET_PATTERN
     if "{set}" not in pattern:
         raise OptionError(
-            f"name_pattern: {pattern!r} gives all texture sets one name; put {{set}} in it"
+            f"name_pattern: {quoted(pattern)} gives all texture sets one name; put {{set}} in it"
         )
     return pattern
 
@@ -276,7 +276,8 @@ def _check_names(paths: Sequence[Path], pattern: str) -> None:
     for i, name in enumerate(lower):
         if name in lower[:i]:
             raise OptionError(
-                f"{paths[i]}: two sets of maps have this name by {pattern!r}; rename one of them"
+                f"{paths[i]}: two sets of maps have this name by {quoted(pattern)}; "
+                "rename one of them"
             )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, check_writable, replacing
 from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mapping.layout import draw_layout
@@ -115,7 +115,8 @@ def check_layout(path: PathLike) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in LAYOUT_SUFFIXES:
         raise FileFormatError(
-            f"{path}: layouts cannot be written as {suffix!r}; use {' or '.join(LAYOUT_SUFFIXES)}"
+            f"{path}: layouts cannot be written as {quoted(suffix)}; "
+            f"use {' or '.join(LAYOUT_SUFFIXES)}"
         )
     check_writable(path)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 
 def length_of(name: str, what: str, value: str | float, diagonal: float) -> float:
@@ -38,7 +38,7 @@ def length_of(name: str, what: str, value: str | float, diagonal: float) -> floa
         number = math.nan
     if not 0.0 <= number < math.inf:
         raise OptionError(
-            f"{name}: {value!r} is not {what}; give a length such as 0.02, or a share of the "
+            f"{name}: {quoted(value)} is not {what}; give a length such as 0.02, or a share of the "
             "diagonal such as 1%"
         )
     return 0.01 * number * diagonal if word.endswith("%") else number

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, UvError
+from texbake.errors import MeshError, UvError, quoted
 from texbake.mesh.uv_sets import UvSet, checked_uv_sets
 
 FloatArray = npt.NDArray[np.float64]
@@ -149,7 +149,7 @@ class Mesh:
         if name not in self.uv_sets:
             others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
             raise UvError(
-                f"{self.name}: it has no UV set {name!r}; {others}"
+                f"{self.name}: it has no UV set {quoted(name)}; {others}"
                 f"make it with: texbake unwrap {self.name} --set {name} -o OUT"
             )
         return self.uv_sets[name]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError
+from texbake.errors import MeshError, quoted
 
 if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
@@ -46,21 +46,25 @@ def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mappi
     checked = {}
     for name, item in sets.items():
         if not isinstance(name, str) or not name.strip() or not name.isprintable():
-            raise MeshError(f"{mesh}: {name!r} is not a name of texture coordinates")
+            raise MeshError(f"{mesh}: {quoted(name)} is not a name of texture coordinates")
         try:
             uvs = np.ascontiguousarray(item.uvs, np.float64)
             faces = np.ascontiguousarray(item.faces, np.int32)
         except (TypeError, ValueError) as error:
-            raise MeshError(f"{mesh}: the UV set {name!r} is not two arrays of numbers") from error
+            raise MeshError(
+                f"{mesh}: the UV set {quoted(name)} is not two arrays of numbers"
+            ) from error
         if uvs.ndim != 2 or uvs.shape[1] != 2 or faces.shape != (n_faces, 3):
             raise MeshError(
-                f"{mesh}: the UV set {name!r} has the shapes {uvs.shape} and {faces.shape}, not "
-                f"(n, 2) and ({n_faces}, 3)"
+                f"{mesh}: the UV set {quoted(name)} has the shapes {uvs.shape} and {faces.shape}, "
+                f"not (n, 2) and ({n_faces}, 3)"
             )
         if not np.isfinite(uvs).all():
-            raise MeshError(f"{mesh}: a texture coordinate of the UV set {name!r} is not finite")
+            raise MeshError(
+                f"{mesh}: a texture coordinate of the UV set {quoted(name)} is not finite"
+            )
         if faces.min() < 0 or faces.max() >= len(uvs):
-            raise MeshError(f"{mesh}: the UV set {name!r} has an index that is out of range")
+            raise MeshError(f"{mesh}: the UV set {quoted(name)} has an index that is out of range")
         for array in uvs, faces:
             array.flags.writeable = False
         checked[name] = UvSet(uvs, faces)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import decode_heights, decode_normals
@@ -201,12 +201,12 @@ def _channels(
 def _choice(image: Image, key: str, choices: tuple[str, ...]) -> str:
     value = image.metadata.get(key, choices[0])
     if value not in choices:
-        raise FileFormatError(f"{image.name}: its {key} {value!r} is not one of {choices}")
+        raise FileFormatError(f"{image.name}: its {key} {quoted(value)} is not one of {choices}")
     return str(value)
 
 
 def _number(image: Image, key: str, default: float) -> float:
     value: Value = image.metadata.get(key, default)
     if not isinstance(value, int | float) or not math.isfinite(value):
-        raise FileFormatError(f"{image.name}: its {key} {value!r} is not a finite number")
+        raise FileFormatError(f"{image.name}: its {key} {quoted(value)} is not a finite number")
     return float(value)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 # 8-bit normals are off by up to 0.39 degrees; errors of heights show as slopes.
 DEFAULT_MAX_ERROR = "0.5deg,0.01%"
@@ -90,12 +90,12 @@ def parse_bounds(text: str) -> ErrorBounds:
         value = _positive(word.strip().removesuffix(unit))
         if value is None:
             raise OptionError(
-                f"max_error: {word.strip()!r} is not an error; give an angle for normals such as "
-                "0.5deg, a length for heights such as 0.001 or 0.01% of the diagonal, or both "
-                "separated by a comma"
+                f"max_error: {quoted(word.strip())} is not an error; give an angle for normals "
+                "such as 0.5deg, a length for heights such as 0.001 or 0.01% of the diagonal, or "
+                "both separated by a comma"
             )
         if kind in parts or (kind != "angle" and parts.keys() & {"length", "share"}):
-            raise OptionError(f"max_error: {text!r} has two bounds of one kind; give one")
+            raise OptionError(f"max_error: {quoted(text)} has two bounds of one kind; give one")
         parts[kind] = value * factor
     return ErrorBounds(**parts)
 
@@ -128,8 +128,8 @@ def parse_picture_bound(value: str | float) -> float:
         error = 0.0
     if not 0.0 < error < 1.0:
         raise OptionError(
-            f"max_error: {value!r} is not an error of a picture; give a share of white such as "
-            "2/255 or 0.01"
+            f"max_error: {quoted(value)} is not an error of a picture; give a share of white such "
+            "as 2/255 or 0.01"
         )
     return error
 

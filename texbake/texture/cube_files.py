@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, check_folder, check_writable
 from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap
@@ -50,7 +50,7 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
     """
     if convention not in CONVENTIONS:
         raise OptionError(
-            f"convention: {convention!r} is not known; it is one of {', '.join(CONVENTIONS)}"
+            f"convention: {quoted(convention)} is not known; it is one of {', '.join(CONVENTIONS)}"
         )
     if convention == "opengl":
         return faces

@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 
@@ -81,7 +81,7 @@ def sample_cube(
     """
     if filter not in CUBE_FILTER_CODES:
         raise OptionError(
-            f"filter: {filter!r} is not known; it is one of {', '.join(CUBE_FILTERS)}"
+            f"filter: {quoted(filter)} is not known; it is one of {', '.join(CUBE_FILTERS)}"
         )
     if isinstance(cube, CubeMap):
         texels = cube.bordered.reshape(-1, cube.n_channels)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import DependencyError, FileFormatError, OptionError
+from texbake.errors import DependencyError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
 from texbake.texture.encoding import encode_normals, quantize_srgb
@@ -114,7 +114,9 @@ def write_dds(
         raise FileFormatError(f"{path}: block-compressed textures are DDS files; give a .dds name")
     if block_format not in BLOCK_FORMATS:
         known = ", ".join(BLOCK_FORMATS)
-        raise OptionError(f"block_format: {block_format!r} is not known; it is one of {known}")
+        raise OptionError(
+            f"block_format: {quoted(block_format)} is not known; it is one of {known}"
+        )
     form = BLOCK_FORMATS[block_format]
     if kind == "color" and not form.dxgi_srgb:
         raise OptionError(f"block_format: {block_format} cannot store colors; use bc7 or bc1")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.texture.png_files import png_parts
 
 # Names of the formats, with the suffixes of their files.
@@ -59,7 +59,7 @@ def encode_image(
     b'\xff\xd8'
     """
     if encoding not in ENCODINGS:
-        raise OptionError(f"encoding: {encoding!r} is not known; use {', '.join(ENCODINGS)}")
+        raise OptionError(f"encoding: {quoted(encoding)} is not known; use {', '.join(ENCODINGS)}")
     encoding = encoding_of(codes, encoding)
     if encoding == "png":
         return b"".join(png_parts(codes, srgb=is_color, threads=threads))

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
@@ -336,6 +336,6 @@ def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def _green_sign(convention: str) -> float:
     if convention not in _CONVENTIONS:
         raise OptionError(
-            f"convention: {convention!r} is not known; it is one of {', '.join(_CONVENTIONS)}"
+            f"convention: {quoted(convention)} is not known; it is one of {', '.join(_CONVENTIONS)}"
         )
     return 1.0 if convention == "opengl" else -1.0

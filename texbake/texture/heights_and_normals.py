@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import decode_normals
 from texbake.texture.height_options import (
@@ -104,7 +104,7 @@ def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptio
     scale = heights.metadata.get(DISPLACEMENT_SCALE, DEFAULT_SCALE)
     if not isinstance(scale, int | float) or not math.isfinite(scale):
         raise FileFormatError(
-            f"{heights.name}: its {DISPLACEMENT_SCALE} {scale!r} is not a finite number; "
+            f"{heights.name}: its {DISPLACEMENT_SCALE} {quoted(scale)} is not a finite number; "
             "give `scale`"
         )
     return float(scale)

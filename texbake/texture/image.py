@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
@@ -158,7 +158,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
         The file is not an image, or it is damaged.
     """
     if not isinstance(color, bool | np.bool_):
-        raise OptionError(f"color: {color!r} is neither True (sRGB) nor False (data)")
+        raise OptionError(f"color: {quoted(color)} is neither True (sRGB) nor False (data)")
     codes, description = _read_with_openimageio(path)
     is_float = codes.dtype.kind == "f"
     return Image(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 
 
@@ -100,7 +100,9 @@ def format_of(path: PathLike) -> ImageFormat:
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         known = ", ".join(name[1:] for name in _FORMATS)
-        raise FileFormatError(f"{path}: the image format {suffix!r} is not known; use {known}")
+        raise FileFormatError(
+            f"{path}: the image format {quoted(suffix)} is not known; use {known}"
+        )
     return _FORMATS[suffix]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing
 from texbake.metadata import Value, to_description
 from texbake.texture.image import Image, read_header
@@ -124,11 +124,13 @@ def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
         raise OptionError(f"{path}: its layers differ in size ({words}); bake them at one size")
     for layer, image in layers.items():
         if not layer or "." in layer:
-            raise OptionError(f"{path}: {layer!r} is not a layer name; use one without dots")
+            raise OptionError(f"{path}: {quoted(layer)} is not a layer name; use one without dots")
         if image.pixels.shape[2] not in _CHANNELS:
-            raise OptionError(f"{path}: the layer {layer!r} has more than four channels")
+            raise OptionError(f"{path}: the layer {quoted(layer)} has more than four channels")
         if image.bits != 32 and np.abs(image.pixels).max() > np.finfo(np.float16).max:
-            raise OptionError(f"{path}: the layer {layer!r} is beyond half floats; give it 32 bits")
+            raise OptionError(
+                f"{path}: the layer {quoted(layer)} is beyond half floats; give it 32 bits"
+            )
 
 
 def _write(

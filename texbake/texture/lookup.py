@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 
 # As in `core/texture_lookup.h`.
@@ -40,7 +40,7 @@ def wrap_code(wrap: str) -> int:
         The mode is unknown.
     """
     if wrap not in _CODES:
-        raise OptionError(f"wrap: {wrap!r} is not known; it is one of {', '.join(_CODES)}")
+        raise OptionError(f"wrap: {quoted(wrap)} is not known; it is one of {', '.join(_CODES)}")
     return _CODES[wrap]
 
 
@@ -88,7 +88,7 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
         out[:] = 0.0 if border is None else border
     except ValueError as error:
         raise OptionError(
-            f"border: {border!r} is not one number or {n_channels}, one for each channel"
+            f"border: {quoted(border)} is not one number or {n_channels}, one for each channel"
         ) from error
     return out
 
@@ -284,7 +284,7 @@ def volume_lookup(
     code = wrap_code(wrap)
     if filter not in VOLUME_FILTERS:
         raise OptionError(
-            f"filter: {filter!r} is not known; it is one of {', '.join(VOLUME_FILTERS)}"
+            f"filter: {quoted(filter)} is not known; it is one of {', '.join(VOLUME_FILTERS)}"
         )
     volume = np.require(volume, np.float32, ["C", "A"])
     if volume.ndim != 4 or volume.size == 0:

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.lookup import MIRROR, REPEAT, Wrap, wrap_code, wrap_pair
 
@@ -154,7 +154,9 @@ def mip_chain(
     along_u, along_v = map(wrap_code, wrap_pair(wrap))
     for name, value, known in ("kind", kind, KINDS), ("filter", filter, MIP_FILTERS):
         if value not in known:
-            raise OptionError(f"{name}: {value!r} is not known; it is one of {', '.join(known)}")
+            raise OptionError(
+                f"{name}: {quoted(value)} is not known; it is one of {', '.join(known)}"
+            )
     if roughness and kind != "normal":
         raise OptionError(f"roughness: only normal maps have it, not {kind}; give kind='normal'")
     if kind == "normal":

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
@@ -111,7 +111,9 @@ def sample(
         missing.
     """
     if filter not in FILTERS:
-        raise OptionError(f"filter: {filter!r} is not known; it is one of {', '.join(FILTERS)}")
+        raise OptionError(
+            f"filter: {quoted(filter)} is not known; it is one of {', '.join(FILTERS)}"
+        )
     code = wrap_codes(wrap)
     if not max_anisotropy >= 1.0:
         raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.schema import CheckedOptions, Option
 
 MAX_RAYS = 4096
@@ -55,5 +55,5 @@ class SecondaryOptions(CheckedOptions):
         n = self.secondary_rays
         if n & (n - 1) != 0:
             raise OptionError(
-                f"secondary_rays: {n!r} is not a power of two; use 64, or 256 for less noise"
+                f"secondary_rays: {quoted(n)} is not a power of two; use 64, or 256 for less noise"
             )

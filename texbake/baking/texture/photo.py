@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texture.photo_mappings import PhotoLookups
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.mapping.classical.projector import read_matrix
 from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
@@ -65,11 +65,11 @@ class PhotoCamera:
         check_numbers("target", self.target, 3)
         check_direction("up", self.up)
         if not _is_number(self.fov) or not 0.0 < self.fov < 180.0:
-            raise OptionError(f"fov: {self.fov!r} degrees must be above 0 and below 180")
+            raise OptionError(f"fov: {quoted(self.fov)} degrees must be above 0 and below 180")
         if self.aspect is not None and not (
             _is_number(self.aspect) and 0.0 < self.aspect < math.inf
         ):
-            raise OptionError(f"aspect: {self.aspect!r} must be above 0, such as 1.5")
+            raise OptionError(f"aspect: {quoted(self.aspect)} must be above 0, such as 1.5")
         self.axes()
 
     def axes(self) -> FloatArray:

@@ -20,7 +20,7 @@ from texbake.building.step import (
     stage_seconds,
     steady,
 )
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.schema import Option
 from texbake.texture.mip_options import MipOptions
 from texbake.texture.pack_options import PackOptions
@@ -44,7 +44,7 @@ class BakeStep(BakeOptions):
         for name, value in formats.items():
             if name and name not in self.maps:
                 raise OptionError(
-                    f"format: {name!r} is not one of the maps, {', '.join(self.maps)}"
+                    f"format: {quoted(name)} is not one of the maps, {', '.join(self.maps)}"
                 )
             check_format(value, IMAGE_FORMATS)
 

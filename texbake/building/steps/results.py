@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from texbake.building.memory import check_memory, export_memory, page_memory, preview_memory
 from texbake.building.step import InputRole, Job, StepKind, steady
 from texbake.checks.options import SEVERITIES, CheckOptions
-from texbake.errors import MeshError, OptionError, UvError
+from texbake.errors import MeshError, OptionError, UvError, quoted
 from texbake.jobs.export.options import ExportOptions
 from texbake.rendering.options import RenderOptions
 
@@ -48,7 +48,7 @@ class CheckStep(CheckOptions):
         super().__post_init__()
         if self.fail_on not in (*SEVERITIES, _NEVER):
             known = ", ".join((*SEVERITIES, _NEVER))
-            raise OptionError(f"fail_on: {self.fail_on!r} is not one of {known}")
+            raise OptionError(f"fail_on: {quoted(self.fail_on)} is not one of {known}")
         if self.max_stretch is not None and not 1.0 < self.max_stretch < math.inf:
             raise OptionError(f"max_stretch: {self.max_stretch} must be above 1, such as 1.2")
         if self.max_faces is not None and self.max_faces < 1:

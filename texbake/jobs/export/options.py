@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.baking.options import CONVENTIONS, THREADS_OPTION
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.schema import CheckedOptions, Option
 
 TARGETS = ("blender", "unreal", "unity", "godot", "threejs")
@@ -72,4 +72,4 @@ class ExportOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.name is not None and (not self.name.strip() or set(self.name) & set("/\\\0")):
-            raise OptionError(f"name: {self.name!r} is not a file name; leave out slashes")
+            raise OptionError(f"name: {quoted(self.name)} is not a file name; leave out slashes")

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.map_names import MAP_NAMES
-from texbake.errors import FileError, OptionError
+from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.image import Image
@@ -122,7 +122,9 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
     for name, path in maps.items():
         kind, tile = kind_of(name, maps)
         if not kind:
-            raise OptionError(f"{path}: {name!r} is not the name of a map; use one such as normal")
+            raise OptionError(
+                f"{path}: {quoted(name)} is not the name of a map; use one such as normal"
+            )
         _check_spelling(name, kind, path)
         if (kind, tile) in sources:
             other = sources[kind, tile].path
@@ -142,8 +144,8 @@ def _check_spelling(name: str, kind: str, path: PathLike) -> None:
     close = get_close_matches(kind, KNOWN, n=1, cutoff=_CLOSE)
     if close:
         raise OptionError(
-            f"{path}: {name!r} is not the name of a map; did you mean {close[0]!r}? An image that "
-            "is to be copied as it is needs another name"
+            f"{path}: {quoted(name)} is not the name of a map; did you mean {quoted(close[0])}? "
+            "An image that is to be copied as it is needs another name"
         )
 
 

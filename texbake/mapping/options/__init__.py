@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Annotated
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.projection import ProjectionOptions
 from texbake.mapping.options.transform import TransformOptions
@@ -87,7 +87,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.uv_set is not None and (not self.uv_set.strip() or not self.uv_set.isprintable()):
-            raise OptionError(f"uv_set: {self.uv_set!r} is not a name")
+            raise OptionError(f"uv_set: {quoted(self.uv_set)} is not a name")
         read = METHOD_OPTIONS[self.method]
         for field in fields(self):
             unread = field.name in _OF_SOME_METHODS and field.name not in read

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.schema import CheckedOptions, Option
 
 if TYPE_CHECKING:
@@ -83,12 +83,12 @@ class TransformOptions(CheckedOptions):
 
 def _check_warp(warp: object) -> None:
     if not isinstance(warp, Sequence) or len(warp) != 2:
-        raise OptionError(f"warp: {warp!r} is not a name with its strength")
+        raise OptionError(f"warp: {quoted(warp)} is not a name with its strength")
     name, strength = warp
     if name not in WARPS:
         raise OptionError(f"warp: {name} is not one of {', '.join(WARPS)}")
     if not (isinstance(strength, int | float) and math.isfinite(strength)):
-        raise OptionError(f"warp: {strength!r} is not a finite number")
+        raise OptionError(f"warp: {quoted(strength)} is not a finite number")
     if name == "bulge" and not -1.25 < strength < 1:
         raise OptionError(f"warp: a bulge of {strength} folds over; use above -1.25 and below 1")
     if name == "power" and not strength > 0:

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from texbake.errors import FileFormatError, MeshError, OptionError
+from texbake.errors import FileFormatError, MeshError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.progress import ProgressSink, Stages
 
@@ -144,7 +144,7 @@ def _format_of(path: PathLike) -> _Format:
     suffix = Path(path).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
-            f"{path}: {suffix!r} is not the suffix of a mesh file; give one of "
+            f"{path}: {quoted(suffix)} is not the suffix of a mesh file; give one of "
             f"{', '.join(MESH_SUFFIXES)}"
         )
     return _FORMATS[suffix]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.mesh.files.source import ByteArray, line_number
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -104,7 +104,7 @@ def read_word(path: object, data: ByteArray, at: int) -> float:
     if _NOT_A_NUMBER.match(word):
         return math.nan
     shown = word[:40].decode("latin-1")
-    raise FileFormatError(f"{path}: line {line_number(data, at)}: {shown!r} is not a number")
+    raise FileFormatError(f"{path}: line {line_number(data, at)}: {quoted(shown)} is not a number")
 
 
 _BLOCK = 1 << 16  # rows formatted at once

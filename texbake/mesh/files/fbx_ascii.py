@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_nodes import MAX_DEPTH, MAX_NODES, PASSED_OVER, Budget, Node
 from texbake.mesh.files.source import ByteArray, line_number, require_text
@@ -84,7 +84,7 @@ class _Reader:
                 self.fail(f"its nodes are more than {MAX_DEPTH} levels deep")
             open_nodes.append(node)
         if len(open_nodes) > 1:
-            self.fail(f"it ends within {open_nodes[-1].name!r}")
+            self.fail(f"it ends within {quoted(open_nodes[-1].name)}")
         return root
 
     def _skip_blank(self) -> bool:
@@ -99,7 +99,7 @@ class _Reader:
         match = _NAME.match(self.text, self.at)
         if match is None:
             found = self.text[self.at : self.at + 20].decode("latin-1")
-            self.fail(f"{found.splitlines()[0]!r} stands where a node belongs")
+            self.fail(f"{quoted(found.splitlines()[0])} stands where a node belongs")
         self.at = match.end()
         node = Node(match[1].decode("latin-1"))
         while (value := self._value()) is not None:
@@ -137,7 +137,7 @@ class _Reader:
         try:
             return [_number(word) for word in words.replace(b",", b" ").split()]
         except ValueError:
-            self.fail(f"{words[:20].decode('latin-1').splitlines()[0]!r} is not a number")
+            self.fail(f"{quoted(words[:20].decode('latin-1').splitlines()[0])} is not a number")
 
     def _pass_over(self) -> None:
         """Skip to behind the brace that closes the one before."""

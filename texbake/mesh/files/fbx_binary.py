@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_nodes import MAX_DEPTH, MAX_NODES, PASSED_OVER, Budget, Node
 from texbake.mesh.files.source import ByteArray, decode_name
@@ -144,7 +144,7 @@ class _Reader:
             return self.data[at + 4 : at + 4 + length].tobytes(), at + 4 + length
         if code in _MANY:
             return self._array(_MANY[code], at, end)
-        self.fail(at - 1, f"a value has the unknown kind {code!r}")
+        self.fail(at - 1, f"a value has the unknown kind {quoted(code)}")
         raise AssertionError
 
     def _unpack(self, kinds: str, at: int, end: int) -> tuple[int, ...]:

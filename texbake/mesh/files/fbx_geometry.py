@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.fbx_nodes import Node
@@ -88,7 +88,7 @@ class _Reader:
 
     def fail(self, what: str) -> None:
         """Raise `FileFormatError`."""
-        raise FileFormatError(f"{self.path}: geometry {self.name!r}: {what}; export it again")
+        raise FileFormatError(f"{self.path}: geometry {quoted(self.name)}: {what}; export it again")
 
     def floats(self, node: Node, name: str) -> FloatArray:
         """(n,) numbers of a child, all finite."""
@@ -97,7 +97,7 @@ class _Reader:
             values = values.astype(np.float64)
         if not np.isfinite(values).all():
             raise MeshError(
-                f"{self.path}: geometry {self.name!r}: a number of {name} is not finite"
+                f"{self.path}: geometry {quoted(self.name)}: a number of {name} is not finite"
             )
         return values
 

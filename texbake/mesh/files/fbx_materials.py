@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from texbake.errors import quoted, shortened
 from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
@@ -192,8 +193,8 @@ class _MaterialReader:
         data, label = next(fbx_images(self.scene, base), (b"", ""))
         if not data:
             name = fbx_image_name(self.scene, base)
-            which = "an image of it" if name is None else f"its image {name!r}"
-            line = f"{material.name}: {which} is missing; the material keeps its factors"
+            which = "an image of it" if name is None else f"its image {quoted(name)}"
+            line = f"{shortened(material.name)}: {which} is missing; the material keeps its factors"
             self.missing.add(channel, line, image=name)
             return None
         components = _RED if len(CHANNELS[channel].default) == 1 else (0, 1, 2)

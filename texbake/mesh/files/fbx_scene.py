@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_ascii import read_ascii
 from texbake.mesh.files.fbx_binary import MAGIC, read_binary
@@ -213,7 +213,9 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
             here = place(parent, properties)
             matrix = axes @ here.matrix @ geometric(properties)
         if not np.isfinite(matrix).all():
-            raise MeshError(f"{scene.path}: model {model.name!r}: its transform is not finite")
+            raise MeshError(
+                f"{scene.path}: model {quoted(model.name)}: its transform is not finite"
+            )
         shown = is_shown and _is_visible(properties)
         if shown:
             yield PlacedModel(model, matrix)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import DependencyError
+from texbake.errors import DependencyError, quoted
 from texbake.files import PathLike
 
 EXTENSION = "EXT_meshopt_compression"
@@ -94,9 +94,9 @@ def decode_view(
         if stride % 4 or not 0 < stride <= 256:
             return f"a compressed view has a stride of {stride} bytes, which is none of vertices"
     elif mode not in (TRIANGLES, INDICES) or stride not in (2, 4):
-        return f"a compressed view of mode {mode!r} and stride {stride} is not known"
+        return f"a compressed view of mode {quoted(mode)} and stride {stride} is not known"
     if filter_name != "NONE" and (filter_name not in _FILTERS or mode != ATTRIBUTES):
-        return f"the filter {filter_name!r} of a compressed view is not known"
+        return f"the filter {quoted(filter_name)} of a compressed view is not known"
     if mode == TRIANGLES and count % 3:
         return f"a compressed view has {count} corners, which are no triangles"
     if filter_name == "OCTAHEDRAL" and stride not in (4, 8):

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import FileError, FileFormatError
+from texbake.errors import FileError, FileFormatError, quoted, shortened
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.conversion import fan_corners
@@ -102,9 +102,10 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict[str, MeshMaterial]:
     """Materials by their names; the first library that has a name counts."""
     known: dict[str, MeshMaterial] = {}
-    for library in library_names(path, data):
+    images: dict[Path, bytes] = {}
+    for library in dict.fromkeys(library_names(path, data)):
         try:
-            known = {**_read_library(file_beside(path, library), missing), **known}
+            known = {**_read_library(file_beside(path, library), missing, images), **known}
         except FileFormatError:
             raise
         except FileError as error:
@@ -121,7 +122,9 @@ def library_names(path: Path, data: bytes | memoryview) -> Iterator[str]:
         yield from names
 
 
-def _read_library(path: Path, missing: MissingParts) -> dict[str, MeshMaterial]:
+def _read_library(
+    path: Path, missing: MissingParts, images: dict[Path, bytes]
+) -> dict[str, MeshMaterial]:
     known: dict[str, MeshMaterial] = {}
     name = "default"
     for match in _STATEMENT.finditer(read_bytes(path)):
@@ -131,23 +134,28 @@ def _read_library(path: Path, missing: MissingParts) -> dict[str, MeshMaterial]:
             known[name] = MeshMaterial(name=name)
         elif statement.lower() in VALUES or statement.lower() in IMAGES:
             before = known.get(name, MeshMaterial(name=name))
-            known[name] = _with_statement(before, path, statement, words, missing)
+            known[name] = _with_statement(before, path, statement, words, missing, images)
     return known
 
 
 def _with_statement(
-    material: MeshMaterial, path: Path, statement: str, words: str, missing: MissingParts
+    material: MeshMaterial,
+    path: Path,
+    statement: str,
+    words: str,
+    missing: MissingParts,
+    images: dict[Path, bytes],
 ) -> MeshMaterial:
-    """Return a material with what a statement says of it."""
+    """Return a material with what a statement says of it; each of its `images` is read once."""
     channels = dict(material.channels)
     if statement.lower() in IMAGES:
         channel = IMAGES[statement.lower()]
         try:
-            channels[channel] = _mapped(path, channel, words)
+            channels[channel] = _mapped(path, channel, words, images)
         except FileFormatError:
             raise
         except FileError as error:
-            line = f"{material.name}: {error}; the material keeps its factors"
+            line = f"{shortened(material.name)}: {error}; the material keeps its factors"
             missing.add(channel, line, image=Path(map_name(words)[0]).name)
     else:
         channel = VALUES[statement.lower()]
@@ -170,17 +178,19 @@ def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float,
         numbers = []
     if len(numbers) not in (1, width) or not np.isfinite(numbers).all():
         wanted = "a color of three numbers" if width == 3 else "a number"
-        raise FileFormatError(f"{path}: {statement} {words!r} is not {wanted}; correct it")
+        raise FileFormatError(f"{path}: {statement} {quoted(words)} is not {wanted}; correct it")
     return tuple(numbers * width if len(numbers) == 1 else numbers)
 
 
-def _mapped(path: Path, channel: str, words: str) -> ChannelSource:
+def _mapped(path: Path, channel: str, words: str, images: dict[Path, bytes]) -> ChannelSource:
     """Read the image that a statement names."""
     name, wrap = map_name(words)
     file = file_beside(path, name)
+    if file not in images:
+        images[file] = read_bytes(file)
     kind = CHANNELS[channel]
     image = ChannelImage(
-        data=read_bytes(file),
+        data=images[file],
         name=str(file),
         components=_RED if len(kind.default) == 1 else (0, 1, 2),
         wraps=(wrap, wrap),

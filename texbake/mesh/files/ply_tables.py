@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.source import ByteArray
 
@@ -116,7 +116,7 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
                 _append(elements, Property(name, TYPES[value_type]))
             case _:
                 raise FileFormatError(
-                    f"{path}: line {number}: {line[:60]!r} is not a statement of a PLY header"
+                    f"{path}: line {number}: {quoted(line)} is not a statement of a PLY header"
                 )
     return order, tuple(elements)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, read_bytes
 
 ByteArray = npt.NDArray[np.uint8]
@@ -90,8 +90,8 @@ def parse_row(path: PathLike, line: TextLine, n_numbers: int, what: str) -> list
             row.append(float(word))
         except ValueError as error:
             raise FileFormatError(
-                f"{path}: line {line.number}: {word[:20]!r} is not a number"
+                f"{path}: line {line.number}: {quoted(word)} is not a number"
             ) from error
         if not math.isfinite(row[-1]):
-            raise FileFormatError(f"{path}: line {line.number}: {word[:20]!r} is not finite")
+            raise FileFormatError(f"{path}: line {line.number}: {quoted(word)} is not finite")
     return row

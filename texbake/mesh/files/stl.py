@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
@@ -104,8 +104,8 @@ def _read_ascii(
         sizes = np.diff(lines, append=len(values))
         if len(lines) % 3 or (sizes != 3).any():
             raise FileFormatError(
-                f"{path}: solid {name!r}: {len(lines)} vertex lines with {len(values)} numbers "
-                f"make no whole triangles; the file is damaged"
+                f"{path}: solid {quoted(name)}: {len(lines)} vertex lines with {len(values)} "
+                "numbers make no whole triangles; the file is damaged"
             )
         pieces.append(values.reshape(-1, 3))
         if len(lines):

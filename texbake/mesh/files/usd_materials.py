@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.errors import quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.usd import UsdPart, read_parts
@@ -228,11 +229,13 @@ class _MaterialReader:
         components = components if len(components) == n else components[:1] * n
         placing, primvar = _placed(shader.GetInput("st"))
         if primvar is not None and primvar not in self.coordinates:
-            return f"its image lies on {primvar!r}, and the mesh has other texture coordinates"
+            return (
+                f"its image lies on {quoted(primvar)}, and the mesh has other texture coordinates"
+            )
         named, resolved, data = _image_file(shader)
         if data is None:
             self.missing.images.append(named)
-            return f"its image {named!r} is missing"
+            return f"its image {quoted(named)} is missing"
         u, v = (
             _WRAPS.get(str(_value(shader.GetInput(axis))), "repeat") for axis in ("wrapS", "wrapT")
         )

@@ -42,7 +42,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
@@ -223,7 +223,7 @@ def _indices(path: PathLike, line: TextLine, patch: int, n_points: int) -> list[
             index = int(word)
         except ValueError as error:
             raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch} has {word[:20]!r} for an index"
+                f"{path}: line {line.number}: patch {patch} has {quoted(word)} for an index"
             ) from error
         if not 1 <= index <= n_points:
             raise FileFormatError(
@@ -247,7 +247,7 @@ def _with_degrees(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> 
         if place == 0 and patch < n_patches and line.words != ["3", "3"]:
             raise FileFormatError(
                 f"{path}: line {line.number}: patch {patch + 1} of {n_patches} begins with "
-                f"{' '.join(line.words)[:20]!r}; only degrees of 3 3 are read"
+                f"{quoted(' '.join(line.words))}; only degrees of 3 3 are read"
             )
         if place > 0 or patch >= n_patches:
             of_points.append(line)
@@ -288,7 +288,7 @@ def _count(path: PathLike, line: TextLine, what: str) -> int:
     """Read a number of things, alone on its line."""
     if not _is_count(line) or int(line.words[0]) < 1:
         raise FileFormatError(
-            f"{path}: line {line.number}: {' '.join(line.words)[:20]!r} is not a number of {what}"
+            f"{path}: line {line.number}: {quoted(' '.join(line.words))} is not a number of {what}"
         )
     return int(line.words[0])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, read_bytes, require_file
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.scene import Scene
@@ -39,7 +39,7 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
     suffix = Path(path).suffix.lower()
     if suffix not in SCENE_SUFFIXES:
         raise FileFormatError(
-            f"{path}: {suffix!r} is not a suffix of scene files; "
+            f"{path}: {quoted(suffix)} is not a suffix of scene files; "
             f"the known ones are {', '.join(SCENE_SUFFIXES)}"
         )
     require_file(path)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 
 WEIGHTS = ("cubic", "quintic")
 INTERPOLATIONS = ("none", "linear", "cubic", "quintic")
@@ -115,7 +115,7 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     """
     if name not in PROCEDURE_DEFAULTS:
         raise OptionError(
-            f"procedure: {name!r} is not known; it is one of {', '.join(PROCEDURE_NAMES)}"
+            f"procedure: {quoted(name)} is not known; it is one of {', '.join(PROCEDURE_NAMES)}"
         )
     defaults = PROCEDURE_DEFAULTS[name]
     full = dict(defaults)
@@ -169,11 +169,11 @@ def _checked(where: str, key: str, value: Any) -> Any:
         # Compare the types as well: 2.0 and True equal whole numbers, and arrays equal nothing.
         if type(value) not in (str, int, type(None)) or value not in choices:
             words = ", ".join(str(choice) for choice in choices if choice is not None)
-            raise OptionError(f"{where}: {value!r} is not known; give one of {words}")
+            raise OptionError(f"{where}: {quoted(value)} is not known; give one of {words}")
         return value
     if key == "seed":
         if isinstance(value, bool) or not isinstance(value, Integral):
-            raise OptionError(f"{where}: {value!r} is not a whole number; give one such as 7")
+            raise OptionError(f"{where}: {quoted(value)} is not a whole number; give one such as 7")
         return int(value)
     if key in _VECTORS:
         return _checked_vector(where, value, is_direction=key != "center")
@@ -186,7 +186,8 @@ def _checked_number(where: str, key: str, value: Any) -> int | float:
         whole = isinstance(value, Integral) and not isinstance(value, bool)
         if not (whole and least <= int(value) <= greatest):
             raise OptionError(
-                f"{where}: {value!r} is not right; give a whole number from {least} to {greatest}"
+                f"{where}: {quoted(value)} is not right; give a whole number from {least} "
+                f"to {greatest}"
             )
         return int(value)
     inner = key in _INNER_RANGES
@@ -194,7 +195,7 @@ def _checked_number(where: str, key: str, value: Any) -> int | float:
     # Also False for NaN.
     if not _is_real(value) or not (low < value < high if inner else low <= value <= high):
         words = f"between {low:g} and {high:g}" if inner else f"from {low:g} to {high:g}"
-        raise OptionError(f"{where}: {value!r} is not right; give a number {words}")
+        raise OptionError(f"{where}: {quoted(value)} is not right; give a number {words}")
     return float(value)
 
 
@@ -211,7 +212,7 @@ def _checked_vector(where: str, value: Any, *, is_direction: bool) -> tuple[floa
         or not (1e-100 if is_direction else -1.0) < math.hypot(*value) < 1e100
     ):
         raise OptionError(
-            f"{where}: {value!r} is not {'a direction' if is_direction else 'a point'}; "
+            f"{where}: {quoted(value)} is not {'a direction' if is_direction else 'a point'}; "
             "give three numbers such as 1, 0, 0"
         )
     return tuple(float(number) for number in value)

@@ -15,11 +15,12 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from texbake.errors import FileFormatError, OptionError, TexbakeError
+from texbake.errors import FileFormatError, OptionError, TexbakeError, quoted, shortened
 from texbake.files import PathLike
 
 # Kinds of errors to report first, since they may cause others: a misspelled key is also missing.
 _FIRST = ("key", "fault")
+_MOST_KNOWN = 400  # characters of a list of words, which a file can make as long as it likes
 _EXPECTED = {
     "float_type": "not a number; give one such as 0.5",
     "finite_number": "not finite; give a number such as 0.5",
@@ -48,16 +49,17 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, PurePath):
-        return repr(str(value))
-    text = "a table" if isinstance(value, dict) else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+        return quoted(str(value))
+    return "a table" if isinstance(value, dict) else quoted(value)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Suggest a similar word (`did you mean 'x'?`), or list the known words."""
     words = list(known)
     close = get_close_matches(word, words, n=1, cutoff=0.6)
-    return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(words)}"
+    if close:
+        return f"did you mean {quoted(close[0])}?"
+    return shortened(f"known: {', '.join(words)}", _MOST_KNOWN)
 
 
 def place_of(steps: Sequence[int | str]) -> str:
@@ -67,7 +69,7 @@ def place_of(steps: Sequence[int | str]) -> str:
         if isinstance(step, int):
             place += f"[{step}]"
         elif not step.startswith("<"):
-            place += f".{step}" if place else step
+            place += f".{shortened(step)}" if place else shortened(step)
     return place
 
 

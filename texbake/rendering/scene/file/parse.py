@@ -42,7 +42,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
         content = tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not a scene file; it is not text in UTF-8") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
         found: Any = SceneTable.model_validate(content, context=place)

@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema
 
+from texbake.errors import quoted
 from texbake.rendering.scene.file.faults import (
     fault,
     key_fault,
@@ -100,7 +101,7 @@ class Table(BaseModel):
         for item in () if cls.source is None else option_fields(cls.source):
             flags = (item.option.flag or "").split("/")
             if item.name in cls.model_fields and f"--{key.replace('_', '-')}" in flags:
-                return f"did you mean {item.name!r}?"
+                return f"did you mean {quoted(item.name)}?"
         return nearest(key, cls.keys())
 
     @classmethod

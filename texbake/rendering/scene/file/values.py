@@ -5,8 +5,8 @@ Colors given as lists are linear; "#rrggbb", as shown by color pickers, is sRGB-
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +21,9 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from texbake.errors import FileError, TexbakeError
+from texbake.errors import FileError, TexbakeError, quoted
 from texbake.files import require_file
+from texbake.limits import LONGEST_NAME
 from texbake.rendering.scene.file.faults import fault, nearest, shown
 from texbake.schema import JsonSchema
 
@@ -48,7 +49,9 @@ class Place:
 
 def is_number(value: object) -> bool:
     """Whether a value is a finite number."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max  # integers of TOML have any length
 
 
 def _is_list(value: object, n: int | None) -> bool:
@@ -86,7 +89,9 @@ def linear(value: str) -> tuple[float, float, float]:
     Raises a `fault` for other text.
     """
     if not _HEX.fullmatch(value):
-        raise fault(f"{value!r} is not a color; write '#rrggbb', or a list of three linear numbers")
+        raise fault(
+            f"{quoted(value)} is not a color; write '#rrggbb', or a list of three linear numbers"
+        )
     from texbake.texture.encoding import decode_srgb
 
     digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
@@ -167,6 +172,8 @@ def existing_file(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str) or not value:
         raise fault(f"{shown(value)} is not a file name")
     assert isinstance(info.context, Place)
+    if len(value) > LONGEST_NAME:
+        raise fault(f"{shown(value)} is too long for a file name")
     path = info.context.folder / value
     try:
         require_file(path)
