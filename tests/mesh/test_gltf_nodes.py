@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from texbake.errors import FileFormatError
 from texbake.mesh.files import read_mesh
@@ -63,3 +64,91 @@ def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, mon
     path = instances(2000, claimed=MAX_PLACED // 1000)
     with pytest.raises(FileFormatError, match="repeat 100,000 triangles until there are 200,000,"):
         read(path)
+
+
+def test_primitives_that_share_one_accessor_are_a_bomb_as_well(instances, monkeypatch):
+    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
+    path = instances(1, claimed=MAX_PLACED // 1000)
+    document = json.loads(path.read_text())
+    document["meshes"][0]["primitives"] *= 2000
+    path.write_text(json.dumps(document))
+    with pytest.raises(FileFormatError, match="until there are 200,000,000"):
+        read_mesh(path)
+
+
+def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
+    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
+    path = instances(2000, claimed=MAX_PLACED // 1000)
+    document = json.loads(path.read_text())
+    document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
+    document["meshes"][0]["primitives"][0]["indices"] = 1
+    path.write_text(json.dumps(document))
+    with pytest.raises(FileFormatError, match="until there are 200,000,000"):
+        read_mesh(path)
+
+
+def test_meshes_of_the_same_arrays_are_read_once(instances, monkeypatch):
+    path = instances(50)
+    document = json.loads(path.read_text())
+    document["meshes"] *= 50
+    for i, node in enumerate(document["nodes"]):
+        node["mesh"] = i
+    path.write_text(json.dumps(document))
+    reads = []
+    accessor = Document.accessor
+    monkeypatch.setattr(
+        Document, "accessor", lambda self, index: (reads.append(index), accessor(self, index))[1]
+    )
+    assert read_mesh(path).n_faces == 50
+    assert reads == [0]
+
+
+def test_nodes_may_stand_far_below_each_other(instances):
+    path = instances(20_000)
+    document = json.loads(path.read_text())
+    document["scenes"] = [{"nodes": [0]}]
+    for i, node in enumerate(document["nodes"]):
+        node["translation"] = [1, 0, 0]
+        node["children"] = [i + 1]
+    del document["nodes"][-1]["children"]
+    path.write_text(json.dumps(document))
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.positions[mesh.faces[-1, 0]], [20_000, 0, 0])
+
+
+def _product(nodes: list[dict], index: int) -> np.ndarray:
+    """Matrix of a node to the world, by scipy's rotations."""
+    node = nodes[index]
+    local = np.eye(4)
+    local[:3, :3] = Rotation.from_quat(node["rotation"]).as_matrix() * node["scale"]
+    local[:3, 3] = node["translation"]
+    if "matrix" in node:
+        local = np.reshape(node["matrix"], (4, 4)).T
+    parents = [i for i, other in enumerate(nodes) if index in other.get("children", ())]
+    return _product(nodes, parents[0]) @ local if parents else local
+
+
+def test_transforms_of_a_tree_are_products(instances):
+    random = np.random.default_rng(3)
+    path = instances(40)
+    document = json.loads(path.read_text())
+    nodes = document["nodes"]
+    for i, node in enumerate(nodes):
+        node["translation"] = random.normal(size=3).tolist()
+        node["rotation"] = random.normal(size=4).tolist()
+        node["scale"] = (random.uniform(0.5, 2.0, 3) * random.choice([-1, 1], 3)).tolist()
+        if i % 5 == 4:
+            affine = np.eye(4)
+            affine[:3] = random.normal(size=(3, 4))
+            node["matrix"] = affine.T.ravel().tolist()
+        if i % 4:
+            nodes[int(random.integers(i))].setdefault("children", []).append(i)
+    document["scenes"] = [{"nodes": list(range(0, 40, 4))}]
+    path.write_text(json.dumps({key: value for key, value in document.items() if key != "scenes"}))
+    mesh = read_mesh(path)
+    corners = mesh.positions[mesh.faces]
+    found = {tuple(np.round(np.sort(c, axis=0).ravel(), 6)) for c in corners}
+    for i in range(40):
+        matrix = _product(nodes, i)
+        expected = TRIANGLE @ matrix[:3, :3].T + matrix[:3, 3]
+        assert tuple(np.round(np.sort(expected, axis=0).ravel(), 6)) in found

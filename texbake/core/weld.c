@@ -42,13 +42,13 @@ int64_t weld_part(
     const int64_t shift = 32 - part_bits;
     int64_t n_rows = 0, size = 2;
     for (int64_t row = 0; row < n; row++)
-        n_rows += hashes[row] >> shift == part;
+        n_rows += (int64_t)((uint64_t)hashes[row] >> shift) == part;
     while (size < 2 * n_rows)
         size *= 2;
     int32_t *table = TAKE(arena, int32_t, size);
     memset(table, 0xFF, (size_t)size * sizeof *table); /* -1 */
     for (int64_t row = 0; row < n; row++) {
-        if (hashes[row] >> shift != part)
+        if ((int64_t)((uint64_t)hashes[row] >> shift) != part)
             continue;
         int64_t slot = hashes[row] & (size - 1);
         while (true) {

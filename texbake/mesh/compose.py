@@ -197,10 +197,10 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     return mesh.replace(**changes)
 
 
-def is_mirroring(linear: FloatArray) -> bool:
-    """Whether a (3, 3) map turns a right hand into a left one."""
+def is_mirroring(linear: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether a (3, 3) map turns a right hand into a left one; (...,) of (..., 3, 3) maps."""
     with np.errstate(divide="ignore"):  # a pivot that rounds to 0 is that of a flat map
-        return float(np.linalg.det(_moderate(linear))) < 0.0
+        return np.asarray(np.linalg.det(_moderate(linear)) < 0.0)
 
 
 def corner_order(linear: FloatArray) -> slice:
@@ -208,26 +208,52 @@ def corner_order(linear: FloatArray) -> slice:
     return slice(None, None, -1) if is_mirroring(linear) else slice(None)
 
 
-def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
-    """(N, 3) normals under a (3, 3) map, by its inverse transpose up to a positive factor."""
+def normal_map(linear: FloatArray) -> FloatArray:
+    """(..., 3, 3) maps of the normals of surfaces under (..., 3, 3) maps.
+
+    They are inverse transposes up to a positive factor.
+    """
     # Determinant times inverse transpose, which is defined also where the determinant is 0.
     scaled = _moderate(linear)
-    cofactors = np.cross(scaled[[1, 2, 0]], scaled[[2, 0, 1]])
-    return normals @ ((-1.0 if is_mirroring(linear) else 1.0) * cofactors).T
+    cofactors = np.cross(scaled[..., [1, 2, 0], :], scaled[..., [2, 0, 1], :])
+    return np.where(is_mirroring(linear), -1.0, 1.0)[..., None, None] * cofactors
+
+
+def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
+    """(N, 3) normals under a (3, 3) map."""
+    return normals @ normal_map(linear).T
 
 
 def transformed_tangents(tangents: npt.NDArray[Any], linear: FloatArray) -> npt.NDArray[np.float32]:
     """(n, 4) tangents under a (3, 3) map: unit where they do not vanish, w 1 or -1."""
-    directions = tangents[:, :3] @ linear.T
+    signs = -1.0 if is_mirroring(linear) else 1.0
+    return signed_tangents(tangents[:, :3] @ linear.T, tangents[:, 3:], signs)
+
+
+def signed_tangents(
+    directions: FloatArray, w: npt.NDArray[Any], signs: float | FloatArray
+) -> npt.NDArray[np.float32]:
+    """(n, 4) tangents, unit where they do not vanish, w 1 or -1.
+
+    Parameters
+    ----------
+    directions : (n, 3) float64
+        Changed in place.
+    w : (n, 1)
+        Signs of the bitangents; a value that rounds to neither 1 nor -1 counts as 1.
+    signs : (n, 1) or float
+        -1 where the texture is mirrored on the surface.
+    """
     lengths = np.linalg.norm(directions, axis=1, keepdims=True)
     scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)
     directions = np.divide(directions, lengths, out=directions, where=scaled)
-    # w is the sign of the bitangent; a value that rounds to neither counts as 1.
-    signs = np.where(tangents[:, 3:] < 0.0, -1.0, 1.0) * (-1.0 if is_mirroring(linear) else 1.0)
-    return np.concatenate([directions, signs], axis=1).astype(np.float32)
+    return np.concatenate([directions, np.where(w < 0.0, -1.0, 1.0) * signs], axis=1).astype(
+        np.float32
+    )
 
 
 def _moderate(linear: FloatArray) -> FloatArray:
-    """Return the map, up to a positive factor, with products that neither overflow nor vanish."""
-    largest = float(np.abs(linear).max())
-    return linear if largest == 0.0 or 1e-100 < largest < 1e100 else linear / largest
+    """Return maps, up to positive factors, with products that neither overflow nor vanish."""
+    largest = np.abs(linear).max(axis=(-2, -1), keepdims=True)
+    is_moderate = (largest == 0.0) | ((largest > 1e-100) & (largest < 1e100))
+    return linear / np.where(is_moderate, 1.0, largest)

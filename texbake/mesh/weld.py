@@ -17,6 +17,7 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
 _PART_BITS = 4
+_SMALL = 1 << 14  # rows up to which parts and threads cost more than they bring
 
 
 def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
@@ -45,6 +46,12 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
 
+    if len(words) <= _SMALL:
+        np.add(rows, rows.dtype.type(0), out=values)
+        core.hash_rows(words, 0, len(words), hashes)
+        core.weld_part(words, hashes, 0, 0, firsts)
+        return firsts
+
     def work(start: int, stop: int) -> None:
         np.add(rows[start:stop], rows.dtype.type(0), out=values[start:stop])  # -0.0 + 0.0 is 0.0
         core.hash_rows(words, start, stop, hashes)
@@ -54,6 +61,6 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
         lambda part, _: core.weld_part(words, hashes, _PART_BITS, part, firsts),
         1 << _PART_BITS,
         band=1,
-        threads=threads if len(words) > 1 << 14 else 1,  # below, threads cost more than they bring
+        threads=threads,
     )
     return firsts

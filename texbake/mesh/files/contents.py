@@ -6,6 +6,7 @@ Nothing is decoded, and what is missing is only noted.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,10 +20,10 @@ from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.fbx_textures import base_layer, fbx_images
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_material_read import image_bytes, read_texture
+from texbake.mesh.files.gltf_material_read import image_bytes, image_source, read_texture
 from texbake.mesh.files.mtl import library_names, map_name
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
-from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.files.passed_over import passed_over_in_fbx, passed_over_in_gltf
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_process import ask_usd
 
@@ -84,9 +85,11 @@ def read_contents(path: PathLike) -> FileContents | None:
     """
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
-        return replace(_of_gltf(read_document(path)), passed_over=passed_over(path))
+        document = read_document(path)
+        return replace(_of_gltf(document), passed_over=passed_over_in_gltf(document))
     if suffix == ".fbx":
-        return replace(_of_fbx(read_scene(path)), passed_over=passed_over(path))
+        scene = read_scene(path)
+        return replace(_of_fbx(scene), passed_over=passed_over_in_fbx(scene))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
         contents: FileContents = ask_usd(path, "contents", _CLASSES)
         return contents
@@ -98,13 +101,18 @@ def _of_gltf(document: Document) -> FileContents:
         str(image.get("name") or image.get("uri", f"image {i}"))[:80]
         for i, image in enumerate(document.items("images"))
     ]
-    names = [name if names.count(name) == 1 else f"{name} ({i})" for i, name in enumerate(names)]
+    counts = Counter(names)
+    names = [name if counts[name] == 1 else f"{name} ({i})" for i, name in enumerate(names)]
     images: dict[str, bytes | None] = {}
+    contents: dict[str | int | None, bytes | None] = {}
     for i, name in enumerate(names):
-        try:
-            images[name] = image_bytes(document, i)
-        except TexbakeError:
-            images[name] = None
+        source = image_source(document, i)
+        if source not in contents:
+            try:
+                contents[source] = image_bytes(document, i)
+            except TexbakeError:
+                contents[source] = None
+        images[name] = contents[source]
     attributes = {
         str(key)
         for mesh in document.items("meshes")
@@ -162,7 +170,7 @@ def _of_obj(path: Path) -> FileContents:
     data = read_bytes(path)
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for library in _allowed(path, library_names(path, data)):
+    for library in _allowed(path, dict.fromkeys(library_names(path, data))):
         if is_file(library):
             for match in _STATEMENT.finditer(read_bytes(library)):
                 _add_statement(library, match[1], match[2], materials, images)
@@ -191,10 +199,11 @@ def _add_statement(
             channels.setdefault(channel, None)
             return
         name = map_name(words)[0]
+        channels[channel] = label = Path(name).name
         image = next(_allowed(library, [name]), None)
-        channels[channel] = Path(name).name
-        content = None if image is None or not is_file(image) else read_bytes(image)
-        images[Path(name).name] = content
+        if images.get(label) is None and image is not None and is_file(image):
+            images[label] = read_bytes(image)
+        images.setdefault(label, None)
 
 
 def _allowed(path: Path, names: Iterable[str]) -> Iterator[Path]:

@@ -1,54 +1,44 @@
 """Reading glTF 2.0, as .glb or as .gltf with its buffers beside it or in it.
 
 All triangles of the scene are joined into one mesh, in world space, one group for each primitive
-of a node, so that a mesh that two nodes place is there twice. Vertices of a primitive at the same
-position, bit for bit, become one, because the format splits them where a normal or a coordinate
-differs; these keep their own indices, so that nothing is lost (except where such vertices differ
-in color: then the first decides).
+of a node, so that a mesh that two nodes place is there twice. `gltf_primitives` says what becomes
+of vertices.
 
 Skinned meshes come in the pose they are stored in, without their node's transform, and morph
-targets at rest. Points and lines are skipped. Where only some primitives have texture coordinates
-or normals, the others get zeros. Primitives compressed by Draco are read where DracoPy is
-installed.
+targets at rest. Where only some primitives have texture coordinates or normals, the others get
+zeros.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.files import PathLike
-from texbake.mesh.compose import (
-    corner_order,
-    join_parts,
-    transformed_normals,
-    transformed_tangents,
-    with_alpha,
-)
-from texbake.mesh.files.conversion import strip_triangles
-from texbake.mesh.files.gltf_compression import DRACO, decode_draco
+from texbake.mesh.compose import is_mirroring, normal_map, signed_tangents, with_alpha
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import (
-    FAN,
     INDICES,
-    STRIP,
     TRIANGLES,
-    mesh_matrix,
+    PlacedNodes,
     placed_nodes,
     require_placeable,
 )
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
-from texbake.mesh.weld import weld_rows
 
-_MAX_CORNERS = (1 << 31) - 1
+MAX_CORNERS = (1 << 31) - 1
+"""Corners of triangles, and vertices, that 32-bit indices can count."""
+_BATCH = 1 << 16  # rows moved at once
 
 
 def read_gltf(path: PathLike) -> Mesh:
@@ -67,266 +57,221 @@ def read_gltf(path: PathLike) -> Mesh:
         There are no triangles, or a coordinate is not finite.
     """
     document = read_document(path)
-    require_placeable(document)
-    parts: list[Mesh] = []
-    pieces: dict[tuple[int, int], PrimitiveMesh | None] = {}  # of meshes that several nodes place
+    placed = placed_nodes(document)
+    require_placeable(placed)
+    parts = _placed_parts(placed)
+    if not parts.nodes:
+        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    return _joined(parts, placed.mesh_matrices(placed.matrices())[parts.nodes], Path(path).name)
+
+
+@dataclass(eq=False)
+class _Parts:
+    """The parts of a mesh, one for each primitive of a node, in order.
+
+    Attributes
+    ----------
+    pieces : list of PrimitiveMesh
+    uv_sets : list of dict
+        Number of each further set of texture coordinates of a part, by name.
+    names : list of str
+    nodes : list of int
+        Place of the node of each part.
+    """
+
+    pieces: list[PrimitiveMesh] = field(default_factory=list)
+    uv_sets: list[dict[str, int]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+
+
+def _placed_parts(placed: PlacedNodes) -> _Parts:
+    """Read what the nodes of a scene place, each primitive once."""
+    reader = _MeshReader(placed.document)
+    parts = _Parts()
     n_corners = 0
-    for node, matrix in placed_nodes(document):
+    for i, node in enumerate(placed.nodes):
         if "mesh" not in node:
             continue
-        mesh = document.item("meshes", node["mesh"])
-        name = str(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
-        primitives = document.objects(mesh, "primitives")
-        for i, primitive in enumerate(primitives):
-            numbers = further_sets(document, primitive)
-            if (node["mesh"], i) not in pieces:
-                pieces[node["mesh"], i] = read_primitive(document, primitive, further=numbers)
-            piece = pieces[node["mesh"], i]
-            if piece is None:
-                continue
-            piece = piece.placed(mesh_matrix(node, matrix))
+        mesh_name, pieces = reader.mesh(node["mesh"])
+        name = str(node.get("name") or mesh_name)
+        for ending, piece, uv_sets in pieces:
             # Instances could ask for more than the file has; indices are 32-bit.
             n_corners += max(piece.faces.size, len(piece.positions))
-            if n_corners > _MAX_CORNERS:
-                document.fail("it places more triangles than 32-bit indices can count")
-            if len(piece.faces):
-                group = name if len(primitives) == 1 else f"{name} {i}"
-                names = uv_set_names(document, mesh, numbers)
-                parts.append(_part(piece, group, Path(path).name, names))
-    if not parts:
-        raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    return join_parts(parts, Path(path).name)
+            if n_corners > MAX_CORNERS:
+                placed.document.fail("it places more triangles than 32-bit indices can count")
+            parts.pieces.append(piece)
+            parts.uv_sets.append(uv_sets)
+            parts.names.append(name + ending)
+            parts.nodes.append(i)
+    return parts
 
 
-def _part(piece: PrimitiveMesh, group: str, name: str, uv_sets: Mapping[int, str]) -> Mesh:
-    """Mesh of one group."""
+class _Piece(NamedTuple):
+    """A primitive, the ending of its name, and numbers of further UV sets by their names."""
+
+    ending: str
+    primitive: PrimitiveMesh
+    uv_sets: dict[str, int]
+
+
+@dataclass(eq=False)
+class _MeshReader:
+    """Reads the meshes of a document, each once, and primitives that share all arrays once."""
+
+    document: Document
+    _meshes: dict[int, tuple[str, list[_Piece]]] = field(default_factory=dict)
+    _primitives: dict[Any, PrimitiveMesh | None] = field(default_factory=dict)
+
+    def mesh(self, index: Any) -> tuple[str, list[_Piece]]:
+        """Name of a mesh, and its primitives that have triangles."""
+        if type(index) is int and index in self._meshes:
+            return self._meshes[index]
+        mesh = self.document.item("meshes", index)
+        primitives = self.document.objects(mesh, "primitives")
+        found: list[_Piece] = []
+        for i, primitive in enumerate(primitives):
+            numbers = further_sets(self.document, primitive)
+            piece = self._piece(primitive, numbers)
+            if piece is None or len(piece.faces) == 0:
+                continue
+            names = uv_set_names(self.document, mesh, numbers) if numbers else {}
+            uv_sets = {name: number for number, name in names.items()}
+            found.append(_Piece("" if len(primitives) == 1 else f" {i}", piece, uv_sets))
+        self._meshes[index] = str(mesh.get("name") or f"mesh {index}"), found
+        return self._meshes[index]
+
+    def _piece(self, primitive: dict[str, Any], further: list[int]) -> PrimitiveMesh | None:
+        attributes = self.document.mapping(primitive, "attributes")
+        numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
+        numbers += attributes.values()
+        if "extensions" in primitive or not all(type(number) is int for number in numbers):
+            return read_primitive(self.document, primitive, further=further)
+        key = (*attributes, *numbers)
+        if key not in self._primitives:
+            self._primitives[key] = read_primitive(self.document, primitive, further=further)
+        return self._primitives[key]
+
+
+def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:
+    """Put parts into one mesh, each moved by its matrix."""
+    pieces = parts.pieces
+    joiner = _Joiner(pieces, matrices)
+    uvs, uv_faces = joiner.values([piece.uvs for piece in pieces], 2)
+    uv_sets = {}
+    for set_name in dict.fromkeys(chain.from_iterable(parts.uv_sets)):
+        numbers = (sets.get(set_name, -1) for sets in parts.uv_sets)
+        rows = [piece.further_uvs.get(i) for piece, i in zip(pieces, numbers, strict=True)]
+        uv_sets[set_name] = UvSet(*joiner.values(rows, 2))
+    # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        positions = joiner.positions()
+        normals, normal_faces = joiner.normals()
+        tangents = joiner.tangents()
     return Mesh(
-        positions=piece.positions,
-        faces=piece.faces,
-        uvs=piece.uvs,
-        uv_faces=None if piece.uvs is None else piece.corners,
-        uv_sets={uv_sets[i]: UvSet(rows, piece.corners) for i, rows in piece.further_uvs.items()},
-        normals=piece.normals,
-        normal_faces=None if piece.normals is None else piece.corners,
-        tangents=None if piece.tangents is None else piece.tangents[piece.corners],
-        colors=None if piece.colors is None else with_alpha(piece.colors),
-        face_groups=np.zeros(len(piece.faces), np.int32),
-        group_names=(group,),
+        positions=positions,
+        faces=joiner.indices([piece.faces for piece in pieces], joiner.n_vertices),
+        uvs=uvs,
+        uv_faces=uv_faces,
+        uv_sets=uv_sets,
+        normals=normals,
+        normal_faces=normal_faces,
+        tangents=tangents,
+        colors=joiner.colors(),
+        face_groups=np.repeat(np.arange(len(pieces), dtype=np.int32), joiner.n_faces),
+        group_names=tuple(parts.names),
         name=name,
     )
 
 
-@dataclass(frozen=True)
-class PrimitiveMesh:
-    """Triangles of a primitive.
+class _Joiner:
+    """Joins the arrays of parts of a mesh, moved; triangles that are mirrored are turned back."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-        No two are equal, bit for bit (unless they differ in color, where that is kept).
-    faces : (F, 3) int32
-        Indices into `positions`, and into `colors`.
-    corners : (F, 3) int32
-        Indices into all other attributes.
-    uvs : (n, 2) float64, optional
-        v turned up.
-    further_uvs : mapping of int to (n, 2) float64
-        Further sets, by their numbers.
-    normals : (n, 3) float64, optional
-    tangents : (n, 4), optional
-    colors : (V, 3) or (V, 4) float32, optional
-        Linear.
-    """
+    def __init__(self, pieces: list[PrimitiveMesh], matrices: FloatArray) -> None:
+        self.pieces = pieces
+        self.matrices = matrices
+        self.is_mirrored = is_mirroring(matrices[:, :3, :3])
+        self.n_vertices = [len(piece.positions) for piece in pieces]
+        self.n_faces = [len(piece.faces) for piece in pieces]
 
-    positions: FloatArray
-    faces: IntArray
-    corners: IntArray
-    uvs: FloatArray | None
-    further_uvs: Mapping[int, FloatArray]
-    normals: FloatArray | None
-    tangents: npt.NDArray[Any] | None
-    colors: npt.NDArray[np.float32] | None
+    def indices(self, arrays: list[IntArray], n_rows: list[int]) -> IntArray:
+        """(F, 3) int32 indices into joined rows, of indices into the rows of each part."""
+        starts = np.cumsum([0, *n_rows[:-1]], dtype=np.int32)
+        joined = np.concatenate(arrays)
+        joined += np.repeat(starts, self.n_faces)[:, None]
+        turned = np.repeat(self.is_mirrored, self.n_faces)
+        joined[turned] = joined[turned, ::-1]
+        return joined
 
-    def placed(self, matrix: FloatArray) -> PrimitiveMesh:
-        """Move it; triangles that a mirror turns inside out are turned back."""
-        linear = matrix[:3, :3]
-        order = corner_order(linear)
-        normals, tangents = self.normals, self.tangents
-        # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
-        with np.errstate(over="ignore", invalid="ignore"):
-            return replace(
-                self,
-                positions=self.positions @ linear.T + matrix[:3, 3],
-                faces=self.faces[:, order],
-                corners=self.corners[:, order],
-                normals=None if normals is None else transformed_normals(normals, linear),
-                tangents=None if tangents is None else transformed_tangents(tangents, linear),
-            )
+    def values(
+        self, rows: Sequence[FloatArray | None], width: int
+    ) -> tuple[FloatArray, IntArray] | tuple[None, None]:
+        """(n, width) joined rows and the (F, 3) indices of corners; None where no part has any.
 
+        Parts that have none get one row of zeros.
+        """
+        if all(part is None for part in rows):
+            return None, None
+        zero = np.zeros((1, width))
+        arrays = [zero if part is None else part for part in rows]
+        corners = [
+            0 * piece.corners if part is None else piece.corners
+            for piece, part in zip(self.pieces, rows, strict=True)
+        ]
+        return np.concatenate(arrays), self.indices(corners, [len(array) for array in arrays])
 
-def read_primitive(
-    document: Document,
-    primitive: dict[str, Any],
-    *,
-    uv_set: int = 0,
-    further: Collection[int] = (),
-    keeps_colors: bool = False,
-) -> PrimitiveMesh | None:
-    """Triangles of a primitive in the space of its mesh, or None where it has none.
+    def positions(self) -> FloatArray:
+        """(V, 3) positions in the world."""
+        rows = np.concatenate([piece.positions for piece in self.pieces])
+        self._map(rows, self.n_vertices, self.matrices[:, :3, :3])
+        rows += np.repeat(self.matrices[:, :3, 3], self.n_vertices, axis=0)
+        return rows
 
-    Parameters
-    ----------
-    uv_set
-        Number of the texture coordinates to read.
-    further
-        Numbers of further sets to read, if they are there.
-    keeps_colors
-        Whether vertices at one position stay apart where they differ in color; else the first
-        decides.
+    def normals(self) -> tuple[FloatArray, IntArray] | tuple[None, None]:
+        """(n, 3) normals in the world and the indices of corners; None where no part has any."""
+        given = [piece.normals for piece in self.pieces]
+        rows, corners = self.values(given, 3)
+        if rows is None or corners is None:
+            return None, None
+        counts = [1 if part is None else len(part) for part in given]
+        self._map(rows, counts, normal_map(self.matrices[:, :3, :3]))
+        rows[np.repeat([part is None for part in given], counts)] = 0.0
+        return rows, corners
 
-    Raises
-    ------
-    FileFormatError
-        An attribute is not what its name asks for.
-    MeshError
-        A number of an attribute is not finite.
-    """
-    mode = primitive.get("mode", TRIANGLES)
-    attributes = document.mapping(primitive, "attributes")
-    if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
-        return None
-    arrays = _primitive_arrays(document, primitive, attributes)
-    positions = _attribute(document, arrays, "POSITION", (3,), None)
-    assert positions is not None
-    n = len(positions)
-    # Draco has made triangles of a strip.
-    mode = TRIANGLES if arrays.decoded else mode
-    corners = _triangles(_corner_indices(document, arrays, n), mode)
-    uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
-    others = {
-        number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further
-    }
-    colors = _attribute(document, arrays, "COLOR_0", (3, 4), n)
-    keys = positions
-    if keeps_colors and colors is not None:
-        keys = np.concatenate([positions, colors], axis=1)
-    kept, vertices = np.unique(weld_rows(keys + 0.0), return_inverse=True)
-    return PrimitiveMesh(
-        positions=positions[kept],
-        faces=vertices.astype(np.int32)[corners],
-        corners=corners,
-        uvs=_turned_up(uvs),
-        further_uvs={
-            i: rows
-            for i, rows in ((i, _turned_up(o)) for i, o in others.items())
-            if rows is not None
-        },
-        normals=_attribute(document, arrays, "NORMAL", (3,), n),
-        tangents=_attribute(document, arrays, "TANGENT", (4,), n),
-        colors=None if colors is None else colors[kept].astype(np.float32),
-    )
+    def tangents(self) -> npt.NDArray[np.float32] | None:
+        """(F, 3, 4) tangents in the world; None where a part has none."""
+        given = [piece.tangents for piece in self.pieces if piece.tangents is not None]
+        if len(given) < len(self.pieces):
+            return None
+        rows, counts = np.concatenate(given), [len(part) for part in given]
+        directions = np.ascontiguousarray(rows[:, :3])
+        self._map(directions, counts, self.matrices[:, :3, :3])
+        signs = np.repeat(np.where(self.is_mirrored, -1.0, 1.0), counts)[:, None]
+        corners = self.indices([piece.corners for piece in self.pieces], counts)
+        return signed_tangents(directions, rows[:, 3:], signs)[corners]
 
+    def colors(self) -> npt.NDArray[np.float32] | None:
+        """(V, 4) colors, white where a part has none; None where no part has any."""
+        if all(piece.colors is None for piece in self.pieces):
+            return None
+        return np.concatenate(
+            [
+                np.ones((len(piece.positions), 4), np.float32)
+                if piece.colors is None
+                else with_alpha(piece.colors)
+                for piece in self.pieces
+            ]
+        )
 
-def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:
-    """(n, 2) float64: a set of texture coordinates of a primitive, v turned up; None without it."""
-    attributes = document.mapping(primitive, "attributes")
-    arrays = _primitive_arrays(document, primitive, attributes)
-    return _turned_up(_attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), None))
-
-
-def _turned_up(uvs: FloatArray | None) -> FloatArray | None:
-    return None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class _PrimitiveArrays:
-    """Arrays of a primitive by their names, `indices` among them.
-
-    Attributes
-    ----------
-    document
-    accessors
-        Accessor of each.
-    decoded
-        Those that a compressed primitive holds in their place.
-    """
-
-    document: Document
-    accessors: dict[str, Any]
-    decoded: dict[str, npt.NDArray[Any]]
-
-    def read(self, name: str) -> npt.NDArray[Any]:
-        """(count, width) values."""
-        if name not in self.decoded:
-            return self.document.accessor(self.accessors[name])
-        if self.accessors[name] is None:
-            return self.decoded[name]
-        return self.document.denormalized(self.accessors[name], self.decoded[name])
-
-
-def _primitive_arrays(
-    document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
-) -> _PrimitiveArrays:
-    accessors = dict(attributes)
-    if INDICES in primitive:
-        accessors[INDICES] = primitive[INDICES]
-    draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
-    # A file may hold the same arrays uncompressed, for programs that do not read Draco.
-    if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
-        return _PrimitiveArrays(document, accessors, {})
-    decoded = decode_draco(document.path, document.view_bytes(draco.get("bufferView")))
-    if isinstance(decoded, str):
-        document.fail(decoded)
-    rows, indices = decoded
-    numbers = document.mapping(draco, "attributes")
-    arrays = {name: rows[number] for name, number in numbers.items() if number in rows}
-    return _PrimitiveArrays(
-        document,
-        {INDICES: None, **accessors},
-        {**arrays, INDICES: indices.reshape(-1, 1)},
-    )
-
-
-def _attribute(
-    document: Document,
-    arrays: _PrimitiveArrays,
-    name: str,
-    widths: tuple[int, ...],
-    count: int | None,
-) -> FloatArray | None:
-    """(count, width) float64 values of an attribute, or None where the primitive has none."""
-    if name not in arrays.accessors:
-        return None
-    values = arrays.read(name)
-    if values.shape[1] not in widths:
-        document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
-    if count is not None and len(values) != count:
-        document.fail(f"{name} counts {len(values)}, where there are {count} positions")
-    if not np.isfinite(values).all():  # before the cast, which warns of signaling NaNs
-        raise MeshError(f"{document.path}: a number of {name} is not finite; export it again")
-    return values.astype(np.float64)
-
-
-def _corner_indices(
-    document: Document, arrays: _PrimitiveArrays, n_vertices: int
-) -> npt.NDArray[np.int64]:
-    if INDICES not in arrays.accessors:
-        return np.arange(n_vertices)
-    indices = arrays.read(INDICES)
-    if indices.shape[1] != 1 or indices.dtype.kind != "u":
-        document.fail("indices are not unsigned integers")
-    if len(indices) and indices.max() >= n_vertices:
-        document.fail(f"an index is out of range ({indices.max()}; there are {n_vertices})")
-    return indices[:, 0].astype(np.int64)
-
-
-def _triangles(indices: npt.NDArray[np.int64], mode: int) -> IntArray:
-    """(F, 3) corners of a list, a strip or a fan; an incomplete triangle at the end is dropped."""
-    if mode == TRIANGLES:
-        triangles = indices[: len(indices) // 3 * 3].reshape(-1, 3)
-    elif mode == STRIP:
-        triangles = strip_triangles(indices)
-    else:
-        i = np.arange(max(len(indices) - 2, 0))
-        triangles = indices[np.stack((i + 1, i + 2, 0 * i), axis=1)]
-    return triangles.astype(np.int32)
+    def _map(self, rows: FloatArray, counts: list[int], maps: FloatArray) -> None:
+        """Apply a (3, 3) map of each part to its rows, in place, as many at once as are alike."""
+        n_rows = np.array(counts)
+        starts = np.cumsum(n_rows) - n_rows
+        order = np.argsort(n_rows, kind="stable")
+        for alike in np.split(order, np.flatnonzero(np.diff(n_rows[order])) + 1):
+            count = int(n_rows[alike[0]])
+            n_parts = max(_BATCH // count, 1)
+            for first in range(0, len(alike), n_parts):
+                chosen = alike[first : first + n_parts]
+                at = starts[chosen, None] + np.arange(count)
+                rows[at] = rows[at] @ maps[chosen].swapaxes(1, 2)

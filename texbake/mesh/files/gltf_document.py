@@ -9,6 +9,7 @@ Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 from __future__ import annotations
 
 import base64
+import gc
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +20,7 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
@@ -70,6 +71,7 @@ class Document:
     binary: ByteArray
     # Lists of objects that were checked; thousands of items are looked up in one.
     _checked: set[int] = field(default_factory=set, repr=False, compare=False)
+    _lists: dict[str, list[dict[str, Any]]] = field(default_factory=dict, repr=False, compare=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError` that says what is wrong with the file."""
@@ -81,9 +83,11 @@ class Document:
 
     def item(self, kind: str, index: Any) -> dict[str, Any]:
         """One object of a kind by its index, checked."""
-        items = self.items(kind)
+        items = self._lists.get(kind)
+        if items is None:
+            items = self._lists[kind] = self.items(kind)
         if not isinstance(index, int) or not 0 <= index < len(items):
-            self.fail(f"it has no {kind}[{index!r}]")
+            self.fail(f"it has no {kind}[{quoted(index)}]")
         return items[index]
 
     def objects(self, owner: dict[str, Any], key: str) -> list[dict[str, Any]]:
@@ -92,7 +96,7 @@ class Document:
         if id(values) in self._checked:
             return values  # type: ignore[no-any-return]
         if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
-            self.fail(f"{key!r} is not a list of objects")
+            self.fail(f"{quoted(key)} is not a list of objects")
         if key in owner:
             self._checked.add(id(values))
         return values
@@ -101,14 +105,14 @@ class Document:
         """An object that an object holds; empty where there is none."""
         value = owner.get(key, {})
         if not isinstance(value, dict):
-            self.fail(f"{key!r} is not an object")
+            self.fail(f"{quoted(key)} is not an object")
         return value
 
     def integer(self, owner: dict[str, Any], key: str, default: int | None = None) -> int:
         """A count or an offset: an integer, not negative."""
         value = owner.get(key, default)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 48:
-            self.fail(f"{key!r} is {value!r}, not a count")
+            self.fail(f"{quoted(key)} is {quoted(value)}, not a count")
         return value
 
     def number(
@@ -119,7 +123,7 @@ class Document:
         # Integers of JSON have any length, and those that no float holds are compared all the same.
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not abs(value) < 1e300 or (value < 0.0 and not is_signed):
-            self.fail(f"{key!r} is {value!r:.40}, which is not a valid number")
+            self.fail(f"{quoted(key)} is {quoted(value)}, which is not a valid number")
         return float(value)
 
     def numbers(self, owner: dict[str, Any], key: str, n: int) -> npt.NDArray[np.float64] | None:
@@ -132,14 +136,14 @@ class Document:
             or len(values) != n
             or not all(isinstance(value, int | float) and abs(value) < 1e300 for value in values)
         ):
-            self.fail(f"{key!r} is not {n} numbers")
+            self.fail(f"{quoted(key)} is not {n} numbers")
         return np.array([float(value) for value in values])
 
     def texts(self, key: str) -> list[str]:
         """Return a list of strings of the document; empty where there is none."""
         values = self.content.get(key, [])
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-            self.fail(f"{key!r} is not a list of names")
+            self.fail(f"{quoted(key)} is not a list of names")
         return values
 
     def accessor(self, index: Any) -> npt.NDArray[Any]:
@@ -152,12 +156,12 @@ class Document:
         dtype = self._component(accessor)
         width = _WIDTHS.get(str(accessor.get("type")), 0)
         if width == 0:
-            self.fail(f"accessors[{index}] has the unknown type {accessor.get('type')!r}")
+            self.fail(f"accessors[{index}] has the unknown type {quoted(accessor.get('type'))}")
         if "bufferView" in accessor:
             values = self._read(accessor, count, dtype, width)
         else:
             # Zeros, to be replaced in part. A sound mesh has more bytes than vertices.
-            if count > sum(len(buffer) for buffer in self.buffers):
+            if count > self.n_bytes:
                 self.fail(f"accessors[{index}] counts {count}, more than the file has bytes")
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
@@ -208,6 +212,11 @@ class Document:
         """Bytes of each buffer, as many as it claims."""
         return [self._buffer(i, buffer) for i, buffer in enumerate(self.items("buffers"))]
 
+    @cached_property
+    def n_bytes(self) -> int:
+        """Bytes of all buffers together."""
+        return sum(len(buffer) for buffer in self.buffers)
+
     def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
         n_bytes = self.integer(buffer, "byteLength")
         uri = buffer.get("uri")
@@ -223,7 +232,7 @@ class Document:
             except ValueError:
                 self.fail(f"the data of buffers[{index}] is not base64")
         elif "://" in uri:
-            self.fail(f"buffers[{index}] is at {uri[:60]!r}, and only local files are read")
+            self.fail(f"buffers[{index}] is at {quoted(uri)}, and only local files are read")
         else:
             data = read_array(file_beside(self.path, unquote(uri)))
         if len(data) < n_bytes:
@@ -233,7 +242,7 @@ class Document:
     def _component(self, owner: dict[str, Any]) -> np.dtype[Any]:
         component = owner.get("componentType")
         if not isinstance(component, int) or component not in _COMPONENTS:
-            self.fail(f"the component type {component!r} is not known")
+            self.fail(f"the component type {quoted(component)} is not known")
         return _COMPONENTS[component]
 
     def _read(
@@ -281,19 +290,30 @@ def read_document(path: PathLike) -> Document:
     if data[:4].tobytes() == _MAGIC:
         text, binary = _chunks(path, data)
     try:
-        content = json.loads(text.tobytes().decode("utf-8-sig"))
+        content = _parsed(text.tobytes().decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not a glTF file; its JSON does not parse") from error
     if not isinstance(content, dict) or "asset" not in content:
         raise FileFormatError(f"{path}: it is not a glTF file; its JSON names no asset")
     document = Document(Path(path), content, binary)
     version = document.mapping(content, "asset").get("version")
-    if not str(version).startswith("2."):
-        document.fail(f"it is glTF {version}, and only 2.0 is read")
+    if not isinstance(version, str | float) or not str(version).startswith("2."):
+        document.fail(f"it is glTF {quoted(version)}, and only 2.0 is read")
     for extension in document.texts("extensionsRequired"):
         if extension not in _READ and not extension.startswith(_HARMLESS):
-            document.fail(f"it needs {extension}, which is not read")
+            document.fail(f"it needs {shortened(extension)}, which is not read")
     return document
+
+
+def _parsed(text: str) -> Any:
+    """Parse JSON, which holds no cycles: looking for them would take longer than the rest."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        return json.loads(text)
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from texbake.errors import quoted
 from texbake.files import read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
@@ -130,7 +131,7 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
     name = str(source.get("name") or ("material" if index is None else f"material {index}"))
     mode = source.get("alphaMode", "OPAQUE")
     if not isinstance(mode, str) or mode not in _ALPHA_MODES:
-        document.fail(f"the alphaMode {mode!r} of {name!r} is not known")
+        document.fail(f"the alphaMode {quoted(mode)} of {quoted(name)} is not known")
     extensions = document.mapping(source, "extensions")
     ior = document.mapping(extensions, "KHR_materials_ior")
     return GltfMaterial(
@@ -175,7 +176,7 @@ def _factor(document: Document, where: GltfChannel, holder: dict[str, Any]) -> t
     numbers = document.numbers(holder, where.factor, len(where.defaults))
     values = where.defaults if numbers is None else tuple(numbers.tolist())
     if min(values) < 0.0:
-        document.fail(f"{where.factor!r} is below 0")
+        document.fail(f"{quoted(where.factor)} is below 0")
     return tuple(values[i] for i in where.factor_components)
 
 
@@ -227,8 +228,18 @@ def image_path(document: Document, index: int) -> Path | None:
     if not isinstance(uri, str) or uri.startswith("data:"):
         return None
     if "://" in uri:
-        document.fail(f"images[{index}] is at {uri[:60]!r}; only local files are read")
+        document.fail(f"images[{index}] is at {quoted(uri)}; only local files are read")
     return file_beside(document.path, unquote(uri))
+
+
+def image_source(document: Document, index: int) -> str | int | None:
+    """Return what an image is read from, its uri or its view: equal for images that are the same.
+
+    A small file could list one large image many times.
+    """
+    image = document.item("images", index)
+    source = image.get("uri", image.get("bufferView"))
+    return source if isinstance(source, str | int) else None
 
 
 def image_bytes(document: Document, index: int) -> bytes:

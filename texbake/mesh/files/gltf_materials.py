@@ -14,19 +14,20 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.errors import FileError, FileFormatError
+from texbake.errors import FileError, FileFormatError, shortened
 from texbake.files import PathLike
-from texbake.mesh.files.gltf import primitive_uvs
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
     GltfSource,
     GltfTexture,
     image_bytes,
+    image_source,
     material_index,
     read_material,
 )
 from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
+from texbake.mesh.files.gltf_primitives import primitive_uvs
 from texbake.mesh.materials import (
     ChannelImage,
     ChannelSource,
@@ -55,7 +56,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     # The groups of the mesh are its primitives, in this order.
     primitives = [
         primitive
-        for node, _ in placed_nodes(document)
+        for node in placed_nodes(document).nodes
         if "mesh" in node
         for primitive in document.objects(document.item("meshes", node["mesh"]), "primitives")
         if triangle_count(document, primitive)
@@ -94,7 +95,7 @@ class _MaterialReader:
 
     document: Document
     missing: MissingParts = field(default_factory=MissingParts)
-    _images: dict[int | None, bytes | str] = field(default_factory=dict)
+    _images: dict[str | int | None, bytes | str] = field(default_factory=dict)
 
     def material(self, index: int | None) -> MeshMaterial:
         """Read the material with an index; None means glTF's default material."""
@@ -167,11 +168,12 @@ class _MaterialReader:
     ) -> ChannelImage | None:
         """Read the image of a texture; None, and a note, where it is missing."""
         index = texture.image
-        if index not in self._images:
-            self._images[index] = self._bytes(index)
-        data = self._images[index]
+        source = None if index is None else image_source(self.document, index)
+        if source not in self._images:
+            self._images[source] = self._bytes(index)
+        data = self._images[source]
         if isinstance(data, str):
-            line = f"{material}: {data}; the material keeps its factors"
+            line = f"{shortened(material)}: {data}; the material keeps its factors"
             self.missing.add(where.name, line, image=self._image_name(index))
             return None
         return ChannelImage(

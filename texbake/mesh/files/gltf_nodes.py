@@ -1,12 +1,21 @@
-"""The nodes of a glTF scene: where each mesh stands, and how many triangles that makes."""
+"""The nodes of a glTF scene: where each mesh stands, and how many triangles that makes.
+
+Files of CAD programs have 100,000 nodes and more, so that numbers are checked and matrices made for
+all nodes at once, and multiplied level by level.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from texbake.errors import quoted
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.mesh import FloatArray
 
@@ -17,54 +26,120 @@ MAX_PLACED = 100_000_000
 """Triangles that the nodes of a file may place, if its meshes have fewer."""
 
 
-def require_placeable(document: Document) -> None:
-    """Raise `FileFormatError` if the nodes of a file repeat its triangles without measure.
+@dataclass(frozen=True, eq=False)
+class PlacedNodes:
+    """Nodes of a scene, depth first.
 
-    No triangle is read for that: a small file could ask for more than fits into memory.
+    Attributes
+    ----------
+    document
+    nodes : list of dict
+        The objects of the file.
+    parents : (n,) int64
+        Place of each node's parent in the list; -1 for a root.
+    levels : (n,) int64
+        How many nodes stand above each.
     """
+
+    document: Document
+    nodes: list[dict[str, Any]]
+    parents: npt.NDArray[np.int64]
+    levels: npt.NDArray[np.int64]
+
+    def matrices(self) -> FloatArray:
+        """(n, 4, 4) float64: the matrix of each node to the world."""
+        order = np.argsort(self.levels, kind="stable")
+        # Nodes in the order of their levels; the world is the parent of the roots.
+        numbers = np.empty(len(order) + 1, np.int64)
+        numbers[order] = np.arange(len(order))
+        numbers[-1] = len(order)
+        parents = numbers[self.parents[order]]
+        local = _local_matrices(self.document, self.nodes)[order]
+        placed = np.empty((len(order) + 1, 4, 4))
+        placed[-1] = np.eye(4)
+        stops = np.cumsum(np.bincount(self.levels)).tolist()
+        # Huge factors may multiply to infinity, which a mesh refuses.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for start, stop in zip([0, *stops], stops, strict=False):
+                of_parents = placed[parents[start:stop]]
+                np.matmul(of_parents, local[start:stop], out=placed[start:stop])
+        return np.asarray(placed[numbers[:-1]])
+
+    def mesh_matrices(self, matrices: FloatArray) -> FloatArray:
+        """(n, 4, 4) float64: the matrices of the meshes of nodes, from those of the nodes.
+
+        A mesh with a skin stands where its joints are, not at the node.
+        """
+        matrices = matrices.copy()
+        matrices[[i for i, node in enumerate(self.nodes) if "skin" in node]] = np.eye(4)
+        return matrices
+
+
+def require_placeable(placed: PlacedNodes) -> None:
+    """Raise `FileFormatError` if a file repeats its triangles without measure.
+
+    Nodes can share a mesh, and primitives an accessor. No triangle is read for that: a small file
+    could ask for more than fits into memory.
+    """
+    document = placed.document
     counts: dict[int, int] = {}
     n_placed = 0
-    for node, _ in placed_nodes(document):
+    for node in placed.nodes:
         index = node.get("mesh")
         if index is None:
             continue
+        mesh = document.item("meshes", index)
         if index not in counts:
-            primitives = document.objects(document.item("meshes", index), "primitives")
-            counts[index] = sum(triangle_count(document, primitive) for primitive in primitives)
+            primitives = document.objects(mesh, "primitives")
+            counts[index] = sum(_size(document, primitive) for primitive in primitives)
         n_placed += counts[index]
-    if n_placed > max(MAX_PLACED, sum(counts.values())):
+    # A triangle takes more than a byte, unless it is there several times.
+    if n_placed > MAX_PLACED and n_placed > document.n_bytes:
         document.fail(
             f"its nodes repeat {sum(counts.values()):,} triangles until there are {n_placed:,}; "
             f"more than {MAX_PLACED:,} are not read"
         )
 
 
-def placed_nodes(document: Document) -> Iterator[tuple[dict[str, Any], FloatArray]]:
-    """Nodes of the scene, depth first, each with its (4, 4) matrix to the world.
+def _size(document: Document, primitive: dict[str, Any]) -> int:
+    """Triangles of a primitive, or a third of its vertices where these are more."""
+    n_triangles = triangle_count(document, primitive)
+    if n_triangles == 0:
+        return 0
+    position = document.mapping(primitive, "attributes")["POSITION"]
+    return max(n_triangles, document.integer(document.item("accessors", position), "count", 0) // 3)
+
+
+def placed_nodes(document: Document) -> PlacedNodes:
+    """Return the nodes of the scene.
 
     A file without nodes has each of its meshes once, where it is.
     """
     nodes = document.items("nodes")
     if not nodes:
-        for i in range(len(document.items("meshes"))):
-            yield {"mesh": i}, np.eye(4)
-        return
-    pending = [(root, np.eye(4)) for root in reversed(_roots(document, nodes))]
-    seen = set()
+        meshes: list[dict[str, Any]] = [{"mesh": i} for i in range(len(document.items("meshes")))]
+        n = len(meshes)
+        return PlacedNodes(document, meshes, np.full(n, -1), np.zeros(n, np.int64))
+    found: list[dict[str, Any]] = []
+    parents: list[int] = []
+    levels: list[int] = []
+    pending = [(root, -1, 0) for root in reversed(_roots(document, nodes))]
+    seen = bytearray(len(nodes))
     while pending:
-        index, parent = pending.pop()
-        node = document.item("nodes", index)
-        if index in seen:
+        index, parent, level = pending.pop()
+        if not 0 <= index < len(nodes):
+            document.fail(f"it has no nodes[{quoted(index)}]")
+        node = nodes[index]
+        if seen[index]:
             document.fail(f"nodes[{index}] stands twice in the scene")
-        seen.add(index)
-        matrix = parent @ _local_matrix(document, node)
-        yield node, matrix
-        pending += [(child, matrix) for child in reversed(_indices(document, node, "children"))]
-
-
-def mesh_matrix(node: dict[str, Any], matrix: FloatArray) -> FloatArray:
-    """Matrix of a node's mesh: one with a skin stands where its joints are, not at the node."""
-    return np.eye(4) if "skin" in node else matrix
+        seen[index] = 1
+        if "children" in node:
+            children = _indices(document, node, "children")
+            pending += [(child, len(found), level + 1) for child in reversed(children)]
+        found.append(node)
+        parents.append(parent)
+        levels.append(level)
+    return PlacedNodes(document, found, np.array(parents, np.int64), np.array(levels, np.int64))
 
 
 def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
@@ -79,33 +154,57 @@ def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
 
 def _indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
     indices = owner.get(key, [])
-    if not isinstance(indices, list) or not all(isinstance(index, int) for index in indices):
-        document.fail(f"{key!r} is not a list of indices")
+    if not isinstance(indices, list) or not set(map(type, indices)) <= {int, bool}:
+        document.fail(f"{quoted(key)} is not a list of indices")
     return indices
 
 
-def _local_matrix(document: Document, node: dict[str, Any]) -> FloatArray:
-    """(4, 4) matrix of a node, from its columns or its translation, rotation and scale."""
-    columns = document.numbers(node, "matrix", 16)
-    if columns is not None:
-        return columns.reshape(4, 4).T
-    matrix = np.eye(4)
-    rotation = document.numbers(node, "rotation", 4)
-    if rotation is not None:
-        length = float(np.linalg.norm(rotation))
-        x, y, z, w = rotation / length if length > 0.0 else (0.0, 0.0, 0.0, 1.0)
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    scale = document.numbers(node, "scale", 3)
-    if scale is not None:
-        matrix[:3, :3] *= scale
-    translation = document.numbers(node, "translation", 3)
-    if translation is not None:
-        matrix[:3, 3] = translation
-    return matrix
+def _local_matrices(document: Document, nodes: list[dict[str, Any]]) -> FloatArray:
+    """(n, 4, 4) matrices of nodes, from their columns or translations, rotations and scales."""
+    matrices = np.tile(np.eye(4), (len(nodes), 1, 1))
+    others: Sequence[int] = range(len(nodes))
+    placed, columns = _rows(document, nodes, others, "matrix", 16)
+    matrices[placed] = columns.reshape(-1, 4, 4).swapaxes(1, 2)
+    if placed:
+        others = sorted(set(others).difference(placed))
+    turned, rotations = _rows(document, nodes, others, "rotation", 4)
+    matrices[turned, :3, :3] = _rotation_matrices(rotations)
+    scaled, scales = _rows(document, nodes, others, "scale", 3)
+    matrices[scaled, :3, :3] *= scales[:, None]
+    moved, translations = _rows(document, nodes, others, "translation", 3)
+    matrices[moved, :3, 3] = translations
+    return matrices
+
+
+def _rows(
+    document: Document, nodes: list[dict[str, Any]], among: Sequence[int], key: str, width: int
+) -> tuple[list[int], FloatArray]:
+    """Places of the nodes, among some, that hold numbers, and the (n, width) numbers."""
+    places = [i for i in among if nodes[i].get(key) is not None]
+    values = [nodes[i][key] for i in places]
+    is_sound = set(map(type, values)) <= {list} and set(map(len, values)) <= {width}
+    if is_sound and set(map(type, chain.from_iterable(values))) <= {int, float}:
+        with suppress(OverflowError):  # integers of JSON have any length
+            rows = np.array(values, np.float64).reshape(-1, width)
+            if (np.abs(rows) < 1e300).all():
+                return places, rows
+    for i in places:  # the first that is wrong is named
+        document.numbers(nodes[i], key, width)
+    return places, np.array(values, np.float64).reshape(-1, width)
+
+
+def _rotation_matrices(quaternions: FloatArray) -> FloatArray:
+    """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
+    lengths = np.sqrt(quaternions[:, None] @ quaternions[:, :, None])[:, :, 0]
+    units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
+    np.divide(quaternions, lengths, out=units, where=lengths > 0.0)
+    x, y, z, w = units.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).reshape(3, 3, -1).transpose(2, 0, 1)
 
 
 def triangle_count(document: Document, primitive: dict[str, Any]) -> int:

@@ -6,10 +6,13 @@ names of the attributes: `"extras": {"TEXCOORD_1": "lightmap"}`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from typing import Any
 
 from texbake.mesh.files.gltf_document import Document
+
+_DIGITS = re.compile("[0-9]{1,9}")
 
 
 def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
@@ -18,7 +21,7 @@ def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
     return sorted(
         int(number)
         for kind, _, number in names
-        if kind == "TEXCOORD" and number.isascii() and number.isdigit() and int(number) > 0
+        if kind == "TEXCOORD" and _DIGITS.fullmatch(number) and int(number) > 0
     )
 
 

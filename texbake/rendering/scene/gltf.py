@@ -16,13 +16,13 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError, OptionError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
-from texbake.mesh.files.gltf import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
-from texbake.mesh.files.gltf_nodes import mesh_matrix, placed_nodes, require_placeable
+from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet
@@ -79,9 +79,10 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
         document = read_document(path)
         for name in document.texts("extensionsRequired"):
             if name not in SHOWN:
-                document.fail(f"it requires {name}, which is not supported")
-        require_placeable(document)
-        return _Reader(document).scene()
+                document.fail(f"it requires {shortened(name)}, which is not supported")
+        placed = placed_nodes(document)
+        require_placeable(placed)
+        return _Reader(document).scene(placed)
 
 
 class _Reader:
@@ -96,16 +97,18 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.notes = [
-            f"it uses {name}, which is not supported"
+            f"it uses {shortened(name)}, which is not supported"
             for name in document.texts("extensionsUsed")
             if name not in SHOWN
         ]
 
-    def scene(self) -> Scene:
+    def scene(self, placed: PlacedNodes) -> Scene:
         """Everything that the file's scene holds."""
-        for node, matrix in placed_nodes(self.document):
+        matrices = placed.matrices()
+        of_meshes = placed.mesh_matrices(matrices)
+        for node, matrix, of_mesh in zip(placed.nodes, matrices, of_meshes, strict=True):
             if "mesh" in node:
-                self._add_mesh(node, mesh_matrix(node, matrix))
+                self._add_mesh(node, of_mesh)
             light = light_of(self.document, node, matrix)
             if light is not None:
                 self.lights.append(light)
@@ -174,7 +177,7 @@ class _Reader:
                 )
             except OptionError:
                 # The specification allows this as a way to hide a node's content.
-                self.notes.append(f"the node {name!r} is scaled flat; it is left out")
+                self.notes.append(f"the node {quoted(name)} is scaled flat; it is left out")
                 continue
             self.objects.append(item)
 
@@ -188,14 +191,16 @@ class _Reader:
         uvs, uv_faces = piece.uvs, piece.corners
         corner_of_image = UvSet(np.array([[0.0, 1.0]]), 0 * piece.corners)
         if uvs is None and of.has_textures:
-            self.notes.append(f"{name!r} has textures but no texture coordinates; (0, 0) is used")
+            self.notes.append(
+                f"{quoted(name)} has textures but no texture coordinates; (0, 0) is used"
+            )
             uvs, uv_faces = corner_of_image.uvs, corner_of_image.faces
         uv_sets = {}
         for number in of.further:
             if number in piece.further_uvs:
                 uv_sets[set_name(number)] = UvSet(piece.further_uvs[number], piece.corners)
             else:
-                self.notes.append(f"{name!r} has no {set_name(number)}; (0, 0) is used")
+                self.notes.append(f"{quoted(name)} has no {set_name(number)}; (0, 0) is used")
                 uv_sets[set_name(number)] = corner_of_image
         mesh = Mesh(
             positions=piece.positions,
@@ -229,11 +234,11 @@ def light_of(document: Document, node: dict[str, Any], matrix: FloatArray) -> Li
     )
     index, lights = extension["light"], document.objects(owner, "lights")
     if not isinstance(index, int) or not 0 <= index < len(lights):
-        document.fail(f"it has no light {index!r}")
+        document.fail(f"it has no light {quoted(index)}")
     light = lights[index]
     kind = light.get("type")
     if kind not in ("directional", "point", "spot"):
-        document.fail(f"the light type {kind!r} is not known")
+        document.fail(f"the light type {quoted(kind)} is not known")
     color = document.numbers(light, "color", 3)
     red, green, blue = (1.0, 1.0, 1.0) if color is None else np.maximum(color, 0.0).tolist()
     return Light(
@@ -272,12 +277,13 @@ def view_of(
     camera = document.item("cameras", node["camera"])
     name = camera.get("name") or node.get("name") or node["camera"]
     if camera.get("type") != "perspective":
-        return f"the camera {name!r} is {camera.get('type')}; only perspective is supported"
+        kind = quoted(camera.get("type"))
+        return f"the camera {quoted(name)} is {kind}; only perspective is supported"
     lens = document.mapping(camera, "perspective")
     fov = math.degrees(document.number(lens, "yfov", 0.0))
     near = document.number(lens, "znear", 0.0)
     if not (0.0 < fov < 180.0 and near > 0.0):
-        document.fail(f"the camera {name!r} has no field of view, or no near plane")
+        document.fail(f"the camera {quoted(name)} has no field of view, or no near plane")
     position = matrix[:3, 3]
     return CameraView(
         position=_vector(position),

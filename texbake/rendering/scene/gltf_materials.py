@@ -24,6 +24,7 @@ from texbake.mesh.files.gltf_material_read import (
     GltfTexture,
     image_bytes,
     image_path,
+    image_source,
     read_material,
 )
 from texbake.rendering.scene.material import Material, NormalMap
@@ -69,7 +70,7 @@ class MaterialReader:
     notes: list[str] = field(default_factory=list)
     _first_set: int = 0
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
-    _images: dict[tuple[int | None, bool], Path | Image] = field(default_factory=dict)
+    _images: dict[tuple[str | int | None, bool], Path | Image] = field(default_factory=dict)
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> SceneMaterial:
         """Read the material with an index; None means glTF's default material."""
@@ -162,9 +163,10 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image:
-        if (index, color) not in self._images:
-            self._images[index, color] = self._opened(index, color)
-        return self._images[index, color]
+        source = None if index is None else image_source(self.document, index)
+        if (source, color) not in self._images:
+            self._images[source, color] = self._opened(index, color)
+        return self._images[source, color]
 
     def _opened(self, index: int | None, color: bool) -> Path | Image:
         """Return the path of an image beside the file, or the pixels of one in it."""
