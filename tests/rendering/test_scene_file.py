@@ -462,3 +462,33 @@ def test_a_file_that_is_no_scene(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileFormatError, match="it is not text in UTF-8"):
         read_scene(path)
+
+
+@pytest.mark.parametrize(
+    "objects",
+    [
+        'shape = "sphere"\nresolution = [1000, 2000]',
+        'shape = "icosphere"\nlevel = 8',
+        'shape = "orange"\nn_triangles = 2_500_000',
+        'shape = "cylinder"\nsides = 2_500_000',
+    ],
+)
+def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
+    tmp_path, monkeypatch, objects
+):
+    made = []
+    monkeypatch.setattr(
+        "texbake.rendering.scene.file.objects._made",
+        lambda shape, options: made.append(shape) or cube(),
+    )
+    path = tmp_path / "many.toml"
+    path.write_text(f"[[objects]]\n{objects}\n" * 9)
+    with pytest.raises(FileFormatError, match=r"objects\[\d\].shape: .* 6,000,000 are the most"):
+        read_scene(path)
+    assert 0 < len(made) < 5
+
+
+def test_many_objects_of_one_name_get_names_of_their_own(tmp_path):
+    path = tmp_path / "many.toml"
+    path.write_text('[[objects]]\nshape = "cube"\n' * 3 + '[[objects]]\nshape = "plane"\n')
+    assert [item.name for item in read_scene(path).objects] == ["cube", "cube 2", "cube 3", "plane"]

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Tag
 
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.unwrap import unwrap
@@ -50,6 +50,8 @@ PLAIN_SHAPES: dict[str, tuple[str, ...]] = {
     "icosphere": ("level",),
     "orange": ("n_triangles",),
 }
+MAX_SCENE_TRIANGLES = 6_000_000
+"""Triangles that the shapes of a scene file may have together; they take about 1.2 GB."""
 GLTF_SUFFIXES = (".glb", ".gltf")
 
 MappingTable = table(
@@ -127,6 +129,8 @@ class ObjectMaker:
     files: list[Path] = field(default_factory=list)
     _meshes: dict[Path, Mesh] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
+    _numbers: dict[str, int] = field(default_factory=dict)
+    _n_triangles: int = 0
 
     def made(self, index: int, found: Table) -> list[SceneObject]:
         """Build the objects of one table: a single object, or all objects of a glTF file."""
@@ -166,14 +170,14 @@ class ObjectMaker:
                 if given not in self.materials:
                     known = nearest(given, self.materials)
                     advice = known if self.materials else "the file has no [materials.NAME]"
-                    raise OptionError(f"material: there is no {given!r}; {advice}")
+                    raise OptionError(f"material: there is no {quoted(given)}; {advice}")
             return self.materials[given]
         return given
 
     def _mesh(self, steps: tuple[str, int], given: Mapping[str, Any]) -> Mesh:
         if "mesh" not in given:
             with at(self.path, *steps):
-                return _shape(given)
+                return self._shape(given)
         path: Path = given["mesh"]
         if path not in self._meshes:
             with at(self.path, *steps, "mesh"):
@@ -187,12 +191,33 @@ class ObjectMaker:
             return unwrap(mesh, options, progress=self.progress)
 
     def _free_name(self, name: str) -> str:
-        free, n = name, 1
+        free, n = name, self._numbers.get(name, 1)
         while free in self._names:
             n += 1
             free = f"{name} {n}"
+        self._numbers[name] = n  # so that many objects of one name do not try all names before
         self._names.add(free)
         return free
+
+    def _shape(self, given: Mapping[str, Any]) -> Mesh:
+        """Make a shape, if all shapes of the scene together do not get too large."""
+        options = _shape_options(given)
+        is_known = not options.keys() & {"image", "patches", "profile"}
+        if is_known:
+            self._count(_shape_size(given["shape"], options))
+        mesh = _made(given["shape"], options)
+        if not is_known:
+            self._count(mesh.n_faces)
+        return mesh
+
+    def _count(self, n_triangles: int) -> None:
+        self._n_triangles += n_triangles
+        if self._n_triangles > MAX_SCENE_TRIANGLES:
+            raise OptionError(
+                f"shape: with it, the shapes of this scene have {self._n_triangles:,} triangles; "
+                f"{MAX_SCENE_TRIANGLES:,} are the most; make a file with `texbake make`, and name "
+                "it as the mesh"
+            )
 
 
 _FLAGS = ("casts_shadows", "receives_shadows", "visible")
@@ -235,18 +260,33 @@ def _composed(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray 
     return outer @ inner
 
 
-def _shape(given: Mapping[str, Any]) -> Mesh:
+def _shape_options(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a shape, all of which it takes."""
     shape: str = given["shape"]
     options = {key: given[key] for key in given if key in _SHAPE_KEYS}
+    of_others = set(_SHAPE_KEYS) if shape in PLAIN_SHAPES else {"level", "n_triangles"}
+    for key in options:
+        if key in of_others.difference(PLAIN_SHAPES.get(shape, ())):
+            raise OptionError(f"{key}: the shape {shape} does not use it")
+    return options
+
+
+def _shape_size(shape: str, options: dict[str, Any]) -> int:
+    """About how many triangles a shape has, found without making it."""
+    if shape == "cube":
+        return 12
+    if shape == "icosphere":
+        return int(20 * 4 ** min(options.get("level", 3), 20))
+    if shape == "orange":
+        return int(options.get("n_triangles", 1_000_000))
+    n_u, n_v = MakeOptions(**options).settings(shape)["resolution"]
+    return int(2 * max(n_u, options.get("sides") or 0) * n_v)
+
+
+def _made(shape: str, options: dict[str, Any]) -> Mesh:
     if shape in PLAIN_SHAPES:
-        for key in options:
-            if key not in PLAIN_SHAPES[shape]:
-                raise OptionError(f"{key}: the shape {shape} does not use it")
         mesh: Mesh = getattr(import_module("texbake.mesh.shapes"), shape)(**options)
         return _with_flat_sides(mesh) if shape == "cube" else mesh
-    for key in "level", "n_triangles":
-        if key in options:
-            raise OptionError(f"{key}: the shape {shape} does not use it")
     if "image" in options:
         options["image"] = read_image(options["image"], color=False).pixels
     return make(shape, MakeOptions(**options))
