@@ -303,3 +303,27 @@ def test_anything_else_is_one_error(data: bytes, message: str, tmp_path: Path) -
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"none\.txt: there is no such file"):
         read_matrix(tmp_path / "none.txt")
+
+
+def test_an_exact_shift_changes_no_bit():
+    mesh = icosphere(1)
+    here = mesh.replace(positions=np.round(mesh.positions * 2.0**30) / 2.0**30)
+    there = here.replace(positions=here.positions + [2.0**11, -(2.0**10), 2.0**9])
+    options = UnwrapOptions(method="projector", camera=(40.0, 25.0))
+    np.testing.assert_array_equal(
+        projector(there, options).corners, projector(here, options).corners
+    )
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_a_face_that_the_rays_pass_along_is_turned_away_whatever_its_first_corner(first):
+    matrix = camera_matrix(cube(), (0.0, 0.0))
+    row = tuple(tuple(float(value) for value in line) for line in matrix)
+    # A plane through the camera, which is off it by rounding alone.
+    points = np.array([[0.1, 0.3, 0.0], [0.2, 0.6, 0.1], [0.0, 0.0, 0.3]])
+    faces = np.roll([[0, 1, 2]], -first, axis=1).astype(np.int32)
+    found = projector(
+        Mesh(positions=points, faces=faces),
+        UnwrapOptions(method="projector", matrix=row, unseen="aside"),  # type: ignore[arg-type]
+    )
+    assert found.tallies == {"faces turned away": 1}

@@ -408,3 +408,24 @@ def test_photographs_reproduce_the_colors_of_a_real_mesh(data_dir: Path) -> None
     assert np.percentile(error, 99) < 0.01
     assert np.median(error) < 1e-3
     assert result.report.unseen_percent < 5.0
+
+
+def test_an_exact_shift_changes_no_bit():
+    mesh = uv_sphere(6, 12)
+    here = mesh.replace(positions=np.round(mesh.positions * 2.0**30) / 2.0**30)
+    shift = np.array([2.0**21, -(2.0**20), 2.0**19])
+    image = np.random.default_rng(2).random((16, 16, 3)).astype(np.float32)
+
+    def baked(mesh: Mesh, shift: np.ndarray) -> np.ndarray:
+        camera = PhotoCamera(position=tuple(shift + [0.5, 1.0, 4.0]), target=tuple(shift))
+        options = PhotoOptions(size=32, threads=1)
+        return bake_photos(mesh, [Photo(image=image, camera=camera)], options).values
+
+    there = here.replace(positions=here.positions + shift)
+    np.testing.assert_array_equal(baked(there, shift), baked(here, np.zeros(3)))
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_a_camera_as_far_away_as_numbers_go_looks_at_its_target(size):
+    axes = PhotoCamera(position=(0.0, 0.0, size), target=(0.0, 0.0, -size / 2.0)).axes()
+    np.testing.assert_array_equal(axes, np.eye(3))

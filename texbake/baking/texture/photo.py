@@ -23,6 +23,7 @@ from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.mapping.classical.projector import read_matrix
 from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
+from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.texture.image import Image, read_image
 from texbake.texture.mipmaps import mip_chain
@@ -75,12 +76,13 @@ class PhotoCamera:
     def axes(self) -> FloatArray:
         """(3, 3) float64: the unit vectors right, up and back (against the view) as rows."""
         back = np.subtract(self.position, self.target)
-        distance = np.linalg.norm(back)
-        if not 0.0 < distance < math.inf:
+        longest = float(np.abs(back).max())
+        if not 0.0 < longest < math.inf:
             raise OptionError(
                 "target: it is the position of the camera; give a point that it looks at"
             )
-        back = back / distance
+        back = back * unit_scale(longest)  # so that squares neither overflow nor vanish
+        back = back / np.linalg.norm(back)
         right = np.cross(np.divide(self.up, np.abs(self.up).max()), back)
         across = np.linalg.norm(right)
         if across < _LEAST_UP:
@@ -88,13 +90,20 @@ class PhotoCamera:
         right = right / across
         return np.stack([right, np.cross(back, right), back])
 
-    def matrix(self, aspect: float = 1.0) -> FloatArray:
-        """(4, 4) float64: model space to (s, t, r, q); `aspect` applies if the camera has none."""
+    def matrix(self, aspect: float = 1.0, frame: LocalFrame | None = None) -> FloatArray:
+        """(4, 4) float64: model space to (s, t, r, q); `aspect` applies if the camera has none.
+
+        With a `frame`, from its space, so that no bit is lost where that lies far from the origin;
+        the depths r and q are then in its unit of length.
+        """
         right, up, back = self.axes()
         focal = 1.0 / math.tan(math.radians(self.fov) / 2.0)
         across = focal / (self.aspect or aspect)
         rows = np.stack([0.5 * (across * right - back), 0.5 * (focal * up - back), -back, -back])
-        return np.column_stack([rows, -rows @ np.asarray(self.position, np.float64)])
+        place = np.asarray(self.position, np.float64)
+        if frame is None:
+            return np.column_stack([rows, -rows @ place])
+        return np.column_stack([rows, rows @ ((frame.center - place) * frame.scale)])
 
 
 def read_camera(path: PathLike) -> PhotoCamera | Matrix:

@@ -23,8 +23,7 @@ from texbake.baking.texture.options import PhotoOptions
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
-from texbake.mapping.classical.projector import projector_matrix, seen_from_of
-from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.classical.projector import seen_from_of
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
@@ -171,7 +170,7 @@ class CameraMapping:
     ----------
     mesh : Mesh
     matrix : (4, 4) float64
-        Model space to (s, t, r, q).
+        Local space to (s, t, r, q).
     frame : LocalFrame
         Of the mesh.
     occlusion : CameraOcclusion, optional
@@ -195,11 +194,8 @@ class CameraMapping:
         occlusion: CameraOcclusion | None,
         margins: tuple[float, float],
     ) -> None:
-        a, b, c, d = (tuple(float(value) for value in row) for row in matrix)
-        given = UnwrapOptions(method="projector", matrix=(a, b, c, d))  # type: ignore[arg-type]
-        local = projector_matrix(mesh, given, frame)
-        self._seen_from = seen_from_of(local)
-        self._matrix = np.ascontiguousarray(local[[0, 1, 3]])
+        self._seen_from = seen_from_of(matrix)
+        self._matrix = np.ascontiguousarray(matrix[[0, 1, 3]])
         corners = frame.to_local(mesh.positions)[mesh.faces]
         self._margin_steps = _margin_steps(self._matrix, self._seen_from, margins)
         self._steps = self._matrix[:, :3] @ sample_steps(mesh, corners, grid)

@@ -21,6 +21,9 @@ from texbake.baking.texture.photo_mappings import (
 )
 from texbake.baking.texture.result import PhotoShare, TextureBake, finish_texture
 from texbake.errors import OptionError
+from texbake.mapping.classical.projector import projector_matrix
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.checks import Matrix
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -134,14 +137,21 @@ def _mappings(
         camera = photo.camera
         try:
             matrix = (
-                camera.matrix(image.width / image.height)
+                camera.matrix(image.width / image.height, frame)
                 if isinstance(camera, PhotoCamera)
-                else np.array(camera, np.float64)
+                else _local_matrix(mesh, camera, frame)
             )
             margins = options.margin / image.width, options.margin / image.height
             yield CameraMapping(mesh, matrix, frame, coverage.grid, options, occlusion, margins)
         except OptionError as error:
             raise OptionError(f"{image.name}: {error}") from error
+
+
+def _local_matrix(mesh: Mesh, camera: Matrix | None, frame: LocalFrame) -> FloatArray:
+    """(4, 4) float64: local space to (s, t, r, q), by a camera's matrix."""
+    a, b, c, d = (tuple(float(value) for value in row) for row in np.array(camera, np.float64))
+    given = UnwrapOptions(method="projector", matrix=(a, b, c, d))  # type: ignore[arg-type]
+    return projector_matrix(mesh, given, frame)
 
 
 def _points(field: RayField, samples: Samples) -> PhotoPoints:

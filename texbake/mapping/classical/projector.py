@@ -53,6 +53,9 @@ _DEPENDENT = 1e-9
 # sizes of the mesh, is at infinity.
 _AT_INFINITY = 1e-13
 
+# Cosine between the normal of a face and a ray that rounding leaves of one that passes along it.
+_ALONG = 2.0**-48
+
 _BAND = 1 << 12
 
 # Barycentric coordinates of the four samples of a face: its centroid, and the midpoints between the
@@ -83,6 +86,16 @@ def camera_matrix(
         units, r the same; (s / q, t / q) has (0, 0) and (1, 1) at the lower left and upper right
         corner of the image.
     """
+    rows, away, center = _camera_rows(mesh, camera, fov)
+    return np.column_stack([rows, -rows @ (center + away)])
+
+
+def _camera_rows(
+    mesh: Mesh,
+    camera: tuple[float, float] | tuple[float, float, float | None] | None,
+    fov: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(4, 3) rows of the matrix, (3,) the way from the center to the camera, (3,) the center."""
     azimuth, elevation, *rest = camera or (0.0, 0.0)
     assert azimuth is not None and elevation is not None
     axes = _axes(math.radians(azimuth), math.radians(elevation))
@@ -94,8 +107,7 @@ def camera_matrix(
     right, up, back = axes
     focal = 1.0 / math.tan(half)
     rows = np.stack([0.5 * (focal * right - back), 0.5 * (focal * up - back), -back, -back])
-    eye = center + distance * back
-    return np.column_stack([rows, -rows @ eye])
+    return rows, distance * back, center
 
 
 def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
@@ -171,12 +183,14 @@ def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
 
 def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:
     """(4, 4) float64: takes local (x, y, z, 1) to (s, t, r, q); q is 1 if it is constant."""
-    if options.matrix is None:
-        matrix = camera_matrix(mesh, options.camera, options.fov)
-    else:
-        matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        matrix = np.column_stack([matrix[:, :3] / local.scale, matrix @ [*local.center, 1.0]])
+        if options.matrix is None:
+            # Seen from the center, so that no bit is lost where the model is far from the origin.
+            rows, away, _ = _camera_rows(mesh, options.camera, options.fov)
+            matrix = np.column_stack([rows / local.scale, -rows @ away])
+        else:
+            matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
+            matrix = np.column_stack([matrix[:, :3] / local.scale, matrix @ [*local.center, 1.0]])
         if not matrix[3, :3].any() and matrix[3, 3] != 0.0:
             matrix /= matrix[3, 3]
     if not np.isfinite(matrix).all():
@@ -232,7 +246,10 @@ def _turned_to(positions: FloatArray, faces: IntArray, seen_from: FloatArray) ->
     """(F,) bool: faces whose front faces a point (x, y, z, 1) or a direction (x, y, z, 0)."""
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     towards = seen_from[:3] - seen_from[3] * a
-    return np.asarray(np.einsum("ij,ij->i", np.cross(b - a, c - a), towards) > 0.0)
+    normals = np.cross(b - a, c - a)
+    cosines = np.einsum("ij,ij->i", normals, towards)
+    lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(towards, axis=1)
+    return np.asarray(cosines > _ALONG * lengths)
 
 
 def _hidden(
