@@ -220,11 +220,13 @@ def test_a_face_along_the_axis_has_the_middle_of_the_arc():
     assert found.tallies("a pole") == {"faces touching a pole": 1, "faces along the axis": 1}
 
 
-def test_where_the_centroid_is_on_the_axis_the_first_corner_off_it_counts():
-    found = wrapped([(0, 0), (-1, -1), (1, 1)])
-    assert found.s[0] == pytest.approx([0.125, 0.125, -0.375], abs=1e-15)
-    around = wrapped([(1, 0), (-1, 1), (0, -1)])  # the sum of its corners is the origin
-    assert around.s[0] == pytest.approx([0.5, 0.875, 0.25], abs=1e-15)
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_where_the_centroid_is_on_the_axis_the_corner_of_the_least_angle_counts(first):
+    found = wrapped(np.roll([(0, 0), (-1, -1), (1, 1)], -first, axis=0))
+    assert found.s[0] == pytest.approx(np.roll([0.125, 0.125, -0.375], -first), abs=1e-15)
+    # The sum of its corners is the origin.
+    around = wrapped(np.roll([(1, 0), (-1, 1), (0, -1)], -first, axis=0))
+    assert around.s[0] == pytest.approx(np.roll([0.5, -0.125, 0.25], -first), abs=1e-15)
     assert around.tallies() == {"faces around the axis": 1}
 
 

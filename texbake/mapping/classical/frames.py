@@ -225,15 +225,15 @@ def wrap_angles(
     WrappedAngles
         The angle of a face's centroid is within half a turn of (a + b) / 2, and the angles of its
         corners are within half a turn of the centroid's. A corner on the axis gets the angle of
-        the centroid, which makes a fan at a pole; if the centroid is on the axis too, that of the
-        first corner that is not. A face along the axis gets (a + b) / 2.
+        the centroid, which makes a fan at a pole; if the centroid is on the axis too, the least
+        angle of those that are not. A face along the axis gets (a + b) / 2.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)
     turns = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
     near = np.hypot(points[:, 0], points[:, 1]) <= rounding
     on_axis = near[faces]
-    own = _centroid_turns(points, faces, on_axis, rounding)
+    own = _centroid_turns(points, turns, faces, on_axis, rounding)
     middle = (first + last) / 2.0
     own[on_axis.all(axis=1)] = middle
     own -= np.floor(own - middle + 0.5)
@@ -251,13 +251,14 @@ def wrap_angles(
 
 
 def _centroid_turns(
-    points: FloatArray, faces: IntArray, on_axis: BoolArray, rounding: float
+    points: FloatArray, turns: FloatArray, faces: IntArray, on_axis: BoolArray, rounding: float
 ) -> FloatArray:
     """(F,) float64: angle of each face's centroid in turns; of a corner if that has none."""
     x, y = (
         points[faces[:, 0], i] + points[faces[:, 1], i] + points[faces[:, 2], i] for i in (0, 1)
     )
     lost = np.flatnonzero(np.hypot(x, y) <= 3.0 * rounding)  # sums of three corners
-    off_axis = faces[lost, on_axis[lost].argmin(axis=1)]
-    x[lost], y[lost] = points[off_axis, 0], points[off_axis, 1]
-    return np.asarray(np.arctan2(y, x) / (2.0 * np.pi))
+    own = np.arctan2(y, x) / (2.0 * np.pi)
+    # Whichever corner of the face is its first.
+    own[lost] = np.where(on_axis[lost], np.inf, turns[faces[lost]]).min(axis=1)
+    return np.asarray(own)
