@@ -272,3 +272,11 @@ def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
     assert charts.faces[2].tolist() in ([charts.faces[1, 1]] * 3, [charts.faces[1, 2]] * 3)
     assert len(set(charts.faces[0].tolist())) == 1
     assert len(charts.uvs) == 3
+
+
+@pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)])
+def test_points_on_a_line_have_no_charts_whichever_way_the_line_leads(signs):
+    points = np.arange(4.0)[:, None] * np.array(signs)
+    line = Mesh(positions=points, faces=np.array([[0, 1, 2], [1, 2, 3]], np.int32))
+    with pytest.raises(UnwrapError, match="none of its 2 faces has an area"):
+        cut_charts(line)

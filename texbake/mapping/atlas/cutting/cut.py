@@ -124,6 +124,9 @@ def cut_charts(
     DependencyError
         xatlas is asked for and is not installed, or does not load.
     """
+    # On the grid of the points they may have one, depending on where the grid lies.
+    if degenerate_faces(mesh).all():
+        raise UnwrapError(_why_nothing(mesh))
     points = snap_points(mesh) if points is None else points
     regions = np.zeros(mesh.n_faces, dtype=np.int32) if regions is None else regions
     corners = weld_rows(points, threads=threads)[mesh.faces]
