@@ -271,3 +271,17 @@ def test_every_tangent_is_unit(positions, uvs, normals, faces, uv_faces, normal_
         assert tangents.dtype == np.float32
         assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1.0).max() < ROUNDING
         assert (np.abs(tangents[..., 3]) == 1.0).all()
+
+
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+def test_a_needle_has_the_tangent_of_its_face_at_its_tip(axes):
+    # The angle at the tip, 1e-8, is less than a float32 cosine can tell from 0.
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1e-8, 0.0]])[:, axes]
+    mesh = Mesh(
+        positions=points,
+        faces=np.array([[0, 1, 2]], np.int32),
+        uvs=np.array([[0.15, 0.15], [0.85, 0.15], [0.15, 0.85]]),
+        uv_faces=np.array([[0, 1, 2]], np.int32),
+    )
+    along = np.array([1.0, 0.0, 0.0])[list(axes)]
+    np.testing.assert_allclose(corner_tangents(mesh)[0, :, :3], np.tile(along, (3, 1)), atol=1e-6)

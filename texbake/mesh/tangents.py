@@ -165,6 +165,9 @@ BoolArray = npt.NDArray[np.bool_]
 # lengths of things that are at most about 1.
 _ZERO = np.finfo(np.float32).tiny
 
+# Below the last bit of the sum of a fan in which any angle is more than rounding.
+_LEAST_ANGLE = np.float32(2.0**-70)
+
 _NEXT, _PREVIOUS = [1, 2, 0], [2, 0, 1]
 
 
@@ -241,7 +244,8 @@ def _weighted_directions(
     """(F, 3, 3): each face's direction in the plane of a corner's normal, times its angle there."""
     leaving = _unit(_flattened(edges, normals))
     arriving = _unit(_flattened(-edges[:, _PREVIOUS], normals))
-    angles = _arc_cosines(_dot(leaving, arriving))
+    # A needle whose angle rounds to 0 still has a direction, which counts where no other does.
+    angles = np.maximum(_arc_cosines(_dot(leaving, arriving)), _LEAST_ANGLE)
     return _unit(_flattened(directions[:, None, :], normals)) * angles[..., None]
 
 
