@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.repair_options import RepairOptions
@@ -145,8 +146,8 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
 
 
 def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
-    """(F,) signed volumes between each face and the middle of the mesh."""
-    corners = (mesh.positions - mesh.bounds.mean(axis=0))[mesh.faces]
+    """(F,) signed volumes between each face and the middle of the mesh, in its local frame."""
+    corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces]
     volumes: npt.NDArray[np.float64] = np.einsum(
         "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
     )

@@ -100,7 +100,7 @@ def _ray_points(
     ends = np.where(lengths > 0.0, limit, 0.0)
     hits = scene.cast(Rays(origins, outward, ends, np.zeros(len(owners))), cull_back_faces=False)
     hit = np.flatnonzero(hits.faces != NO_HIT)
-    corners = high.positions[high.faces[hits.faces[hit]]]
+    corners = frame.to_local(high.positions[high.faces[hits.faces[hit]]])
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # A ray that hits a front face starts outside the high-poly mesh and meets another part of it.
     hit = hit[np.einsum("nx,nx->n", facing, outward[hit]) > 0.0]
