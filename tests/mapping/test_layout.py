@@ -8,7 +8,7 @@ import pytest
 from texbake.colors import diverging
 from texbake.errors import UvError
 from texbake.mapping.layout import SAMPLES, add_faces, add_lines, draw_layout
-from texbake.mapping.layout_view import Tile
+from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
@@ -240,3 +240,10 @@ def test_a_face_over_full_pixels_still_shows_beside_them() -> None:
     add_faces(pixels, colors, TOP, 0.0, 1.0, sums)
     assert sums[0, 0, 0] == 0.0  # full before it came
     assert (sums[:, 7:, 3] == 16.0).all() and (sums[:, 7:, 0] == 16.0).all()
+
+
+def test_heat_of_a_mesh_whose_areas_cannot_be_computed_is_that_of_faces_without_area():
+    mesh = plane(2, 2)
+    huge = mesh.replace(positions=mesh.positions * 1e300)
+    colors = face_colors(huge, np.zeros(huge.n_faces, np.int32), 32, heat=True)
+    np.testing.assert_array_equal(colors, np.tile(UNMEASURED, (huge.n_faces, 1)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from texbake.colors import diverging
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.areas import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
@@ -180,6 +180,8 @@ def coded(colors: FloatArray) -> FloatArray:
 def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
     colors = np.empty((mesh.n_faces, 3))
     colors[:] = UNMEASURED
+    if unmeasurable_size(mesh) is not None:
+        return colors
     try:
         found = face_stretch(mesh, size)
     except UvError:  # no face has an area: there is nothing to color

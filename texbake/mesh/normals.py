@@ -257,7 +257,8 @@ def vertex_curvatures(
     (V,) float64
         Positive where the surface is convex, negative where it is hollow; half the sum of the
         curvatures along and across, so 1 / r on a sphere, 1 / (2 r) on a cylinder. Equal for
-        vertices at one position. 0 for a vertex that no face with area uses.
+        vertices at one position. 0 for a vertex that no face with area uses; infinite where float64
+        does not hold it, on meshes smaller than 1e-308.
 
     Examples
     --------
@@ -276,7 +277,8 @@ def vertex_curvatures(
         turns, areas,
     )  # fmt: skip
     areas[areas == 0.0] = 1.0
-    return np.asarray((turns / areas)[firsts] * frame.scale)
+    with np.errstate(over="ignore"):
+        return np.asarray((turns / areas)[firsts] * frame.scale)
 
 
 # Normals with 8 bits per component are off by up to half a degree.

@@ -10,7 +10,7 @@ from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, s
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
 from texbake.baking.trace import Trace
-from texbake.errors import OptionError, UvError
+from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.progress import Stages
@@ -130,3 +130,10 @@ def test_wrong_input_is_one_clear_error() -> None:
         name = next(iter(wrong)).replace("parameters", "speed")
         with pytest.raises(OptionError, match=name):
             SolidOptions(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_mesh_too_small_to_be_scaled_is_refused():
+    tiny = plane()
+    tiny = tiny.replace(positions=tiny.positions * 1e-310)
+    with pytest.raises(MeshError, match="too small for a procedure; scale it up"):
+        bake_solid(tiny, SolidOptions(size=8))

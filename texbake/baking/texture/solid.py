@@ -12,6 +12,7 @@ from texbake.baking.rays import RayField
 from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.result import TextureBake, finish_texture
+from texbake.errors import MeshError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
@@ -20,6 +21,8 @@ from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.options import COLORED_PROCEDURES, MEASURING_PROCEDURES
 from texbake.texture.volumes import read_volume
+
+_LEAST_SIZE = 2.0**-1022  # in model units; what float64 can divide 2 by
 
 
 def bake_solid(
@@ -113,4 +116,9 @@ def _scale(mesh: Mesh, options: SolidOptions) -> float | tuple[float, float, flo
         return 1.0
     low, high = mesh.bounds
     longest = float((high - low).max())
+    if 0.0 < longest < _LEAST_SIZE:
+        raise MeshError(
+            f"{mesh.name}: it is {longest:.3g} model units across, too small for a procedure; "
+            "scale it up with: texbake transform --scale"
+        )
     return (1.0 if options.volume else 2.0) / longest if longest > 0.0 else 1.0
