@@ -387,3 +387,10 @@ def test_real_pairs_fit_together(data_dir: Path, name: str) -> None:
 def test_meshes_of_different_pairs_do_not(data_dir: Path) -> None:
     report = check_files(data_dir / "pairs/penguin/high.obj", data_dir / "pairs/skull/low_uv.obj")
     assert report.finding("differing-scale") is not None
+
+
+def test_a_vertex_that_no_face_uses_may_lie_anywhere() -> None:
+    mesh = plane()
+    tiny = mesh.positions * 2.0**-900
+    report = check(Mesh(positions=np.vstack([tiny, [1e300, 0.0, 0.0]]), faces=mesh.faces))
+    assert counts(report)["unused-vertices"] == 1

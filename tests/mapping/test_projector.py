@@ -308,7 +308,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_an_exact_shift_changes_no_bit():
     mesh = icosphere(1)
     here = mesh.replace(positions=np.round(mesh.positions * 2.0**30) / 2.0**30)
-    there = here.replace(positions=here.positions + [2.0**11, -(2.0**10), 2.0**9])
+    there = here.replace(positions=np.add(here.positions, [2.0**11, -(2.0**10), 2.0**9]))
     options = UnwrapOptions(method="projector", camera=(40.0, 25.0))
     np.testing.assert_array_equal(
         projector(there, options).corners, projector(here, options).corners
@@ -327,3 +327,13 @@ def test_a_face_that_the_rays_pass_along_is_turned_away_whatever_its_first_corne
         UnwrapOptions(method="projector", matrix=row, unseen="aside"),  # type: ignore[arg-type]
     )
     assert found.tallies == {"faces turned away": 1}
+
+
+def test_the_size_of_the_third_row_changes_nothing() -> None:
+    rows = np.array([[1.0, 0, 0, 0.5], [0, 1.0, 0, 0.5], [0, 0, 1.0, 0], [0, 0, 0, 1.0]])
+    mesh = icosphere(1)
+    near, far = (
+        projector(mesh, UnwrapOptions(method="projector", matrix=tuple(map(tuple, each.tolist()))))
+        for each in (rows, rows * [[1.0], [1.0], [1e300], [1.0]])
+    )
+    np.testing.assert_array_equal(near.corners, far.corners)

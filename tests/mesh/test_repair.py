@@ -103,3 +103,11 @@ def test_a_closed_mesh_of_any_size_is_turned_outwards(scale):
     inside_out = Mesh(positions=ball.positions * scale, faces=ball.faces[:, ::-1])
     report = repair(inside_out)[1]
     assert report.counts["faces turned"] == ball.n_faces
+
+
+def test_a_mesh_of_any_size_is_turned_alike() -> None:
+    mesh = spoiled(icosphere(1), 0)
+    repaired = repair(mesh)[0]
+    for scale in 2.0**-900, 2.0**1020:
+        scaled = repair(mesh.replace(positions=mesh.positions * scale))[0]
+        np.testing.assert_array_equal(scaled.faces, repaired.faces)

@@ -89,8 +89,9 @@ class CheckedMesh:
 
     @cached_property
     def positions(self) -> FloatArray:
-        """(V, 3) float64: positions times `scale`, in [-1, 1]."""
-        return frozen(self.mesh.positions * self.scale)
+        """(V, 3) float64: positions times `scale`, in [-1, 1] if a face uses them."""
+        with np.errstate(over="ignore"):  # of those that none uses
+            return frozen(self.mesh.positions * self.scale)
 
     @cached_property
     def corners(self) -> FloatArray:

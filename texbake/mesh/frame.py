@@ -64,7 +64,8 @@ class LocalFrame:
 
     def to_local(self, points: npt.ArrayLike) -> FloatArray:
         """(..., 3) float64: points of model space in local coordinates."""
-        return np.asarray((np.asarray(points, dtype=np.float64) - self.center) * self.scale)
+        with np.errstate(over="ignore"):  # of a vertex that no face uses
+            return np.asarray((np.asarray(points, dtype=np.float64) - self.center) * self.scale)
 
     def to_model(self, points: npt.ArrayLike) -> FloatArray:
         """(..., 3) float64: local points in model coordinates."""

@@ -84,3 +84,11 @@ def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
 def test_wrong_values_are_an_error_in_python_too() -> None:
     with pytest.raises(OptionError, match="fov"):
         PhotoCamera(position=(0, 0, 1), target=(0, 0, 0), fov=0.0)
+
+
+def test_a_camera_at_any_distance_has_the_same_axes() -> None:
+    near, far = (
+        PhotoCamera(position=(scale, 2.0 * scale, 0.0), target=(0.0, 0.0, 0.0))
+        for scale in (1.0, 2.0**1000)
+    )
+    np.testing.assert_array_equal(near.axes(), far.axes())

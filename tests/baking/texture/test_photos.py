@@ -417,7 +417,7 @@ def test_an_exact_shift_changes_no_bit():
     image = np.random.default_rng(2).random((16, 16, 3)).astype(np.float32)
 
     def baked(mesh: Mesh, shift: np.ndarray) -> np.ndarray:
-        camera = PhotoCamera(position=tuple(shift + [0.5, 1.0, 4.0]), target=tuple(shift))
+        camera = PhotoCamera(position=tuple(np.add(shift, [0.5, 1.0, 4.0])), target=tuple(shift))
         options = PhotoOptions(size=32, threads=1)
         return bake_photos(mesh, [Photo(image=image, camera=camera)], options).values
 
@@ -429,3 +429,16 @@ def test_an_exact_shift_changes_no_bit():
 def test_a_camera_as_far_away_as_numbers_go_looks_at_its_target(size):
     axes = PhotoCamera(position=(0.0, 0.0, size), target=(0.0, 0.0, -size / 2.0)).axes()
     np.testing.assert_array_equal(axes, np.eye(3))
+
+
+def test_a_mesh_of_any_size_takes_the_same_colors_from_a_mesh_unwrapped_onto_a_photograph() -> None:
+    mesh = uv_sphere(6, 8)
+    image = np.random.default_rng(0).random((8, 8, 4)).astype(np.float32)
+    image[0, 0] = np.inf, 0.0, 0.0, 0.0
+    small, large = (
+        bake_photos(
+            mesh.replace(positions=mesh.positions * scale), [Photo(image=image, mapped=mesh)], EVEN
+        ).values
+        for scale in (1.0, 2.0**900)
+    )
+    np.testing.assert_array_equal(small, large)

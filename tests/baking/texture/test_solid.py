@@ -137,3 +137,11 @@ def test_a_mesh_too_small_to_be_scaled_is_refused():
     tiny = tiny.replace(positions=tiny.positions * 1e-310)
     with pytest.raises(MeshError, match="too small for a procedure; scale it up"):
         bake_solid(tiny, SolidOptions(size=8))
+
+
+def test_points_and_widths_beyond_float64_count_as_0() -> None:
+    mesh = plane()
+    far = mesh.replace(positions=mesh.positions * 1e300)
+    options = SolidOptions(procedure="checker", size=4, samples=1, scale=1e300)
+    at_0 = evaluate("checker", [[0.0, 0.0, 0.0]]).item()
+    assert (bake_solid(far, options).values == at_0).all()

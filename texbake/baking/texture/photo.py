@@ -75,7 +75,8 @@ class PhotoCamera:
 
     def axes(self) -> FloatArray:
         """(3, 3) float64: the unit vectors right, up and back (against the view) as rows."""
-        back = np.subtract(self.position, self.target)
+        with np.errstate(over="ignore"):  # which the distance then shows
+            back = np.subtract(self.position, self.target)
         longest = float(np.abs(back).max())
         if not 0.0 < longest < math.inf:
             raise OptionError(
@@ -241,6 +242,7 @@ def _premultiplied(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     weighted[..., :3] = pixels[..., :n_colors]
     if pixels.shape[2] > n_colors:
         weighted[..., 3] = np.clip(pixels[..., n_colors], 0.0, 1.0)
-        weighted[..., :3] *= weighted[..., 3:]
+        with np.errstate(invalid="ignore"):  # infinite, and 0
+            weighted[..., :3] *= weighted[..., 3:]
     weighted[~np.isfinite(weighted).all(axis=2)] = 0.0
     return weighted

@@ -24,7 +24,7 @@ from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.classical.projector import seen_from_of
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
@@ -304,7 +304,8 @@ def _facing_by_area(mesh: Mesh, mapped: Mesh) -> FloatArray:
     Averaged over the faces around each position, weighted by area, so that it varies smoothly; 0 at
     the corners of faces without area. The greatest is the density that 1 % of the surface exceeds.
     """
-    surface = surface_areas(mesh.positions[mesh.faces])
+    scale = unit_scale(float(np.abs(mesh.bounds).max()))  # no area is beyond float64
+    surface = surface_areas(mesh.positions[mesh.faces] * scale)
     taken = np.abs(signed_areas(measurable_uvs(mapped)))
     used = (taken > 0.0) & (surface > 0.0)
     if not used.any():

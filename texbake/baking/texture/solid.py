@@ -66,8 +66,9 @@ def bake_solid(
     scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
     # Rays of length 0 start on the surface.
     field = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
-    scaled = mesh.positions[mesh.faces] * scale
-    widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):  # such points and widths count as 0
+        scaled = mesh.positions[mesh.faces] * scale
+        widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
     volume = (
         read_volume(options.volume if len(options.volume) > 1 else options.volume[0])
@@ -84,7 +85,8 @@ def bake_solid(
     for band in coverage.bands(stages):
         with stages.part("evaluate"):
             points = field.rays(band.samples).origins
-            places = (points / frame.scale + frame.center - corner) * scale
+            with np.errstate(over="ignore"):
+                places = (points / frame.scale + frame.center - corner) * scale
             if volume is not None:
                 results = volume_lookup(volume, places, wrap="clamp", threads=options.threads)
             else:

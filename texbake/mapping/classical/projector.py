@@ -31,7 +31,7 @@ from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.checks import Matrix
 from texbake.mesh.files.source import parse_row, read_lines
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
@@ -220,6 +220,7 @@ def seen_from_of(matrix: FloatArray) -> FloatArray:
         point = -point
     # ... but r decides if it changes along the rays.
     r, towards = matrix[2, :3], point[:3]
+    r = r * unit_scale(float(np.abs(r).max()))  # no square is beyond float64
     if r @ towards > _DEPENDENT * np.linalg.norm(r):
         towards = -towards
     return np.array([*towards / np.linalg.norm(towards), 0.0])
