@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -85,7 +86,8 @@ class Lines:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        with suppress(RuntimeError):  # the system gives no more threads: nothing is printed
+            self._thread.start()
         return self
 
     def __exit__(
@@ -95,7 +97,8 @@ class Lines:
         trace: TracebackType | None,
     ) -> None:
         self._ended.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Begin to time a stage."""

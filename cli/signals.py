@@ -51,7 +51,8 @@ def end_cleanly_on_signals() -> None:
         told, tells = os.pipe()
         os.set_blocking(tells, False)
         signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
-        threading.Thread(target=_end_unheard, args=(told,), daemon=True).start()
+        with suppress(RuntimeError):  # the system gives no more threads
+            threading.Thread(target=_end_unheard, args=(told,), daemon=True).start()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from texbake_cli.main import texbake as command
+from texbake_cli.main import texbake, texbake as command
 
 import texbake
 from texbake.errors import FileError, FileFormatError, OptionError
@@ -223,3 +223,13 @@ def test_an_image_that_is_a_pipe_does_not_wait(tmp_path):
     for read in (read_header, lambda path: texbake.read_image(path, color=True)):
         with pytest.raises(FileError, match="not a regular file"):
             read(tmp_path / "pipe.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [(MAX_IMAGE, "many"), (MAX_IMAGE, "0"), (ALLOW_OUTSIDE, "yes")]
+)
+def test_a_variable_that_makes_no_sense_is_wrong_usage(monkeypatch, name, value):
+    monkeypatch.setenv(name, value)
+    result = CliRunner().invoke(texbake, ["info", "mesh.obj"])
+    assert result.exit_code == 2
+    assert f"{name}: '{value}' is" in result.output

@@ -81,3 +81,17 @@ def test_threads_are_at_least_one():
     assert resolve_threads(3) == 3
     with pytest.raises(OptionError, match="threads: 0"):
         resolve_threads(0)
+
+
+def test_where_no_thread_starts_the_calling_thread_does_all_the_work(monkeypatch):
+    def refuse(self):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    done = np.zeros(100, dtype=int)
+
+    def work(start, stop):
+        done[start:stop] += 1
+
+    run_bands(work, 100, band=3, threads=4)
+    assert (done == 1).all()

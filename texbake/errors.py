@@ -99,6 +99,15 @@ class MissError(TexbakeError):
     """More texels missed the high-poly mesh than the user allows."""
 
 
+# What Python and the loader of libraries say where the system gives no memory.
+_NO_MEMORY = (
+    "can't start new thread",
+    "failed to map segment",
+    "cannot allocate memory",
+    "cannot create shared object descriptor",
+)
+
+
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether an error says that the system gave no more memory, for whatever it was wanted.
 
@@ -109,7 +118,9 @@ def is_out_of_memory(error: BaseException) -> bool:
     """
     if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
         return True
-    return isinstance(error, RuntimeError | ImportError) and any(
-        words in str(error)
-        for words in ("can't start new thread", "failed to map segment", "cannot allocate memory")
-    )
+    if isinstance(error, RuntimeError | ImportError | OSError) and any(
+        words in str(error).lower() for words in _NO_MEMORY
+    ):
+        return True
+    cause = error.__cause__ or error.__context__
+    return cause is not None and is_out_of_memory(cause)

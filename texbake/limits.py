@@ -35,7 +35,15 @@ def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) 
         Greatest side of an image in pixels; None leaves the limit.
     allow_outside
         Whether files may name files outside their own folders; False leaves the limit.
+
+    Raises
+    ------
+    OptionError
+        An environment variable does not hold what it is for.
     """
+    _allows_outside()
+    if max_image is None:
+        _max_image()
     before = {name: os.environ.get(name) for name in (MAX_IMAGE, ALLOW_OUTSIDE)}
     if max_image is not None:
         os.environ[MAX_IMAGE] = str(max_image)
@@ -79,6 +87,13 @@ def _max_image() -> int:
     return int(text)
 
 
+def _allows_outside() -> bool:
+    text = os.environ.get(ALLOW_OUTSIDE, "")
+    if text not in ("", "0", "1"):
+        raise OptionError(f"{ALLOW_OUTSIDE}: {quoted(text)} is neither 1 nor 0")
+    return text == "1"
+
+
 def file_beside(path: PathLike, name: str) -> Path:
     """Return the path of a file that another file names, relative to its folder.
 
@@ -100,7 +115,7 @@ def file_beside(path: PathLike, name: str) -> Path:
         raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
     folder = Path(path).parent
     place = folder / name
-    if not is_within(folder, place) and os.environ.get(ALLOW_OUTSIDE) != "1":
+    if not is_within(folder, place) and not _allows_outside():
         raise FileError(
             f"{path}: it names {quoted(str(name))}, which lies outside its folder; if you trust "
             "the file, read it with texbake --allow-outside"

@@ -10,6 +10,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 from texbake.errors import OptionError
 
@@ -73,8 +74,9 @@ def run_bands(
         threading.Thread(target=help_out, name=f"texbake {i}") for i in range(1, n_helpers + 1)
     ]
     try:  # an interrupt may come at any line, also before all helpers have started
-        for helper in helpers:
-            helper.start()
+        with suppress(RuntimeError):  # the system gives no more threads: fewer do the same work
+            for helper in helpers:
+                helper.start()
         # The calling thread works like the others.
         while waiting:
             finished.append(_run_next(work, waiting, band, n_items))

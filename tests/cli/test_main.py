@@ -1,5 +1,6 @@
 """What all commands share: help, exit codes, one line for each failure, signals."""
 
+import errno
 import os
 import re
 import shlex
@@ -117,6 +118,8 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
         (RuntimeError("can't start new thread"), 1, "texbake: out of memory; try"),
         (ImportError("a.so: failed to map segment"), 1, "texbake: out of memory; try"),
+        (OSError("a.so: cannot create shared object descriptor"), 1, "texbake: out of memory; try"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
         (KeyboardInterrupt(), 130, "texbake: interrupted"),
         (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
     ],
