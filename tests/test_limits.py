@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from texbake_cli.main import texbake, texbake as command
+from texbake_cli.main import texbake as command
 
 import texbake
 from texbake.errors import FileError, FileFormatError, OptionError
@@ -230,6 +230,6 @@ def test_an_image_that_is_a_pipe_does_not_wait(tmp_path):
 )
 def test_a_variable_that_makes_no_sense_is_wrong_usage(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
-    result = CliRunner().invoke(texbake, ["info", "mesh.obj"])
+    result = CliRunner().invoke(command, ["info", "mesh.obj"])
     assert result.exit_code == 2
     assert f"{name}: '{value}' is" in result.output
