@@ -392,6 +392,21 @@ def test_outputs_that_were_changed_or_removed_are_put_back(
     assert notes == ["1 of its outputs were missing or changed and were restored"] * 2
 
 
+def test_a_new_asset_whose_results_are_stored_misses_no_outputs(
+    tmp_path: Path, write: Write, run: Run
+) -> None:
+    write_mesh(uv_sphere(4, 8), tmp_path / "one.ply")
+    asset = '[[assets]]\nname = "{}"\ninputs.high = "one.ply"\n'
+    run(write(asset.format("a"), SCAN_STEPS))
+    path = write(asset.format("a") + asset.format("b"), SCAN_STEPS)
+    whys = [(step.asset, step.why) for step in plan_build(path) if step.why]
+    assert whys == [("b", "1 outputs are written")] * 2
+    result, steps = run(path)
+    assert steps == []
+    assert [note for found in result.assets for step in found.steps for note in step.notes] == []
+    assert (path.parent / "build" / "b.obj").is_file()
+
+
 def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
     path = write('[[assets]]\nname = "a"\n[[assets]]\nname = "b"\n')
     result, steps = run(path)

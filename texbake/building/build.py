@@ -322,7 +322,8 @@ def _planned(
     state.state = progress.CURRENT
     assert state.manifest is not None
     n_missing = len(publisher.missing(state.node, state.manifest))
-    return planned("current", f"{n_missing} outputs are restored" if n_missing else "")
+    what = "restored" if resolver.is_as_before(state) else "written"
+    return planned("current", f"{n_missing} outputs are {what}" if n_missing else "")
 
 
 def _nobody(event: BuildEvent) -> None:

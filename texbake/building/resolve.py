@@ -144,6 +144,10 @@ class Resolver:
             state.reasons = self._reasons(state)
         return manifest is not None
 
+    def is_as_before(self, state: StepState) -> bool:
+        """Return whether the last build had the same result for a step."""
+        return self._last[state.node.id] == state.key
+
     def _reasons(self, state: StepState) -> list[str]:
         before = self._last[state.node.id]
         if before is None:

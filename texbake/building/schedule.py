@@ -190,7 +190,8 @@ class Schedule:
         except TexbakeError as error:
             self._fail(step, str(error))
             return
-        if n_put and how == progress.CURRENT:
+        # Another asset may have made the result: then its outputs were not there before.
+        if n_put and how == progress.CURRENT and self._resolver.is_as_before(state):
             state.notes.append(f"{n_put} of its outputs were missing or changed and were restored")
         state.state = how
         self._n_ended += 1
