@@ -7,11 +7,9 @@ modules in `catalog/`, which `table.py` reads as well.
 import os
 import sys
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from texbake import Mesh, TexbakeError
@@ -19,6 +17,7 @@ from texbake import Mesh, TexbakeError
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
+from catalog import cells  # noqa: E402
 from catalog.case import Case, only  # noqa: E402
 from catalog.contrasts import CONTRASTS  # noqa: E402
 from catalog.geometry import GEOMETRY  # noqa: E402
@@ -73,24 +72,10 @@ def attempt() -> Callable[..., Any]:
     return attempt
 
 
-@cache
-def _in_cells(case: Case[Mesh]) -> Mesh:
-    mesh = case.make()
-    if mesh.uvs is not None:
-        return mesh
-    n = int(np.ceil(np.sqrt(mesh.n_faces)))
-    cells = np.arange(mesh.n_faces)
-    origins = np.column_stack([cells % n, cells // n]).astype(float)
-    corners = (origins[:, None] + [[0.15, 0.15], [0.85, 0.15], [0.15, 0.85]]) / n
-    return mesh.replace(
-        uvs=corners.reshape(-1, 2), uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3)
-    )
-
-
 @pytest.fixture(scope="session")
 def in_cells() -> Callable[[Case[Mesh]], Mesh]:
     """Give a mesh without coordinates a cell of the texture for each face, without any unwrap."""
-    return _in_cells
+    return cells.in_cells
 
 
 @pytest.fixture(scope="session")

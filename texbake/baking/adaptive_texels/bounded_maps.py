@@ -103,7 +103,8 @@ def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
     """Return the metric of some bounds for the values of all maps, side by side."""
     bounds = {item.kind: item.bound for item in bounded}
     firsts = np.cumsum([0, *(kind.channels for kind in kinds)]).astype(np.int32)
-    scales = [1.0 / bounds[kind] if kind in bounds else 0.0 for kind in kinds]
+    # Heights of a mesh without any size are all alike, and a share of that size bounds nothing.
+    scales = [1.0 / bounds[kind] if bounds.get(kind) else 0.0 for kind in kinds]
     return Metric(firsts, np.array(scales))
 
 

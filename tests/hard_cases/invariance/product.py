@@ -1,0 +1,190 @@
+"""Every command, over every mesh of the catalog, after every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from catalog.case import Case
+from catalog.geometry import GEOMETRY
+from catalog.texture_space import TEXTURE_SPACE
+from invariance import mesh_commands, texture_commands
+from invariance.changes import (
+    CHANGES,
+    CORNERS,
+    FACES,
+    KINDS,
+    MIRROR,
+    PLACE,
+    QUARTER,
+    SCALE,
+    SHIFT,
+    TURN,
+    Change,
+)
+from invariance.mesh_commands import Command
+from invariance.quantities import Agreement, Outcome, Refusal, compared, outcome, sides
+
+from texbake import Mesh
+
+MESHES = GEOMETRY + TEXTURE_SPACE
+COMMANDS: dict[str, Command] = {
+    **mesh_commands.PLAIN,
+    **texture_commands.PLAIN,
+    **mesh_commands.TEXTURED,
+    **texture_commands.TEXTURED,
+}
+# They are given texture coordinates where they have none.
+TEXTURED = {*mesh_commands.TEXTURED, *texture_commands.TEXTURED}
+TURNS = (QUARTER, MIRROR, TURN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Undecided:
+    """Where a result depends on the change, by its nature.
+
+    `commands` are the beginnings of their names.
+    """
+
+    commands: tuple[str, ...]
+    kinds: tuple[str, ...]
+    meshes: frozenset[str]
+    reason: str
+
+
+UNDECIDED = (
+    Undecided(
+        commands=("",),
+        kinds=(FACES,),
+        meshes=frozenset({
+            "duplicate faces", "duplicate faces turned", "coincident shells",
+            "sheets that cross along edges", "coordinates three deep",
+            "mirrored halves sharing vertices", "opposing neighbors", "face over the ±π seam",
+            "face that holds a pole",
+        }),
+        reason="of faces that lie on one another, in space or in the texture, the first counts",
+    ),
+    Undecided(
+        commands=("",),
+        kinds=(FACES,),
+        meshes=frozenset({"edge of five faces", "bow-tie vertex", "Möbius strip"}),
+        reason="the normals around a vertex cancel, and that of its first face is taken",
+    ),
+    Undecided(
+        commands=("tangents",),
+        kinds=TURNS,
+        meshes=frozenset({
+            "zero-area faces", "duplicate faces turned", "bow-tie vertex", "all in one point",
+            "one index thrice",
+        }),
+        reason="no rule gives a tangent, which is then an axis of the space",
+    ),
+    Undecided(
+        commands=("bake-texture of a photograph",),
+        kinds=(SHIFT, CORNERS, *TURNS),
+        meshes=frozenset({"duplicate faces turned", "sizes 1 to 1e-9 in one"}),
+        reason="what touches a face closer than 2^-16 of the size may hide it",
+    ),
+    Undecided(
+        commands=("convert to stl", "convert to glb"),
+        kinds=(SHIFT, PLACE, TURN),
+        meshes=frozenset({"needles", "offset 1e7 sizes"}),
+        reason="float32 merges their vertices at some places, which is refused",
+    ),
+    Undecided(
+        commands=("cage", "bake-texture", "normals", "transform"),
+        kinds=(SCALE, TURN),
+        meshes=frozenset({"subnormal coordinates"}),
+        reason="float64 holds few bits of it, and no power of two that makes it of unit size",
+    ),
+    Undecided(
+        commands=("bake", "remap", "cage"),
+        kinds=(SCALE,),
+        meshes=frozenset({"all in one point"}),
+        reason="it has no size that lengths could be relative to",
+    ),
+    Undecided(
+        commands=("cage",),
+        kinds=(FACES,),
+        meshes=frozenset({"sizes 1 to 1e-9 in one"}),
+        reason="the cage of a cube 1e-9 large reaches for points a billion times as far away",
+    ),
+)  # fmt: skip
+
+
+@dataclass(kw_only=True)
+class Tally:
+    """What came of the cases of one command and kind of change."""
+
+    cases: int = 0
+    same: int = 0
+    within: int = 0
+    undecided: int = 0
+    refused: int = 0
+    largest: float = 0.0
+    faults: list[str] = field(default_factory=list)
+
+
+def reason_of(command: str, kind: str, mesh: str) -> str | None:
+    """Why a result may depend on a change, or None."""
+    for item in UNDECIDED:
+        if kind in item.kinds and mesh in item.meshes and command.startswith(item.commands):
+            return item.reason
+    return None
+
+
+def run(
+    command: str,
+    pairs: Iterator[tuple[Case[Mesh], Change]],
+    in_cells: Callable[[Case[Mesh]], Mesh],
+    tallies: dict[str, Tally] | None = None,
+) -> dict[str, Tally]:
+    """Run a command on meshes before and after changes; what came of it, by kinds of changes."""
+    tallies = {} if tallies is None else tallies
+    known: dict[tuple[str, bool], Outcome] = {}
+    for case, change in pairs:
+        mesh = in_cells(case) if command in TEXTURED else case.make()
+        changed = change.applied(mesh)
+        one, two = sides(changed)
+        key = case.name, change.kind == PLACE
+        if key not in known:
+            known[key] = outcome(COMMANDS[command], one)
+        before, after = known[key], outcome(COMMANDS[command], two)
+        tally = tallies.setdefault(change.kind, Tally())
+        tally.cases += 1
+        where = f"{case.name}, {change.kind} {change.name}"
+        undecided = reason_of(command, change.kind, case.name) is not None
+        if isinstance(before, Refusal) or isinstance(after, Refusal):
+            if before == after:
+                tally.refused += 1
+            elif undecided:
+                tally.undecided += 1
+            else:
+                tally.faults.append(f"{where}: refused by one: {_shown(before)} | {_shown(after)}")
+        else:
+            _count(tally, compared(before, after, changed), where, undecided=undecided)
+    return tallies
+
+
+def _shown(found: Outcome) -> str:
+    return found.message if isinstance(found, Refusal) else "a result"
+
+
+def _count(tally: Tally, found: list[Agreement], where: str, *, undecided: bool) -> None:
+    if all(item.is_same for item in found):
+        tally.same += 1
+        return
+    if undecided:
+        tally.undecided += 1
+        return
+    faults = [item for item in found if not item.holds]
+    tally.within += not faults
+    limits = [item.difference for item in found if item.bound is not None]
+    tally.largest = max(tally.largest, *limits, 0.0)
+    tally.faults += [
+        f"{where}: {item.name} differs by {item.difference:.3g}, and may by {item.bound:.3g}"
+        for item in faults
+    ]
+
+
+__all__ = ["CHANGES", "COMMANDS", "KINDS", "MESHES", "Tally", "reason_of", "run"]

@@ -1,0 +1,109 @@
+"""Size, place, direction and order of a mesh change no command's result by more than its bound.
+
+The whole product of commands, meshes and changes is `invariance_table.py`; here each command meets
+each change on another mesh, and those on which it has failed.
+"""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from catalog.case import Case
+from catalog.cells import in_cells
+from invariance.changes import (
+    CHANGES,
+    CORNERS,
+    FACES,
+    KINDS,
+    PLACE,
+    QUARTER,
+    SCALE,
+    SHIFT,
+    Change,
+)
+from invariance.product import COMMANDS, MESHES, UNDECIDED, run
+from invariance.quantities import LENGTH, POINT, Quantity, Side, compared, sides
+
+from texbake import Mesh
+
+# Each xatlas is a process of its own, and these take a second for some meshes.
+SLOW = {
+    "unwrap by xatlas", "unwrap best", "unwrap keep", "checker", "cage", "simplify best",
+    "simplify to an error", "compare", "bake", "bake in object space", "bake of closest points",
+    "bake of adaptive samples", "bake of parts", "remap",
+}  # fmt: skip
+
+# Where a command has failed: its mesh, and the kind of change.
+ONCE_FAILED = (
+    ("unwrap projector", "bow-tie vertex", PLACE),
+    ("unwrap projector", "bow-tie vertex", CORNERS),
+    ("unwrap projector", "torus", PLACE),
+    ("unwrap cylindrical", "T-junctions", CORNERS),
+    ("unwrap spherical", "T-junctions", CORNERS),
+    ("unwrap fast", "points on one line", QUARTER),
+    ("bake-texture of a photograph", "negative zeros", SHIFT),
+    ("bake-texture of a photograph", "offset 1e7 sizes", PLACE),
+    ("bake-texture of a photograph", "coordinates of 1e300", SCALE),
+    ("bake-texture marble", "subnormal coordinates", FACES),
+    ("tangents", "needles", QUARTER),
+    ("tangents", "strip of 1 by 1e6", QUARTER),
+    ("layout", "coordinates of 1e300", SCALE),
+    ("cage", "coordinates of 1e300", SCALE),
+    ("repair", "coordinates of 1e300", SCALE),
+    ("normals", "subnormal coordinates", FACES),
+    ("bake of adaptive samples", "all in one point", CORNERS),
+)
+
+
+def chosen(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
+    """Another mesh for each change, and others for each command."""
+    start = 5 * list(COMMANDS).index(command)
+    for index, change in enumerate(CHANGES):
+        if command not in SLOW or (index + start) % 4 == 0:
+            yield MESHES[(start + 7 * index) % len(MESHES)], change
+
+
+def once_failed(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
+    """The meshes and changes of a command that have failed."""
+    cases = {case.name: case for case in MESHES}
+    for name, mesh, kind in ONCE_FAILED:
+        if name == command:
+            yield from ((cases[mesh], change) for change in CHANGES if change.kind == kind)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_change_of_the_mesh_changes_its_result_within_bounds(command):
+    pairs = itertools.chain(chosen(command), once_failed(command))
+    tallies = run(command, pairs, in_cells)
+    assert [fault for tally in tallies.values() for fault in tally.faults] == []
+
+
+def test_a_result_that_is_not_changed_along_is_found():
+    """A command that works in model units, or by the order of vertices, does not pass."""
+    change = {change.kind: change for change in CHANGES}
+    case = next(case for case in MESHES if case.name == "torus")
+
+    def differ(kind: str, quantity: Quantity, of: object) -> bool:
+        changed = change[kind].applied(case.make())
+        one, two = (Quantity(values=of(side), unit=quantity.unit, bounds=quantity.bounds)
+                    for side in sides(changed))  # fmt: skip
+        return not compared({"it": one}, {"it": two}, changed)[0].holds
+
+    def rounded(side: Side) -> np.ndarray:
+        return np.round(side.mesh.positions, 3)
+
+    like = Quantity(values=np.zeros(1), unit=POINT, bounds={SCALE: 0.0, PLACE: 0.0, FACES: 0.0})
+    assert differ(SCALE, like, rounded)
+    assert not differ(FACES, like, rounded)
+    assert not differ(SCALE, like, lambda side: side.mesh.positions)
+    length = Quantity(values=np.zeros(1), unit=LENGTH, bounds={PLACE: 0.0})
+    assert differ(PLACE, length, lambda side: np.linalg.norm(side.mesh.positions, axis=1))
+
+
+def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
+    names = {case.name for case in MESHES}
+    for item in UNDECIDED:
+        assert item.meshes <= names and set(item.kinds) <= set(KINDS) and item.reason
+    assert {name for name, _, _ in ONCE_FAILED} <= COMMANDS.keys()
+    assert {mesh for _, mesh, _ in ONCE_FAILED} <= names
