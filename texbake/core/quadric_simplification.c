@@ -431,8 +431,11 @@ int64_t collapse_edges(
         if (n_next >= n_left)
             continue;
         const arena_mark mark = mark_arena(arena);
+        const int64_t n_before = n_left;
         n_left = simplify_from_here(arena, &s, n_left, vertex_of, n_next, lock_boundary);
         reset_arena(arena, mark);
+        if (n_left == n_before && !moves)
+            break; /* other errors would not make a collapse possible */
     }
     close_arena(arena);
     return n_left;

@@ -40,7 +40,7 @@ _MOST_RAYS = 400_000  # from both sides of all parts together
 _MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
 # A ray through triangles that overlap meets many of them. These bound all rays of a mesh together:
 # the largest parts get theirs first, and parts that get none are unclear.
-_RAYS_ALLOWED, _BOXES_ALLOWED = 2_000_000, 100_000_000
+_RAYS_ALLOWED, _BOXES_ALLOWED = 1_000_000, 100_000_000
 # Rays start this far from the surface, in local units.
 _OFFSET = 1e-6
 # How many standard deviations of chance the votes for one side must be ahead.
@@ -247,7 +247,7 @@ class _Votes:
         pairs = np.concatenate(met)
         return cls(escapes[0], escapes[1], pairs[pairs[:, 0] != pairs[:, 1]])
 
-    @property
+    @cached_property
     def seen(self) -> BoolArray:
         """(n_parts,) bool: parts from which rays get away."""
         return np.asarray(self.in_front + self.behind > 0)
@@ -279,9 +279,12 @@ class _Votes:
     @cached_property
     def _nexts(self) -> dict[int, int]:
         """For each part, the other one that its rays hit most; of equals, the first."""
-        pairs, counts = np.unique(self.hits, axis=0, return_counts=True)
-        order = np.lexsort((-pairs[:, 1], counts))
-        return dict(pairs[order].tolist())
+        n_parts = len(self.in_front)
+        keys = self.hits[:, 0].astype(np.int64) * n_parts + self.hits[:, 1]
+        keys, counts = np.unique(keys, return_counts=True)
+        parts, others = np.divmod(keys, n_parts)
+        order = np.lexsort((-others, counts))
+        return dict(zip(parts[order].tolist(), others[order].tolist(), strict=True))
 
 
 def _views() -> list[FloatArray]:
