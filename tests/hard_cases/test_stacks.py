@@ -4,17 +4,23 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake.baking import texels
 from texbake.core import core
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.overlap import find_overlaps
-from texbake.mesh.copies import without_copies
+from texbake.mesh.copies import later_copies, without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.remeshing import band
+from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.vertex_stream import weld_corners
 from texbake.raycast import outside
 from texbake.raycast.morton_tree import MortonTree
+from texbake.rendering.raster import rasterize as rasterizer
+from texbake.rendering.raster.world import SHOW_BACK, joined
 
 N = 3000
 
@@ -29,6 +35,28 @@ def loose(n=N):
     corners = rng.random((n, 1, 3)) * 20.0 + rng.random((n, 3, 3))
     faces = np.arange(3 * n, dtype=np.int32).reshape(-1, 3)
     return Mesh(positions=corners.reshape(-1, 3), faces=faces)
+
+
+def stacks(n=N, n_different=20):
+    """Many copies of each of some triangles that lie across one another."""
+    corners = np.random.default_rng(3).random((n_different, 3, 3))
+    faces = np.arange(3 * n, dtype=np.int32).reshape(-1, 3)
+    return Mesh(positions=corners[np.arange(n) % n_different].reshape(-1, 3), faces=faces)
+
+
+def nearly_equal(mesh):
+    """The mesh with each coordinate moved by up to four units in the last place of 1."""
+    moves = np.random.default_rng(4).integers(-4, 5, mesh.positions.shape) * 2.0**-52
+    return mesh.replace(positions=mesh.positions + moves)
+
+
+@pytest.mark.parametrize("n_kept", [1, 2])
+def test_all_rows_but_the_first_ones_of_a_kind_are_later_copies(n_kept):
+    rows = np.random.default_rng(5).integers(0, 3, (500, 3)).astype(np.int32)
+    seen = {}
+    for row, is_later in zip(rows.tolist(), later_copies(rows, n_kept=n_kept), strict=True):
+        seen[tuple(row)] = seen.get(tuple(row), 0) + 1
+        assert is_later == (seen[tuple(row)] > n_kept)
 
 
 def test_the_first_of_a_stack_is_kept():
@@ -48,12 +76,13 @@ def test_equal_codes_alone_are_no_copies():
     assert kept.all()
 
 
-def test_trees_look_at_a_stack_once():
-    mesh = stack()
+@pytest.mark.parametrize("mesh", [stack(), nearly_equal(stack())], ids=["equal", "nearly equal"])
+def test_trees_look_at_a_stack_once(mesh):
     tree = TriangleTree.build(mesh.positions, mesh.faces)
     assert tree.order.tolist() == [0]
     distances, faces, weights = tree.closest_points(np.array([[0.25, 0.25, 2.0]]))
-    assert distances.tolist() == [2.0] and faces.tolist() == [0]
+    np.testing.assert_allclose(distances, [2.0], rtol=1e-12)
+    assert faces.tolist() == [0]
     np.testing.assert_allclose(weights, [[0.5, 0.25, 0.25]], atol=1e-12)
     assert (MortonTree.build(mesh, LocalFrame.around(mesh), threads=1).ids >= 0).sum() == 1
 
@@ -105,3 +134,89 @@ def test_the_core_takes_fewer_places_than_faces():
     boxes, nodes = np.empty((8, 6), dtype=np.float32), np.empty((8, 2), dtype=np.int32)
     assert core.build_triangle_tree(mesh.positions, mesh.faces, ids, codes, boxes, nodes) == 1
     assert nodes[0].tolist() == [0, 1]
+
+
+def test_a_stack_is_drawn_once(monkeypatch):
+    drawn = []
+
+    class Spy:
+        def __getattr__(self, name):
+            return getattr(core, name)
+
+        def draw_triangles(self, *arguments):
+            drawn.append(len(arguments[11]))
+            core.draw_triangles(*arguments)
+
+    monkeypatch.setattr(rasterizer, "core", Spy())
+    soup, ball = nearly_equal(stacks()), icosphere()
+    # Far beyond the screen, where vertices have no place on its grid.
+    far = np.array([[-9e9, -9e9, 0.3], [9e9, -9e9, 0.3], [0, 9e9, 0.3]])
+    huge = Mesh(positions=np.concatenate([far, far * [1, 1, 2]]), faces=[[0, 1, 2], [3, 4, 5]])
+    world = joined([(mesh.positions - 0.25, mesh.faces) for mesh in (soup, ball, huge, soup)])
+    camera = np.diag([1.6, 1.6, 0.2, 1.0])
+    camera[2, 3] = 0.5
+    modes = np.full(4, SHOW_BACK, dtype=np.uint8)
+    found = rasterizer.rasterize(world, camera, 512, 512, modes=modes)
+    n_drawn, drawn[:] = sum(drawn), []
+    # Where every triangle counts, copies are drawn.
+    tries = np.zeros((512, 512), dtype=np.uint32)
+    expected = rasterizer.rasterize(world, camera, 512, 512, modes=modes, tries=tries)
+    assert tries.max() > N // 2 and (found.face_ids == world.starts[2] + 1).any()
+    assert (found.face_ids == expected.face_ids).all() and (found.depths == expected.depths).all()
+    assert n_drawn < 0.2 * sum(drawn)
+
+
+def test_stacked_coordinates_are_rasterized_twice(monkeypatch):
+    soup = stacks()
+    mesh = soup.replace(uvs=nearly_equal(soup).positions[:, :2], uv_faces=soup.faces)
+    grid = texels.SampleGrid(64, 64, 1)
+    faces = texels.snap_uvs(mesh, grid)
+    # Nearly equal coordinates are equal on the grid of the texture, but for a few at its middles.
+    assert (faces.last_rows >= faces.first_rows).sum() == 40
+    owners, n_overlaps = texels.rasterize_uv(faces, grid)
+    monkeypatch.setattr(texels, "_MOST_LAYERS", np.inf)
+    every = texels.snap_uvs(mesh, grid)
+    assert (every.last_rows >= every.first_rows).all()
+    expected, n_expected = texels.rasterize_uv(every, grid)
+    assert (owners == expected).all() and n_overlaps == n_expected > 0
+
+
+def test_distances_to_a_stack_are_measured_once(monkeypatch):
+    listed, list_faces = [], band._faces_of_layers
+
+    def spy(positions, faces, n_layers):
+        listed.append(len(faces))
+        return list_faces(positions, faces, n_layers)
+
+    monkeypatch.setattr(band, "_faces_of_layers", spy)
+    mesh = stacks()
+    positions = 8.0 + 48.0 * mesh.positions
+    found = band.Band.around(positions, mesh.faces, (8, 8, 8))
+    assert listed == [N, 20]
+    monkeypatch.setattr(band, "_MOST_LAYERS_A_FACE", np.inf)
+    expected = band.Band.around(positions, mesh.faces, (8, 8, 8))
+    assert (found.slots == expected.slots).all()
+    assert (found.distances == expected.distances).all()
+
+
+def test_of_many_rooms_the_first_are_measured():
+    mesh = icosphere()
+    points = np.random.default_rng(6).random((500, 3)) * 3.0 - 1.5
+    positions = 100.0 * mesh.positions
+    whole = winding_numbers(positions, mesh.faces, 100.0 * points)
+    some = winding_numbers(positions, mesh.faces, 100.0 * points, most_work=20_000.0)
+    n = int(np.isfinite(some).sum())
+    assert 10 < n < 490 and np.isnan(some[n:]).all()
+    assert (some[:n] == whole[:n]).all()
+
+
+def test_simplification_begins_without_the_copies_of_a_stack():
+    mesh = stack()
+    assert len(weld_corners(mesh).faces) == 1
+    cells = np.arange(N)[:, None, None] / N + 0.5 / N * mesh.positions[mesh.faces][..., :2]
+    mapped = mesh.replace(uvs=cells.reshape(-1, 2), uv_faces=mesh.faces)
+    stream = weld_corners(mapped)
+    assert len(stream.faces) == 1 and len(stream.points) == 3
+    turned = Mesh(positions=mesh.positions, faces=np.concatenate([mesh.faces, [[0, 2, 1]]]))
+    assert len(weld_corners(turned).faces) == 2
+    assert len(weld_corners(icosphere()).faces) == icosphere().n_faces

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import UvError
+from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import Stages
@@ -31,6 +32,9 @@ FRACTION_BITS = 11  # a sample is 2048 units wide
 UNIT = 1 << FRACTION_BITS
 TILE = 16  # rows and columns of samples cast together; a multiple of the samples per texel side
 NO_FACE = -1
+
+# Faces that cover the texture more often than this, all together, may be copies of one another.
+_MOST_LAYERS = 8
 
 # Coordinates up to 2^18 samples from the origin: a product of two differences is at most 2^60.
 _MAX_COORDINATE = 1 << (18 + FRACTION_BITS)
@@ -64,7 +68,8 @@ class SnappedFaces:
     corners : (F, 3, 2) int64
         x to the right and y down, `UNIT` per sample.
     first_rows, last_rows : (F,) int32
-        Rows of samples whose centers a face can own; the last is below the first if there are none.
+        Rows of samples whose centers a face can own; the last is below the first if there are none,
+        as for most copies of faces that lie on one another.
     n_outside_tile : int
         Faces with a corner outside the unit square; what lies outside is not baked.
     n_zero_area : int
@@ -120,6 +125,10 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     first = np.maximum(first, 0)
     last = np.minimum(last, grid.n_rows - 1)
     last[zero_area | too_far] = -1
+    doubled = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).astype(np.float64)
+    if doubled.sum() > 2.0 * _MOST_LAYERS * UNIT**2 * grid.n_columns * grid.n_rows:
+        # The first face owns the samples, and the second one makes them overlap.
+        last[later_copies(corners.reshape(-1, 6).astype(np.int32), n_kept=2)] = -1
     # Coordinates on the border that a float32 file has rounded are no reason to warn.
     outside = np.asarray((np.abs(uvs - 0.5) > 0.5 + 1e-6).any(axis=(1, 2)))
     if not (first <= last).any():

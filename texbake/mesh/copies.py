@@ -1,10 +1,12 @@
-"""Copies of triangles, which trees of boxes cannot divide: only the first of each is kept.
+"""Copies of triangles, which change no result: only the first of each is searched or drawn.
 
-A ray or a point that meets one of a stack of equal triangles meets all of them, and each search
-would look at each of them.
+A ray or a point that meets one of a stack of equal triangles meets all of them, and no tree of
+boxes can divide them. A rasterizer would draw each of them over the others.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +15,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
 _STACK = 256  # triangles of one code, from which on copies are looked for
+_CELLS = 2.0**40  # of the grid on which they are equal, along the longest side of the mesh
 
 
 def without_copies(
@@ -23,6 +26,8 @@ def without_copies(
 ) -> npt.NDArray[np.bool_]:
     """Tell which faces to keep, so that no large stack of equal ones is left.
 
+    Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
+
     Parameters
     ----------
     positions : (V, 3) float64
@@ -30,13 +35,13 @@ def without_copies(
     ids : (n,) int
         Faces, sorted by their codes.
     codes : (n,) uint64
-        Faces with the same corners, in the same order, have the same code.
+        Those of faces with the same corners are the same.
 
     Returns
     -------
     (n,) bool
-        False for a face that has the corners of one before it, if more than `_STACK` faces have
-        its code.
+        False for a face that has the corners of one before it, in the same order, if more than
+        `_STACK` faces have its code.
     """
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:
@@ -48,6 +53,18 @@ def without_copies(
     starts = np.flatnonzero(np.diff(codes, prepend=codes[0] ^ np.uint64(1)))
     lengths = np.diff(starts, append=len(codes))
     rows = np.flatnonzero(np.repeat(lengths > _STACK, lengths))
-    corners = positions[faces[ids[rows]]].reshape(-1, 9)
-    kept[rows] = weld_rows(corners) == np.arange(len(rows))
+    low = positions.min(axis=0)
+    extent = float((positions.max(axis=0) - low).max()) or 1.0
+    corners = np.rint((positions[faces[ids[rows]]] - low) * (_CELLS / extent)).reshape(-1, 9)
+    kept[rows] = ~later_copies(corners)
     return kept
+
+
+def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> npt.NDArray[np.bool_]:
+    """(n,) bool: rows (n, K) that equal `n_kept` or more rows before them; one or two are kept."""
+    firsts = weld_rows(rows)
+    later = firsts != np.arange(len(rows))
+    if n_kept == 2:
+        copies = np.flatnonzero(later)
+        later[copies[np.unique(firsts[copies], return_index=True)[1]]] = False
+    return np.asarray(later)

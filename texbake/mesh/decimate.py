@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.vertex_stream import VertexStream
@@ -286,8 +287,7 @@ def _clustered(stream: VertexStream, cell_of: npt.NDArray[np.intp]) -> IntArray:
     order = np.lexsort((distances, cell_of))
     kept = order[np.cumsum(counts) - counts].astype(np.int32)
     faces = _with_three_places(stream, kept[cell_of[stream.faces]])
-    _, firsts = np.unique(np.sort(stream.position_ids[faces], axis=1), axis=0, return_index=True)
-    return faces[np.sort(firsts)]
+    return faces[~later_copies(np.sort(stream.position_ids[faces], axis=1))]
 
 
 def _with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:

@@ -40,6 +40,7 @@ from texbake.progress import ProgressSink, Stages
 # Voxels between the mesh and the border of the grid, besides the radius of the ball: the width of
 # the band, and a point that is outside in any case.
 _MARGIN = 4
+_MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +243,11 @@ def _remeshed(
     points = grid.to_voxels(mesh.positions)
 
     def is_cavity(rooms: FloatArray) -> npt.NDArray[np.bool_]:
-        return np.abs(winding_numbers(points, mesh.faces, rooms, threads=threads)) < 0.5
+        # Of a soup of triangles, which has rooms by the ten thousand, only the largest are asked.
+        found = winding_numbers(
+            points, mesh.faces, rooms, most_work=_MOST_FACES_SUMMED, threads=threads
+        )
+        return np.abs(found) < 0.5
 
     with stages.stage("measure voxels"):
         band = Band.around(points, mesh.faces, grid.shape, threads=threads)

@@ -17,6 +17,8 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
+_FACES_OF_A_VERTEX = 4  # of a surface there are about two
+
 
 @dataclass(frozen=True, eq=False)
 class VertexStream:
@@ -68,6 +70,7 @@ class VertexStream:
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
     corners = _proper(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    corners = _without_stacks(corners, corners, mesh.n_vertices)
     faces, position_ids = _compact(corners, mesh.n_vertices)
     return VertexStream(faces, _local_points(mesh, position_ids), position_ids)
 
@@ -89,6 +92,7 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     positions = weld_rows(mesh.positions, threads=threads)[mesh.faces]
     rows = np.stack([ids.ravel() for ids in (positions, *columns.values())], axis=1)
     corners = _proper(weld_rows(rows, threads=threads).reshape(-1, 3))
+    corners = _without_stacks(corners, positions.ravel()[corners], mesh.n_vertices)
     faces, vertices = _compact(corners, len(rows))
     position_ids, *others = rows[vertices].T
     return VertexStream(
@@ -161,6 +165,18 @@ def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:
     rows = np.arange(len(faces))
     turned = np.stack([faces[rows, (turns + step) % 3] for step in range(3)], axis=1)
     return np.asarray(weld_rows(turned) == rows)
+
+
+def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntArray:
+    """Drop copies of faces if there are more faces than a surface has with so few vertices.
+
+    Nothing could collapse at an edge that thousands of them share.
+    """
+    used = np.zeros(n_vertices, dtype=np.bool_)
+    used[places.ravel()] = True
+    if len(faces) <= _FACES_OF_A_VERTEX * np.count_nonzero(used):
+        return faces
+    return faces[_is_first_of_its_kind(places)]
 
 
 def _compact(faces: IntArray, n_values: int) -> tuple[IntArray, IntArray]:

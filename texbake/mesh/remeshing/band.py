@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
@@ -22,6 +23,10 @@ CORE, SHELL, OUTSIDE, ROOM = 0, 1, 2, 3
 BAND_WIDTH = 2.75
 # Points this close to the surface, in voxels, let no flood pass: neither straight nor diagonally.
 SHELL_DEPTH = 0.9
+
+# More than `_STACK` faces that are near more layers of blocks than this, on average, may be copies.
+# Those that are equal to a millionth of a voxel count as such.
+_MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,11 @@ class Band:
             None for every processor.
         """
         listed, starts = _faces_of_layers(positions, faces, shape[0])
+        if len(listed) > _MOST_LAYERS_A_FACE * len(faces):
+            copies = later_copies(np.rint(positions[faces] * _COPY_GRID).reshape(-1, 9))
+            if np.count_nonzero(copies) > _STACK:
+                faces = faces[~copies]
+                listed, starts = _faces_of_layers(positions, faces, shape[0])
         mesh = (positions, faces, listed, starts)
         active = np.zeros(shape, dtype=np.bool_)
 

@@ -47,7 +47,8 @@ def flood_outside(
     radius
         Of the ball beyond the shell, in voxels; the shell is as far from the border at least.
     is_cavity
-        Tells of points (n, 3), one in each room that the ball fits into, whether it is a cavity.
+        Tells of points (n, 3), one in each room that the ball fits into, whether it is a cavity;
+        the largest rooms come first.
     keep_cavities
         Label them `OUTSIDE` as well.
     threads
@@ -93,7 +94,9 @@ def _flood_cavities(
         rooms.append(place)
     places = np.array(rooms, dtype=np.int64)
     points = np.stack(np.unravel_index(places, labels.shape), axis=1).astype(np.float64)
-    found = is_cavity(points)
+    largest_first = np.argsort(-np.array(sizes, dtype=np.int64), kind="stable")
+    found = np.empty(len(points), dtype=np.bool_)
+    found[largest_first] = is_cavity(points[largest_first])
     cavities = places[found]
     if keep:
         for place in cavities.tolist():

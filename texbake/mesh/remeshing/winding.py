@@ -5,7 +5,10 @@ Kernel: `core/winding_numbers.c`.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -15,9 +18,18 @@ from texbake.parallel import run_bands
 _CELL = 8.0
 _CLUSTERS, _POINTS = 1024, 1
 
+_SAMPLED = 32  # points whose work is foretold
+_FAR = 4.0  # as in `core/winding_numbers.c`
+_COST_OF_CLUSTER = 0.2  # as a far cluster, in faces
+
 
 def winding_numbers(
-    positions: FloatArray, faces: IntArray, points: FloatArray, *, threads: int | None = None
+    positions: FloatArray,
+    faces: IntArray,
+    points: FloatArray,
+    *,
+    most_work: float = math.inf,
+    threads: int | None = None,
 ) -> FloatArray:
     """Measure winding numbers, of torn surfaces as well.
 
@@ -28,13 +40,16 @@ def winding_numbers(
     faces : (F, 3) int32
     points : (n, 3) float64
         None of them on the surface.
+    most_work
+        Faces that may be added up, for all points together. The first points are measured.
     threads
         None for every processor.
 
     Returns
     -------
     (n,) float64
-        Whole numbers around a closed surface, to 0.1; fractions near its holes.
+        Whole numbers around a closed surface, to 0.1; fractions near its holes; NaN for points
+        that were not measured.
     """
     windings = np.zeros(len(points))
     if len(points) == 0 or len(faces) == 0:
@@ -56,5 +71,18 @@ def winding_numbers(
         core.measure_winding(*surface, clusters, points, windings, start, stop)
 
     run_bands(gather, len(clusters), band=_CLUSTERS, threads=threads)
-    run_bands(measure, len(points), band=_POINTS, threads=threads)
+    n_measured = int(min(len(points), most_work / _work_of_a_point(clusters, starts, points)))
+    run_bands(measure, n_measured, band=_POINTS, threads=threads)
+    windings[n_measured:] = np.nan
     return windings
+
+
+def _work_of_a_point(
+    clusters: FloatArray, starts: npt.NDArray[np.int64], points: FloatArray
+) -> float:
+    """Mean number of faces that are added up for a point, from some of them; clusters cost less."""
+    some = points[:: -(-len(points) // _SAMPLED)]
+    squares = ((clusters[None, :, :3] - some[:, None]) ** 2).sum(axis=2)
+    near = squares <= (_FAR * clusters[:, 6]) ** 2
+    n_faces = np.where(near, np.diff(starts), _COST_OF_CLUSTER)
+    return float(n_faces.sum()) / len(some)
