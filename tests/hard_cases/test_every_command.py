@@ -25,7 +25,9 @@ from invariance.changes import (
 from invariance.product import COMMANDS, MESHES, UNDECIDED, run
 from invariance.quantities import LENGTH, POINT, Quantity, Side, compared, sides
 
+import texbake
 from texbake import Mesh
+from texbake.mesh.shapes import uv_sphere
 
 # Each xatlas is a process of its own, and these take a second for some meshes.
 SLOW = {
@@ -107,3 +109,49 @@ def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
         assert item.meshes <= names and set(item.kinds) <= set(KINDS) and item.reason
     assert {name for name, _, _ in ONCE_FAILED} <= COMMANDS.keys()
     assert {mesh for _, mesh, _ in ONCE_FAILED} <= names
+
+
+WHOLE_JOBS = [change for change in CHANGES if change.kind == SCALE or change.kind == PLACE][1::3]
+
+
+@pytest.mark.parametrize("change", WHOLE_JOBS, ids=lambda change: change.name)
+def test_a_whole_run_changes_no_bit_of_its_maps(change, case_named, tmp_path):
+    changed = change.applied(case_named("torus").make())
+    options = texbake.RunOptions(n_faces=60, size=32, padding=1, quality="fast", threads=1)
+    results = []
+    for name, side in zip(("one", "two"), sides(changed), strict=True):
+        (tmp_path / name).mkdir()
+        results.append(texbake.run(side.mesh, tmp_path / name, options))
+    one, two = results
+    np.testing.assert_array_equal(two.low.faces, one.low.faces)
+    np.testing.assert_array_equal(two.low.corner_uvs(), one.low.corner_uvs())
+    np.testing.assert_array_equal(two.baked.maps["normal"].values, one.baked.maps["normal"].values)
+
+
+def test_a_lightened_model_has_the_same_images_at_another_size(tmp_path):
+    scale = 2.0**20
+    mesh = uv_sphere(8, 16)
+    written = []
+    for name, size in ("one", 1.0), ("two", scale):
+        model, lighter = tmp_path / f"{name}.glb", tmp_path / f"{name}_lighter.glb"
+        texbake.write_mesh(mesh.replace(positions=mesh.positions * size), model)
+        texbake.lighten_file(
+            model,
+            lighter,
+            texbake.LightenOptions(
+                n_faces=100, size=32, padding=1, quality="fast", samples=1, threads=1
+            ),
+        )
+        mesh_read = texbake.read_mesh(lighter)
+        materials = texbake.read_materials(lighter, mesh_read)
+        images = [
+            source.image.data
+            for material in materials.materials
+            for source in material.channels.values()
+            if source.image is not None
+        ]
+        written.append((mesh_read, images))
+    (one, images), (two, others) = written
+    np.testing.assert_array_equal(two.positions, one.positions * scale)
+    np.testing.assert_array_equal(two.corner_uvs(), one.corner_uvs())
+    assert images and others == images

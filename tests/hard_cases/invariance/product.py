@@ -86,6 +86,12 @@ UNDECIDED = (
         reason="what touches a face closer than 2^-16 of the size may hide it",
     ),
     Undecided(
+        commands=("orientation",),
+        kinds=TURNS,
+        meshes=frozenset({"coordinates three deep"}),
+        reason="the middle of three sheets is seen from one side as little as from the other",
+    ),
+    Undecided(
         commands=("convert to stl", "convert to glb"),
         kinds=(SHIFT, PLACE, TURN),
         meshes=frozenset({"needles", "offset 1e7 sizes"}),
