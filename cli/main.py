@@ -10,7 +10,7 @@ import click
 from texbake import __version__, raised_limits
 
 from .lazy import LazyGroup
-from .signals import end_cleanly_on_signals
+from .signals import clear_after_signal, end_cleanly_on_signals
 
 
 @click.group(
@@ -59,6 +59,7 @@ def main() -> None:
     try:
         texbake(prog_name="texbake")
     finally:
+        clear_after_signal()
         _close_stdout()
 
 

@@ -90,11 +90,17 @@ def _end_unheard(told: int) -> NoReturn:
             _end(number)
 
 
+def clear_after_signal() -> None:
+    """Remove temporary files that a signal left as they were being made; the process ends then."""
+    files = sys.modules.get("texbake.files")  # not imported: then there are none
+    if _HEARD.is_set() and files is not None:
+        files.clear_unfinished(_PATIENCE)
+
+
 def _end(signal_number: int) -> NoReturn:
     """End the process at once, without temporary files."""
-    files = sys.modules.get("texbake.files")  # not imported: then there are none
-    if files is not None:
-        files.clear_unfinished(_PATIENCE)
+    _HEARD.set()
+    clear_after_signal()
     said = "interrupted" if signal_number == signal.SIGINT else "terminated"
     with suppress(OSError):
         os.write(2, f"texbake: {said}\n".encode())

@@ -234,6 +234,22 @@ def test_the_names_of_new_folders_are_on_the_disk(
         assert synchronized == [tmp_path, tmp_path / "a"]
 
 
+def test_a_scratch_folder_that_is_interrupted_as_it_is_made_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = os.mkdir
+
+    def interrupted(path: Path, *rest: int) -> None:
+        made(path, *rest)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(os, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), scratch_folder():
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path: Path) -> None:
     target, companion = tmp_path / "rock.obj", tmp_path / "rock.uvs.npz"
     target.write_bytes(b"before")

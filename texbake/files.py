@@ -247,15 +247,17 @@ def scratch_folder() -> Iterator[Path]:
 
     Files in it wait for no others.
     """
-    made = new_scratch_folder()
-    folder = Path(os.path.realpath(made))
+    # Named before it is made: a signal while it is being made must leave nothing.
+    parent = Path(os.path.realpath(tempfile.gettempdir()))
+    folder = parent / f"{scratch_prefix(parent)}{os.urandom(6).hex()}"
     _SCRATCH_FOLDERS.add(folder)
     try:
+        folder.mkdir(mode=0o700)
         yield folder
     finally:
         _SCRATCH_FOLDERS.discard(folder)
         # Where open files cannot be removed, the system clears its own folder for them.
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def to_disk(path: Path) -> None:

@@ -58,6 +58,21 @@ atexit.register(os.kill, os.getpid(), int(sys.argv[1]))
 sys.argv[1:] = ["--version"]
 run()
 """
+# A signal after a folder was made, and before anybody knows of it.
+FORGOTTEN = """
+import os, sys, texbake
+from texbake.files import new_scratch_folder
+from texbake_cli import run
+
+def info_file(*arguments, **options):
+    new_scratch_folder()
+    os.kill(os.getpid(), number)
+
+texbake.info_file = info_file
+number = int(sys.argv[1])
+sys.argv[1:] = ["info", "mesh.obj"]
+run()
+"""
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
@@ -90,12 +105,16 @@ def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path
     assert not list(scratch.iterdir())
 
 
-@pytest.mark.parametrize("code", [EARLY, LATE], ids=["early", "late"])
+@pytest.mark.parametrize("code", [EARLY, LATE, FORGOTTEN], ids=["early", "late", "forgotten"])
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
-def test_it_ends_before_and_after_the_work(name: str, code: str) -> None:
+def test_it_ends_at_any_moment(name: str, code: str, tmp_path: Path) -> None:
     number = getattr(signal, name)
     done = subprocess.run(
-        [sys.executable, "-P", "-c", code, str(int(number))], capture_output=True, text=True
+        [sys.executable, "-P", "-c", code, str(int(number))],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
     )
+    assert not list(tmp_path.iterdir())
     said = "interrupted" if name == "SIGINT" else "terminated"
     assert (done.returncode, done.stderr) == (128 + number, f"texbake: {said}\n")
