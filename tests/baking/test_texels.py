@@ -117,12 +117,12 @@ def test_overlapping_faces_first_wins_and_is_counted():
 
 
 def test_faces_outside_the_tile_are_clipped_and_counted():
-    uvs = [[-1, -1], [3, -1], [-1, 3], [1e12, 0], [0, 1e12]]
+    uvs = [[-1, -1], [3, -1], [-1, 3], [1e12, 0], [0, 1e12], [1e307, 0]]
     grid = SampleGrid(16, 16, 1)
-    faces = snap_uvs(mesh_of(uvs, [[0, 1, 2], [0, 3, 4]]), grid)
-    assert faces.n_outside_tile == 2
+    faces = snap_uvs(mesh_of(uvs, [[0, 1, 2], [0, 3, 4], [0, 1, 5]]), grid)
+    assert faces.n_outside_tile == 3
     owners, n_overlaps = rasterize_uv(faces, grid)
-    # u + v <= 2 holds on the whole tile; the face at 1e12 is beyond the grid's reach.
+    # u + v <= 2 holds on the whole tile; the faces at 1e12 and 1e307 are beyond the grid's reach.
     assert (owners == 0).all()
     assert n_overlaps == 0
 

@@ -113,7 +113,8 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
         The mesh has no texture coordinates, or all of its faces have no area or lie outside.
     """
     uvs = mesh.corner_uvs()
-    snapped = np.rint(texel_coordinates(uvs, grid.n_columns, grid.n_rows) * UNIT)
+    with np.errstate(over="ignore"):  # too far in any case
+        snapped = np.rint(texel_coordinates(uvs, grid.n_columns, grid.n_rows) * UNIT)
     too_far = np.asarray((np.abs(snapped) > _MAX_COORDINATE).any(axis=(1, 2)))
     snapped[too_far] = 0.0
     corners = snapped.astype(np.int64)

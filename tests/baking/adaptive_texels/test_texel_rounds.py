@@ -109,3 +109,13 @@ def test_texels_without_any_surface_below_them_are_no_obstacle():
     assert by_time.report.texels_missed > 0
     assert_same(by_time, bake(half, plane(), BakeOptions(**same, max_error="1deg")))
     assert np.isfinite(by_time.maps["normal"].values).all()
+
+
+def test_a_share_of_a_mesh_without_extent_bounds_nothing():
+    low = plane()
+    low = low.replace(positions=0.0 * low.positions)
+    options = BakeOptions(
+        maps=("normal", "displacement"), samples="adaptive", size=4, padding=0, front=1.0, back=1.0
+    )
+    sampling = bake(plane(), low, options).report.sampling
+    assert [summary.name for summary in sampling.errors] == ["normal"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -83,7 +84,8 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) 
     bounded = []
     for kind in kinds:
         bound = bounds.of_map(kind.coding, inputs.low.diagonal)
-        if bound is not None and kind.needs == "hits":
+        # A share of a mesh without extent is no length.
+        if bound is not None and bound >= sys.float_info.min and kind.needs == "hits":
             bounded.append(BoundedMap(kind, bound))
     if not bounded:
         names = ", ".join(kind.name for kind in kinds)
