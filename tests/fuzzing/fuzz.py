@@ -1,13 +1,15 @@
-"""Coverage-guided fuzzing of the readers with atheris, in children with bounded time and memory.
+"""Coverage-guided fuzzing of the readers and of the core, in children with bounded time and memory.
 
-    python tests/fuzzing/fuzz_readers.py [FORMAT ...] [--corpus FOLDER] [--seconds 60] [--inputs 0]
-        [--findings fuzz-findings] [--skip FORMAT]
-    python tests/fuzzing/fuzz_readers.py FORMAT --minimize --corpus FOLDER
+    python tests/fuzzing/fuzz.py [FORMAT ...] [--core LIBRARY] [--seconds 60] [--inputs 0]
+        [--jobs 1] [--corpus FOLDER] [--findings fuzz-findings] [--skip FORMAT]
+    python tests/fuzzing/fuzz.py [FORMAT ...] --minimize --corpus FOLDER
 
-An input must be read, or refused with a TexbakeError of one line, within `SECONDS` and `MEMORY`.
-What is not is kept in the folder of findings, and a text beside it says why. New inputs go to the
-folder given as corpus, in a folder for each format. `--minimize` makes the corpus of the repository
-from it: the smallest inputs that reach all that is reached. Prints a line of JSON for each format.
+atheris makes the inputs. An input must be read, or refused with a TexbakeError of one line, within
+`SECONDS` of processor time and `MEMORY`. What is not is kept in the folder of findings, and a text
+beside it says why. New inputs go to the folder given as corpus, in a folder for each format.
+`--core` names a core with counted branches, from `compile_core.py --fuzz`; without it, only those
+of Python are counted. `--minimize` makes the corpus of the repository from a folder of inputs: the
+smallest that reach all that is reached. Prints a line of JSON for each format.
 """
 
 from __future__ import annotations
@@ -17,6 +19,9 @@ import faulthandler
 import hashlib
 import json
 import mmap
+import os
+import re
+import shlex
 import shutil
 import struct
 import subprocess
@@ -24,23 +29,32 @@ import sys
 import tempfile
 import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "hard_cases"))
+sys.path.insert(0, str(Path(__file__).parent))
 
-from fuzz_files import bound_memory, fault_of  # noqa: E402
-from fuzz_formats import FORMATS  # noqa: E402
-from read_corpus import CORPUS, SECONDS, folder_of  # noqa: E402
+from core_targets import READ
+from fuzz_files import bound_memory, fault_of
+from read_corpus import CORPUS, SECONDS, folder_of, timed_fault_of
 
 MEMORY = 1 << 30  # bytes beyond those of the process with all readers loaded
+STUCK = 12 * SECONDS  # of the clock: the machine may do other things as well
 MAX_FAULTS = 5
 COVERED = ["texbake", "trimesh.exchange", "collada"]
+AGAIN = "again"  # a script that runs a child; libFuzzer runs it to choose inputs
 COUNT = "inputs"  # a file of eight bytes, so that the count outlives a child
 LONGEST_KEPT = 4 << 10  # bytes of an input of the repository's corpus, if the seed is not longer
+MOST_KEPT = 32 << 10  # bytes of the inputs of a format there
+SLOWEST_KEPT = 0.3  # seconds of processor time that an input there may take
+SANITIZERS = {
+    "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:quarantine_size_mb=16",
+    "UBSAN_OPTIONS": "print_stacktrace=1",
+}
+_REASON = re.compile(r"SUMMARY: .*|.*: runtime error: .*|Fatal Python error: .*")
 
 
 def fuzz(name: str, options: argparse.Namespace) -> None:
@@ -49,7 +63,7 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
     from containers import changed
 
     home = options.home
-    suffix, make, read = FORMATS[name]
+    suffix, make, read = READ[name]
     candidate = home / f"mutant{suffix}"
     with atheris.instrument_imports(include=COVERED):
         make(home / f"seed{suffix}")
@@ -63,8 +77,12 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
     def read_one(data: bytes) -> None:
         count[:] = struct.pack("<q", struct.unpack("<q", count)[0] + 1)
         candidate.write_bytes(data)
-        fault = fault_of(read, candidate)
-        if fault is not None and not options.minimize:
+        start = time.process_time()
+        fault = timed_fault_of(read, candidate)
+        if options.minimize:
+            if time.process_time() - start > SLOWEST_KEPT:
+                (home / "slow" / short_hash(data)).touch()
+        elif fault is not None:
             keep(data, fault, name, options.findings)
 
     def mutate(data: bytes, longest: int, seed: int) -> bytes:
@@ -73,20 +91,19 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
 
         return changed(data, change, np.random.default_rng(seed))[:longest]
 
-    atheris.Setup([sys.argv[0], *options.flags], read_one, custom_mutator=mutate)
+    atheris.Setup([str(home / AGAIN), *options.flags], read_one, custom_mutator=mutate)
     atheris.Fuzz()
 
 
 def keep(data: bytes, fault: str, name: str, findings: Path) -> None:
-    """Keep an input at fault, unless as many of its format are there already."""
-    label = name.replace(" ", "_")
+    """Keep an input at fault, unless one with the same fault is there already."""
     # One input for each place in the code.
-    place = hashlib.sha256(fault.rpartition(" at ")[2].encode()).hexdigest()[:8]
-    stem = findings / f"{label}-{place}"
+    place = short_hash(fault.rpartition(" at ")[2].encode())
+    stem = findings / f"{name.replace(' ', '_')}-{place}"
     if stem.with_suffix(".txt").exists():
         return
     findings.mkdir(parents=True, exist_ok=True)
-    stem.with_suffix(FORMATS[name][0]).write_bytes(data)
+    stem.with_suffix(READ[name][0]).write_bytes(data)
     stem.with_suffix(".txt").write_text(fault + "\n")
 
 
@@ -96,11 +113,27 @@ def child(name: str, home: Path, options: argparse.Namespace, flags: list[str]) 
     command += ["--findings", str(options.findings)]
     if options.minimize:
         command += ["--minimize"]
-    log = home / "log"
-    with log.open("ab") as file:
+    again = home / AGAIN
+    again.write_text(f'#!/bin/sh\nexec {shlex.join(command)} --flags "$@"\n')
+    again.chmod(0o755)
+    with (home / "log").open("ab") as file:
         return subprocess.run(
-            [*command, f"--flags={json.dumps(flags)}"], stdout=file, stderr=file, check=False
+            [again, *flags], stdout=file, stderr=file, check=False, env=environment(options.core)
         ).returncode
+
+
+def environment(core: Path | None) -> dict[str, str]:
+    """Return the variables with which a child loads a core whose branches are counted.
+
+    Python is not built with the sanitizer, so that its library must be there before all others.
+    """
+    if core is None:
+        return dict(os.environ)
+    import atheris
+
+    kind = "asan" if b"__asan_init" in core.read_bytes() else "ubsan"
+    runtime = Path(atheris.path()) / f"{kind}_with_fuzzer.so"
+    return os.environ | SANITIZERS | {"LD_PRELOAD": str(runtime), "TEXBAKE_CORE": str(core)}
 
 
 def n_read(home: Path) -> int:
@@ -108,18 +141,40 @@ def n_read(home: Path) -> int:
 
 
 def faults_of(name: str, findings: Path) -> list[str]:
-    label = name.replace(" ", "_")
-    return [path.read_text().strip() for path in sorted(findings.glob(f"{label}-????????.txt"))]
+    found = findings.glob(f"{name.replace(' ', '_')}-{'?' * 12}.txt")
+    return [path.read_text().strip() for path in sorted(found)]
 
 
 def take_artifacts(name: str, home: Path, options: argparse.Namespace, code: int) -> int:
-    """Move the inputs that ended a child to the findings; return how many there were."""
+    """Move the inputs that ended a child to the findings; return how many there were.
+
+    One that took long by the clock is read again, since the machine may have been busy.
+    """
     found = [each for each in home.iterdir() if each.name.startswith(("crash", "timeout", "oom"))]
+    reasons = _REASON.findall((home / "log").read_text(errors="replace"))
     for path in found:
-        keep(path.read_bytes(), f"it ended the process ({code}) at {path.name}", name,
-             options.findings)  # fmt: skip
+        fault: str | None = f"it ended the process ({code}) at {(*reasons, path.name)[0]}"
+        if path.name.startswith("timeout"):
+            fault = read_again(name, path, home)
+        if fault is not None:
+            keep(path.read_bytes(), fault, name, options.findings)
         path.unlink()
+    (home / "log").write_text("")
     return len(found)
+
+
+def read_again(name: str, path: Path, home: Path) -> str | None:
+    """Read an input in a process of its own, by the core as it is; say if it takes too long."""
+    copy = home / f"again{READ[name][0]}"
+    shutil.copy(path, copy)
+    command = [sys.executable, str(Path(__file__).with_name("read_corpus.py")), name]
+    finished = subprocess.run(
+        [*command, "--input", str(copy)], capture_output=True, text=True, check=False
+    )
+    if finished.returncode == 0:
+        return None
+    lines = [*finished.stdout.splitlines(), f"it was ended ({finished.returncode})"]
+    return f"it takes too long: {lines[0]}"
 
 
 def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
@@ -130,7 +185,7 @@ def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
         (home / COUNT).write_bytes(bytes(8))
         made = (options.corpus or home / "corpus") / name.replace(" ", "_")
         made.mkdir(parents=True, exist_ok=True)
-        suffix, make, _ = FORMATS[name]
+        suffix, make, _ = READ[name]
         make(home / f"seed{suffix}")
         seed = (home / f"seed{suffix}").read_bytes()
         (made / "seed").write_bytes(seed)
@@ -142,17 +197,17 @@ def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
                 break
             known = [str(made), str(folder_of(name))] if folder_of(name).is_dir() else [str(made)]
             flags = [
-                *known, f"-max_total_time={int(left)}", f"-runs={inputs}", f"-timeout={SECONDS}",
+                *known, f"-max_total_time={int(left)}", f"-runs={inputs}", f"-timeout={STUCK}",
                 "-rss_limit_mb=4096", f"-artifact_prefix={home}/", "-print_final_stats=1",
                 f"-max_len={max(4096, 2 * len(seed))}", "-len_control=0", "-verbosity=0",
-                "-reload=0", f"-seed={1 + n_ended}",
+                "-reload=0", f"-seed={options.seed + n_ended}",
             ]  # fmt: skip
             code = child(name, home, options, flags)
             if code == 0:
                 break
             n_ended += 1
+            tail = (home / "log").read_text(errors="replace")[-2000:]
             if not take_artifacts(name, home, options, code):
-                tail = (home / "log").read_text(errors="replace")[-2000:]
                 raise RuntimeError(f"{name}: the child ended with {code}:\n{tail}")
         return {
             "format": name,
@@ -168,32 +223,40 @@ def minimize(name: str, options: argparse.Namespace) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(dir=options.scratch) as scratch:
         home = Path(scratch)
         (home / COUNT).write_bytes(bytes(8))
-        small, chosen = home / "small", home / "chosen"
-        small.mkdir()
-        chosen.mkdir()
+        small, chosen, slow = (home / each for each in ("small", "chosen", "slow"))
+        for folder in small, chosen, slow:
+            folder.mkdir()
         given = [*(options.corpus / name.replace(" ", "_")).glob("*"), *folder_of(name).glob("*")]
-        suffix, make, _ = FORMATS[name]
+        suffix, make, _ = READ[name]
         make(home / f"seed{suffix}")
         longest = max(LONGEST_KEPT, (home / f"seed{suffix}").stat().st_size)
         for path in [home / f"seed{suffix}", *given]:
             data = path.read_bytes()
             if len(data) <= longest:
                 (small / short_hash(data)).write_bytes(data)
-        flags = ["-set_cover_merge=1", "-use_counters=0", f"-timeout={SECONDS}",
+        flags = ["-set_cover_merge=1", "-use_counters=0", f"-timeout={STUCK}",
                  "-rss_limit_mb=4096", "-max_len=65536", str(chosen), str(small)]  # fmt: skip
         code = child(name, home, options, flags)
         if code:
             raise RuntimeError((home / "log").read_text(errors="replace")[-2000:])
-        target = folder_of(name)
-        shutil.rmtree(target, ignore_errors=True)
-        target.mkdir(parents=True)
-        for path in sorted(chosen.iterdir()):
-            data = path.read_bytes()
-            (target / f"{short_hash(data)}{suffix}").write_bytes(data)
-        kept = list(target.iterdir())
-        n_bytes = sum(path.stat().st_size for path in kept)
-        return {"format": name, "of": len(list(small.iterdir())), "kept": len(kept),
-                "bytes": n_bytes, "faults": []}  # fmt: skip
+        return {"format": name, "of": len(list(small.iterdir())), "faults": [],
+                **take_chosen(name, chosen, {path.name for path in slow.iterdir()})}  # fmt: skip
+
+
+def take_chosen(name: str, chosen: Path, slow: set[str]) -> dict[str, int]:
+    """Make the corpus of a format from the chosen inputs: the smallest, as many as it may have."""
+    target = folder_of(name)
+    shutil.rmtree(target, ignore_errors=True)
+    target.mkdir(parents=True)
+    inputs = sorted((path.read_bytes() for path in chosen.iterdir()), key=lambda d: (len(d), d))
+    n_kept = n_bytes = 0
+    for data in inputs:
+        if short_hash(data) in slow:
+            continue
+        if n_kept == 0 or n_bytes + len(data) <= MOST_KEPT:
+            (target / f"{short_hash(data)}{READ[name][0]}").write_bytes(data)
+            n_kept, n_bytes = n_kept + 1, n_bytes + len(data)
+    return {"chosen": len(inputs), "kept": n_kept, "bytes": n_bytes}
 
 
 def short_hash(data: bytes) -> str:
@@ -202,21 +265,24 @@ def short_hash(data: bytes) -> str:
 
 def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("formats", nargs="*", help=", ".join(FORMATS))
+    parser.add_argument("formats", nargs="*", help=", ".join(READ))
+    parser.add_argument("--core", type=Path, help="a core with counted branches")
     parser.add_argument("--corpus", type=Path, help="where new inputs go; a temporary folder")
-    parser.add_argument("--seconds", type=float, default=None)
-    parser.add_argument("--inputs", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=None, help="for each format")
+    parser.add_argument("--inputs", type=int, default=0, help="of each format")
+    parser.add_argument("--jobs", type=int, default=1, help="formats at once")
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"))
     parser.add_argument("--skip", action="append", default=[], help="a format to leave out")
     parser.add_argument("--minimize", action="store_true", help=f"write {CORPUS}")
     parser.add_argument("--scratch", type=Path, help="a folder for temporary files")
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--home", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--flags", type=json.loads, help=argparse.SUPPRESS)
+    parser.add_argument("--flags", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.seconds is None:
         options.seconds = 0.0 if options.inputs else 60.0
-    unknown = [name for name in options.formats if name not in FORMATS]
+    unknown = [name for name in options.formats + options.skip if name not in READ]
     if unknown:
         parser.error(f"no such format: {', '.join(unknown)}")
     return options
@@ -230,10 +296,11 @@ def main() -> int:
         warnings.simplefilter("error")
         fuzz(options.formats[0], options)
         return 0
+    names = [name for name in options.formats or READ if name not in options.skip]
+    work = minimize if options.minimize else run_format
     n_faults = 0
-    for name in options.formats or FORMATS:
-        if name not in options.skip:
-            row = (minimize if options.minimize else run_format)(name, options)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        for row in pool.map(lambda name: work(name, options), names):
             print(json.dumps(row), flush=True)
             n_faults += len(row["faults"])
     return 1 if n_faults else 0

@@ -3,6 +3,8 @@
     python texbake/core/compile_core.py        into this folder, for this machine
     python texbake/core/compile_core.py --sanitize --folder build
                                                with AddressSanitizer and UndefinedBehaviorSanitizer
+    python texbake/core/compile_core.py --fuzz --folder build
+                                               by clang, with branches counted for libFuzzer as well
 
 The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since
 it runs before anything is installed.
@@ -36,6 +38,9 @@ SANITIZER_FLAGS = (
     "-fsanitize=address,undefined", "-fno-sanitize=vla-bound", "-fno-sanitize-recover=undefined",
     "-fno-omit-frame-pointer",
 )  # fmt: skip
+# zig links these sanitizers into the library, where libFuzzer has its own; so by zig, none.
+FUZZER_FLAGS = (*SANITIZER_FLAGS, "-fsanitize=fuzzer-no-link,float-cast-overflow")
+FUZZER_FLAGS_OF_ZIG = (*FLAGS, "-fno-sanitize=undefined", "-fsanitize=fuzzer-no-link")
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,18 @@ def zig_compiler() -> list[str]:
     return [sys.executable, "-m", "ziglang", "cc"]
 
 
+def build_for_fuzzer(folder: Path) -> Path:
+    """Compile the core with branches counted, by clang or else by zig; return the library.
+
+    What counts them, and what stops at undefined behavior, comes with the fuzzer: nothing is
+    linked.
+    """
+    is_there = shutil.which("clang") is not None
+    compiler = ["clang"] if is_there else zig_compiler()
+    flags = list(FUZZER_FLAGS if is_there else FUZZER_FLAGS_OF_ZIG)
+    return _build_level(folder, this_machine(), compiler, "fuzz", flags, link_sanitizers=False)
+
+
 def build(folder: Path, target: Target | None = None, *, sanitize: bool = False) -> list[Path]:
     """Compile the core into a folder; return its libraries, one a level of instructions.
 
@@ -139,7 +156,13 @@ def _tuning(compiler: list[str], level: str) -> list[str]:
 
 
 def _build_level(
-    folder: Path, target: Target, compiler: list[str], level: str, flags: list[str]
+    folder: Path,
+    target: Target,
+    compiler: list[str],
+    level: str,
+    flags: list[str],
+    *,
+    link_sanitizers: bool = True,
 ) -> Path:
     library = folder / f"core-{level}{target.suffix}"
     with tempfile.TemporaryDirectory() as scratch:
@@ -154,7 +177,7 @@ def _build_level(
             list(pool.map(_run, commands))
         # Linked beside its place and renamed, so that a process that has it loaded keeps its own.
         unfinished = Path(scratch) / library.name
-        sanitizers = [flag for flag in flags if flag.startswith("-fsanitize=")]
+        sanitizers = [flag for flag in flags if flag.startswith("-fsanitize=") and link_sanitizers]
         maths = [] if target.system == "windows" else ["-lm"]
         names = [str(path) for path in objects]
         _run([*compiler, "-shared", *sanitizers, *names, *maths, "-o", str(unfinished)])
@@ -187,8 +210,12 @@ def main() -> None:
     """Compile the core for this machine, beside its sources."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--sanitize", action="store_true", help="with sanitizers, for the tests")
+    parser.add_argument("--fuzz", action="store_true", help="with counted branches, for a fuzzer")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the library goes")
     options = parser.parse_args()
+    if options.fuzz:
+        print(build_for_fuzzer(options.folder))
+        return
     for library in build(options.folder, sanitize=options.sanitize):
         print(library)
 

@@ -1,0 +1,277 @@
+"""Targets of the fuzzer that take meshes: their surface, repair, unwrapping, rays and bakes."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from drawn import Drawn
+
+import texbake as tb
+from texbake.baking.map_names import MAP_NAMES, MATERIAL_MAPS
+from texbake.mapping.atlas.cutting import cut
+from texbake.mapping.options import METHOD_OPTIONS
+from texbake.mapping.overlap import find_overlaps, overlap_layers
+from texbake.mesh import decimate
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.shapes import orange
+from texbake.mesh.streamed.mesh import open_streamed
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
+from texbake.raycast.fans import Fans, OcclusionRange, direction_sets
+from texbake.raycast.orient import oriented
+from texbake.raycast.rays import Rays
+from texbake.raycast.scene import RayScene
+
+MAPS = ("normal", "normal", "displacement", *(n for n in MAP_NAMES if n not in MATERIAL_MAPS))
+CHANNELS = ("normal", "base-color", "roughness", "material-id")
+WRAPS = ("repeat", "mirror", "clamp")
+SIZES = (1, 2, 7, 16, 33, 64)
+
+
+def surface(drawn: Drawn) -> None:
+    """Normals, curvatures, tangents and topology; rows that are equal."""
+    mesh = drawn.mesh(most=40)
+    tb.vertex_curvatures(mesh)
+    tb.mesh_info(mesh)
+    if mesh.uvs is not None:
+        tb.corner_tangents(mesh)
+    weld_rows(drawn.floats(1 + drawn.below(40), 1 + drawn.below(4)))
+
+
+def repair(drawn: Drawn) -> None:
+    mesh = drawn.mesh(most=40)
+    names = ("merge", "degenerate", "duplicates", "winding", "coordinates")
+    tb.repair(mesh, drawn.options(tb.RepairOptions, *names))
+    if drawn.rarely(16):
+        oriented(mesh, "auto", keep_open=drawn.flag())
+
+
+def simplify(drawn: Drawn) -> None:
+    mesh = drawn.mesh(most=60)
+    quality, seams = drawn.pick(("fast", "best")), drawn.pick(("auto", "keep", "drop"))
+    error = drawn.pick((*[None] * 31, "1%", "20%"))  # a search takes a second
+    n_faces = 4 + drawn.below(60) if error is None else None
+    tb.simplify(mesh, n_faces, error=error, quality=quality, seams=seams)
+
+
+def pieces(drawn: Drawn) -> None:
+    """Pieces of a large mesh, reduced each for itself; here they are small ones."""
+    mesh = drawn.mesh(most=100)
+    with (
+        patch.object(decimate, "_START_FACES", 4 + drawn.below(40)),
+        patch.object(decimate, "_PIECE", 8 + drawn.below(40)),
+    ):
+        tb.simplify(mesh, 4, quality=drawn.pick(("fast", "best")))
+
+
+def parts(drawn: Drawn) -> None:
+    """The parts of a large mesh that are cut each for itself; here they are small ones."""
+    mesh = drawn.mesh(most=60)
+    small = cut._Quality(part_faces=4 + drawn.below(12), whole_faces=6, most_l2=1.06,
+                         most_share=0.25)  # fmt: skip
+    with patch.dict(cut._QUALITIES, fast=small):
+        tb.unwrap(mesh, quality="fast", size=64, padding=0)
+
+
+def remesh(drawn: Drawn) -> None:
+    mesh = drawn.mesh()
+    options = drawn.options(
+        tb.RemeshOptions, "keep_interior", "sharp_edges", "quality",
+        resolution=8 + drawn.below(24), close=drawn.pick(("0%", "1%", "10%", "40%", 0.5, 1e300)),
+        components=drawn.pick(("all", "largest", 1, 2)),
+        n_faces=drawn.pick((None, None, 4, 40)),
+    )  # fmt: skip
+    tb.remesh(mesh, options)
+
+
+def distance(drawn: Drawn) -> None:
+    """Distances between two meshes, and from points to one."""
+    one, other = drawn.mesh(), drawn.mesh()
+    tb.surface_distance(one, other, n_samples=1 + drawn.below(64), seed=drawn.below(4))
+    tree = TriangleTree.build(one.positions, one.faces)
+    points = drawn.floats(1 + drawn.below(9), 3)
+    facing = drawn.floats(len(points), 3) if drawn.flag() else None
+    tree.closest_points(points, facing=facing, max_distance=drawn.pick((np.inf, 1.0, 1e-3)))
+    if drawn.rarely(32):
+        orange(20 + drawn.below(100))
+
+
+def check(drawn: Drawn) -> None:
+    low = drawn.mesh() if drawn.flag() else None
+    tb.check(drawn.mesh(most=30), low, tb.CheckOptions(size=drawn.pick(SIZES), padding=0))
+
+
+def atlas(drawn: Drawn) -> None:
+    mesh = drawn.mesh(most=24)
+    size = drawn.pick((16, 64))
+    keep = mesh.uvs is not None and drawn.flag()
+    limits = {} if keep else {
+        "max_stretch": drawn.pick((None, None, 1.05, 1.5)),
+        "seam_angle": drawn.pick((None, None, 10.0, 90.0)),
+    }  # fmt: skip
+    options = drawn.options(
+        tb.UnwrapOptions, "by_group", *(() if keep else ("seams_at_hard_edges",)),
+        quality=drawn.pick(("fast", "fast", "fast", "good", "good", "best")),
+        size=size, padding=drawn.pick((0, 1, 4)), tiles=drawn.pick((1, 1, 1, 3)), keep=keep,
+        **limits,
+    )  # fmt: skip
+    described(drawn, tb.unwrap(mesh, options))
+
+
+def mappings(drawn: Drawn) -> None:
+    """The classical mappings."""
+    mesh = drawn.mesh(most=20)
+    method = drawn.pick([name for name in METHOD_OPTIONS if name != "atlas"])
+    given = {"size": drawn.pick((16, 64)), "method": method}
+    if "padding" in METHOD_OPTIONS[method]:
+        given["padding"] = drawn.pick((0, 1, 4))
+    if method == "projector":
+        rows = drawn.floats(4, 4).tolist()
+        camera = (*drawn.floats(2, extreme=False).tolist(), drawn.pick((None, 1e-3, 1.0, 1e9)))
+        given |= {"matrix": rows} if drawn.flag() else {"camera": camera}
+    if method == "parametric":
+        given["linear"] = tuple(drawn.floats(6).tolist())
+    if drawn.flag() and "center" in METHOD_OPTIONS[method]:
+        given["center"] = tuple(drawn.floats(3).tolist())
+    names = {"axis", "fit", "sides", "caps", "overlap", "surface", "via", "unseen"}
+    read = names & set(METHOD_OPTIONS[method])
+    tb.unwrap(mesh, drawn.options(tb.UnwrapOptions, *sorted(read), **given))
+
+
+def layout(drawn: Drawn) -> None:
+    """What is said of any texture coordinates: stretch, overlaps and pictures."""
+    described(drawn, drawn.mesh(most=20, uvs=True))
+
+
+def described(drawn: Drawn, mesh: tb.Mesh) -> None:
+    tb.distortion(mesh, drawn.pick(SIZES))
+    corners = mesh.corner_uvs()
+    find_overlaps(corners)
+    overlap_layers(corners, drawn.indices(3, mesh.n_faces), depth=drawn.pick((0.0, 1e-9, 0.1)))
+    tb.draw_layout(mesh, drawn.pick(SIZES), heat=drawn.flag())
+
+
+def rays(drawn: Drawn) -> None:
+    """Primary and secondary rays in any direction, from any point."""
+    mesh = drawn.mesh(most=40)
+    n = 1 + drawn.below(20)
+    frame = LocalFrame.around(mesh)
+    directions = drawn.floats(n, 3, extreme=False) - drawn.pick((0.0, 0.5))
+    sizes = np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = np.where(sizes > 0.0, directions / np.where(sizes > 0.0, sizes, 1.0), 0.0)
+    origins = 2.0 * drawn.floats(n, 3, extreme=False) - 1.0
+    if drawn.flag():
+        origins[:] = frame.to_local(mesh.positions[drawn.indices(mesh.n_vertices, n)])
+    lengths = drawn.pick((np.full(n, np.inf), np.zeros(n), np.linspace(0.0, 4.0, n)))
+    lengths = np.where(directions.any(axis=1), lengths, 0.0)
+    chunk = drawn.pick((None, None, 1, 5))
+    with RayScene.build(mesh, frame, chunk_faces=chunk) as scene:
+        scene.cast(Rays(origins, directions, lengths, np.zeros(n)), cull_back_faces=drawn.flag(),
+                   in_bundles=drawn.flag())  # fmt: skip
+        if chunk is None and drawn.flag():
+            axes = directions.astype(np.float32)
+            ids = drawn.indices(200, n).astype(np.uint32)
+            ranges = OcclusionRange(drawn.pick((0.0, 1e-6)), drawn.pick((np.inf, 0.1)), 0.5)
+            scene.cast_fans(Fans(origins, axes, axes, ids), direction_sets(4), ranges)
+
+
+def bake(drawn: Drawn) -> None:
+    is_colored = drawn.rarely(4)
+    high, low = drawn.mesh(most=30, uvs=is_colored or None), low_poly(drawn)
+    names = CHANNELS if is_colored else MAPS
+    maps = tuple(dict.fromkeys(drawn.pick(names) for _ in range(1 + drawn.below(4))))
+    samples = drawn.pick((1, 1, 4, 16, "adaptive"))
+    if samples == "adaptive":
+        maps = ("normal",) if drawn.flag() else ("displacement", "normal")
+    cage = None
+    if drawn.rarely(4):
+        cage = low.replace(positions=low.positions + 0.1 * drawn.floats(low.n_vertices, 3))
+    front = drawn.pick((None, 0.0, 0.5, 1e300)) if cage is None else None
+    options = drawn.options(
+        tb.BakeOptions, "space", "rays", "orientation", "high_shading", "cull_back_faces", "fill",
+        "on_miss", "convention", size=drawn.pick((1, 4, 16, (3, 9))), maps=maps,
+        samples=samples, keep_hits=samples != "adaptive" and drawn.flag(),
+        padding=drawn.pick((0, 1, 5)),
+        front=front, back=drawn.pick((None, 0.1, 0.5, 1e-300)),
+        bits=drawn.pick((8, 16, 32)), secondary_rays=4,
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        materials = colored(drawn, Path(folder), high) if is_colored else None
+        given = {"skew_mask": drawn.image(channels=(1,))[..., 0]} if drawn.rarely(4) else {}
+        result = tb.bake(high, low, options, cage=cage, materials=materials, **given)
+    if result.hits is not None:
+        tb.remap_hits(result, tb.BakeOptions(maps=("normal", "displacement")))
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.maps:
+            result.maps[name].write(Path(folder) / "map.png", bits=drawn.pick((8, 16)))
+
+
+def low_poly(drawn: Drawn) -> tb.Mesh:
+    """Return a mesh with texture coordinates, most of which lie in the unit square."""
+    mesh = drawn.mesh(uvs=True)
+    if drawn.rarely(4):
+        return mesh
+    n = 3 + drawn.below(9)
+    uvs = drawn.floats(n, 2, extreme=False) / 3.0
+    return mesh.replace(uvs=uvs, uv_faces=drawn.indices(n, mesh.n_faces, 3))
+
+
+def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> tb.Materials:
+    """Return materials with images in a few of their channels."""
+    tb.write_image(drawn.rng().random((3, 4, 3)).astype(np.float32), folder / "image.png")
+    placing = tuple(map(tuple, drawn.floats(2, 3, extreme=drawn.flag()).tolist()))
+    wraps = (drawn.pick(WRAPS), drawn.pick(WRAPS))
+    data = (folder / "image.png").read_bytes()
+    image = tb.ChannelImage(data, placing=placing, wraps=wraps, is_nearest=drawn.flag())
+    channels = {
+        "normal": tb.ChannelSource((1.0,), image),
+        "base-color": tb.ChannelSource((1.0, 0.5, 0.0), image),
+        "roughness": tb.ChannelSource((1.0,), replace(image, components=(1,))),
+    }
+    materials = (tb.MeshMaterial(name="a", channels=channels), tb.MeshMaterial(name="b"))
+    ids = drawn.indices(2, mesh.n_faces)
+    return tb.Materials(face_materials=ids, materials=materials)
+
+
+def cage(drawn: Drawn) -> None:
+    tb.fit_cage(drawn.mesh(most=30), drawn.mesh(), margin=drawn.pick((None, None, 0.0, 0.5)))
+
+
+def streamed(drawn: Drawn) -> None:
+    """A bake of a mesh that stays in its file, in chunks."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / drawn.pick(("high.ply", "high.stl"))
+        tb.write_mesh(drawn.mesh(most=30, uvs=False, extreme=drawn.rarely(8)), path)
+        high = open_streamed(path)
+        if high is not None:
+            options = tb.BakeOptions(size=drawn.pick((1, 4, 16)), max_memory="1M", padding=0,
+                                     maps=("normal", "displacement"))  # fmt: skip
+            tb.bake(high, low_poly(drawn), options)
+
+
+def paint(drawn: Drawn) -> None:
+    """Textures from procedures, and from photographs."""
+    mesh = low_poly(drawn)
+    size = drawn.pick((1, 4, 16))
+    if drawn.flag():
+        names = ("procedure", "fill", "samples")
+        scale = drawn.pick((None, 1e-300, 1e300, (1.0, 2.0, 0.5)))
+        tb.bake_solid(mesh, drawn.options(tb.SolidOptions, *names, size=size, scale=scale))
+        return
+    far = drawn.pick((1.0, 1e-9, 1e9, 1e30))
+    position, target = (tuple((far * drawn.floats(3, extreme=False)).tolist()) for _ in range(2))
+    up = tuple(drawn.floats(3, extreme=False).tolist())
+    image = drawn.image(channels=(1, 3, 4))
+    if drawn.flag():
+        photo = tb.Photo(
+            image=image, camera=tb.PhotoCamera(position=position, target=target, up=up)
+        )
+    else:
+        uvs = drawn.floats(4, 2)
+        mapped = mesh.replace(uvs=uvs, uv_faces=drawn.indices(4, mesh.n_faces, 3))
+        photo = tb.Photo(image=image, mapped=mapped)
+    tb.bake_photos(mesh, [photo], tb.PhotoOptions(size=size, samples=4))

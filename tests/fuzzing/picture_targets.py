@@ -1,0 +1,179 @@
+"""Targets of the fuzzer that take or make pictures: lookups, filters, coding, and rendering."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from drawn import Drawn
+from random_scenes import random_scene, with_object, write_images
+
+import texbake as tb
+from texbake.texture.cube_map import shrink_cube
+from texbake.texture.encoding import (
+    color_ids,
+    encode_heights,
+    encode_normals,
+    quantize_points,
+    quantize_srgb,
+    quantize_unsigned,
+)
+from texbake.texture.lookup import lookup
+from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.png_files import write_png
+from texbake.texture.prefilter import irradiance, specular_levels
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.noise import turbulence_sum
+from texbake.texture.procedures.options import PROCEDURE_DEFAULTS
+from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT
+from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
+
+WRAPS = ("repeat", "mirror", "clamp", "border")
+
+
+def image_lookup(drawn: Drawn) -> None:
+    """An image at any coordinates, by each filter."""
+    image, n = drawn.image(), 1 + drawn.below(9)
+    wrap = drawn.pick(WRAPS)
+    kernel = drawn.pick(FILTERS)
+    steps = drawn.singles(n, 4) if kernel in FILTERS_WITH_FOOTPRINT else None
+    border = np.zeros(image.shape[2]) if wrap == "border" else None
+    texture = image
+    if kernel in FILTERS_WITH_FOOTPRINT or drawn.flag():
+        texture = shrunk(drawn, image)
+    tb.sample_texture(texture, drawn.singles(n, 2), steps, filter=kernel, wrap=wrap, border=border,
+                      max_anisotropy=drawn.pick((1.0, 16.0)))  # fmt: skip
+    lookup(image, drawn.singles(n, 2), wrap=wrap, border=border)
+    tb.ramp_lookup(drawn.image()[0], drawn.singles(n), wrap=drawn.pick(WRAPS[:3]))
+    volume = drawn.singles(1 + drawn.below(4), 2, 1 + drawn.below(4), 1 + drawn.below(3))
+    tb.volume_lookup(volume, drawn.singles(n, 3), wrap=drawn.pick(WRAPS[:3]),
+                     filter=drawn.pick(("nearest", "trilinear")))  # fmt: skip
+
+
+def shrunk(drawn: Drawn, image: np.ndarray) -> tb.MipChain:
+    kinds = ("color", "data", "normal") if image.shape[2] >= 3 else ("data",)
+    return tb.mip_chain(image, kind=drawn.pick(kinds), wrap=drawn.pick(("repeat", "clamp")),
+                        filter=drawn.pick(("box", "kaiser")))  # fmt: skip
+
+
+def padding(drawn: Drawn) -> None:
+    image = drawn.image(most=40)
+    charts = drawn.indices(4, *image.shape[:2]) - 1
+    owners = nearest_owner(charts, drawn.below(12))
+    spread(image, owners.indices)
+    push_pull(image, charts >= 0)
+
+
+def coding(drawn: Drawn) -> None:
+    """Values to codes, their ranges, and the files of codes."""
+    image, bits = drawn.image(most=20), drawn.pick((8, 16))
+    codes = [quantize_unsigned(image, bits), quantize_srgb(image, bits)]
+    rgb = drawn.image(channels=(3,))
+    codes += [encode_normals(rgb, bits=bits, convention=drawn.pick(("opengl", "directx")))]
+    quantize_points(rgb, np.zeros(3), np.array([1.0, 2.0, 1e-9]), bits)
+    heights = drawn.singles(1 + drawn.below(9), 1 + drawn.below(9))
+    codes += [encode_heights(heights, bits=bits, mid=0.5, scale=drawn.pick((1.0, 1e-30, 1e30)))]
+    covered = drawn.indices(2, *heights.shape).astype(bool)
+    mid, scale = height_range(heights, covered, bits=bits, mid=drawn.pick((None, 0.0, 0.3)))
+    if scale > 0.0:
+        count_clipped(heights, covered, mid=mid, scale=scale)
+    size_at_percentile(heights, covered, drawn.pick((0.0, 50.0, 99.0, 100.0)))
+    colors = np.zeros((3, 3), drawn.pick((np.uint8, np.uint16)))
+    codes += [color_ids(drawn.indices(3, 4, 4).astype(np.float32), colors)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "codes.png"
+        write_png(path, np.atleast_3d(drawn.pick(codes)))
+        tb.read_image(path, color=False)
+
+
+def heights(drawn: Drawn) -> None:
+    """Heights to normals and back."""
+    image = drawn.image(channels=(1,))
+    tb.height_to_normal(image, drawn.options(tb.HeightToNormalOptions, "wrap", "derivative"))
+    normals = drawn.image(channels=(3,))
+    tb.normal_to_height(normals, drawn.options(tb.NormalToHeightOptions, "method", "wrap"))
+
+
+def cubes(drawn: Drawn) -> None:
+    size = 1 + drawn.below(6)
+    cube = tb.CubeMap(drawn.singles(6, size, size, drawn.pick((1, 3, 4))))
+    tb.sample_cube(cube, drawn.singles(5, 3), filter=drawn.pick(("nearest", "bilinear")))
+    tb.to_latitude_longitude(cube, height=1 + drawn.below(8))
+    tb.from_latitude_longitude(drawn.image(), size=1 + drawn.below(8))
+    shrink_cube(cube, 1 + drawn.below(size))
+    if drawn.rarely(8):
+        irradiance(cube, size=1)
+    if drawn.rarely(16):
+        specular_levels(cube, samples=16)
+
+
+def procedures(drawn: Drawn) -> None:
+    name = drawn.pick(sorted(PROCEDURE_DEFAULTS))
+    n, dimensions = 1 + drawn.below(9), drawn.pick((2, 3))
+    footprint = drawn.pick((None, drawn.floats(n), drawn.floats(n, dimensions)))
+    has_octaves = "octaves" in PROCEDURE_DEFAULTS[name]
+    parameters = {"octaves": 1 + drawn.below(32)} if has_octaves else {}
+    for key, values in (
+        ("weight", ("cubic", "quintic")), ("profile", ("hard", "sine")), ("jitter", (0.0, 1.0)),
+        ("interpolation", ("none", "linear", "cubic", "quintic")), ("feature", ("f1", "f2-f1")),
+        ("dimensions", (2, 3, None)), ("wrap", ("clamp", "repeat", "mirror")), ("width", (0.1,)),
+    ):  # fmt: skip
+        if key in PROCEDURE_DEFAULTS[name]:
+            parameters[key] = drawn.pick(values)
+    points = drawn.floats(n, dimensions)
+    evaluate(name, points, footprint, parameters=parameters)
+    turbulence_sum(points, octaves=1 + drawn.below(8))
+
+
+@cache
+def images() -> Path:
+    """Return a folder of images for scenes, which is there until the process ends."""
+    folder = Path(tempfile.mkdtemp())
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    write_images(folder)
+    return folder
+
+
+def scenes(drawn: Drawn) -> None:
+    """A scene of any materials and lights, with any mesh in it."""
+    scene, options = random_scene(int.from_bytes(drawn.bytes(4), "little"), images())
+    mesh = drawn.mesh(extreme=drawn.rarely(4))
+    place = drawn.below(len(scene.objects))
+    if drawn.flag():
+        scene = with_object(scene, place, replace(scene.objects[place], mesh=mesh))
+    options = replace(options, **looks(drawn))
+    tb.render_scene(scene, options)
+
+
+def preview(drawn: Drawn) -> None:
+    """A mesh alone, from any distance."""
+    angles = tuple((360.0 * drawn.floats(2, extreme=False)).tolist())
+    view = (*angles, drawn.pick((None, None, 1e-9, 0.5, 1e9)))
+    mesh = drawn.mesh(most=30)
+    tb.render(mesh, options=tb.RenderOptions(width=1 + drawn.below(24), height=1 + drawn.below(16),
+                                             view=view, **looks(drawn)))  # fmt: skip
+
+
+def looks(drawn: Drawn) -> dict[str, object]:
+    """Options of a picture that change how it is drawn."""
+    buffers = (None, None, None, "depth", "normals", "mip-level", "overdraw", "object-id")
+    chosen: dict[str, object] = {
+        "back_faces": drawn.pick(("cull", "show")),
+        "edges": drawn.pick(("multisample", "supersample")),
+        "supersampling": drawn.pick((1, 2, 3)),
+    }
+    kind = drawn.below(6)
+    if kind == 0:
+        chosen["interpolation"] = drawn.pick(("affine", "scanline"))
+    if kind == 1:
+        chosen["max_error"] = drawn.pick((0.3, 0.02))
+    if kind == 2:
+        chosen["buffer"] = drawn.pick(buffers)
+    if kind == 3:
+        chosen |= {"mapping_order": drawn.pick(("texture", "texture-coverage")), "supersampling": 1}
+    return chosen
