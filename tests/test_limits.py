@@ -233,3 +233,12 @@ def test_a_variable_that_makes_no_sense_is_wrong_usage(monkeypatch, name, value)
     result = CliRunner().invoke(command, ["info", "mesh.obj"])
     assert result.exit_code == 2
     assert f"{name}: '{value}' is" in result.output
+
+
+@pytest.mark.parametrize(("name", "suffix"), [("mipmap", ""), ("cubemap", ".png")])
+def test_an_output_with_too_long_a_name_is_an_error_of_one_line(tmp_path, name, suffix):
+    write_image(np.full((8, 16, 3), 128, np.uint8), tmp_path / "a.png")
+    words = [name, str(tmp_path / "a.png"), "-o", str(tmp_path / ("n" * 300 + suffix))]
+    result = CliRunner().invoke(command, words)
+    assert result.exit_code == 1
+    assert isinstance(result.exception, SystemExit)

@@ -66,6 +66,14 @@ def is_file(path: PathLike) -> bool:
         return False
 
 
+def is_folder(path: PathLike) -> bool:
+    """Whether there is a folder of this name; False for a name that no folder can have."""
+    try:
+        return Path(path).is_dir()
+    except OSError:  # such as a name that is too long
+        return False
+
+
 def read_bytes(path: PathLike) -> bytes:
     """Read the bytes of a file.
 

@@ -159,3 +159,13 @@ def test_strips_of_a_binary_ply_file_in_several_rows(tmp_path: Path) -> None:
     rows += b"\x04" + np.array([2, 1, 3, 0], "<i4").tobytes()
     path.write_bytes(header.encode() + points + rows)
     assert texbake.read_mesh(path).faces.tolist() == [[0, 1, 2], [2, 1, 3], [1, 0, 3]]
+
+
+@pytest.mark.parametrize("suffix", ["3mf", "zae", "3dxml"])
+def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is(tmp_path, monkeypatch, suffix):
+    path = tmp_path / f"bomb.{suffix}"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", b" " * (1 << 26) + b"<model/>")
+    monkeypatch.setattr(trimesh, "load_scene", lambda *args, **kwargs: pytest.fail("unpacked"))
+    with pytest.raises(FileFormatError, match="when they are unpacked"):
+        trimesh_read.read_with_trimesh(path)

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileError, FileFormatError, OptionError, quoted
-from texbake.files import PathLike, check_folder, check_writable
+from texbake.files import PathLike, check_folder, check_writable, is_folder
 from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap
 from texbake.texture.cube_options import CONVENTIONS, FACE_NAMES, CubeOptions
@@ -249,10 +249,10 @@ def convert_cube(
 def _check_output(output: Path, options: CubeOptions) -> None:
     """Raise if the result cannot be written, before any work is done."""
     if options.layout == "faces" or (options.layout is None and not output.suffix):
-        if output.suffix and not output.is_dir():
+        if output.suffix and not is_folder(output):
             raise OptionError(f"layout: faces go to a folder, and {output} names a file")
         check_folder(output)
-    elif options.layout is None and output.is_dir():
+    elif options.layout is None and is_folder(output):
         check_folder(output)
     elif not output.suffix:
         raise OptionError(f"layout: {options.layout} is one image, and {output} names a folder")
@@ -262,7 +262,7 @@ def _check_output(output: Path, options: CubeOptions) -> None:
 
 
 def _layout_for(output: Path, source_layout: str) -> str:
-    if output.is_dir() or not output.suffix:
+    if is_folder(output) or not output.suffix:
         return "faces"
     return "cross" if source_layout == "latlong" else "latlong"
 
@@ -271,7 +271,7 @@ def _read(
     source: Path, options: CubeOptions, threads: int | None
 ) -> tuple[str, Image, CubeMap | None]:
     """Return the layout of a source, one image of it, and its cube map unless it is a latlong."""
-    if source.is_dir():
+    if is_folder(source):
         cube, image = read_faces(
             source, convention=options.convention, color=options.color, threads=threads
         )

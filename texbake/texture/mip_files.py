@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.files import PathLike, check_folder, check_writable
+from texbake.files import PathLike, check_folder, check_writable, is_folder
 from texbake.texture.encoding import decode_normals, encode_normals
 from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
@@ -157,7 +157,7 @@ def _check_target(target: Path) -> None:
 
 
 def _is_folder(target: Path) -> bool:
-    return target.is_dir() or not target.suffix
+    return is_folder(target) or not target.suffix
 
 
 def _images(

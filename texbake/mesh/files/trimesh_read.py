@@ -13,6 +13,7 @@ import importlib.util
 import warnings
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
+# Bytes that the parts of an archive may have; trees of XML take 30 times as many in memory.
+_LEAST_UNPACKED = 1 << 26
+_MOST_TIMES = 20
 # Packages without which trimesh does not know a format.
 _NEEDED = {
     ".dae": ("collada",),
@@ -55,8 +59,28 @@ def read_with_trimesh(path: PathLike) -> Mesh:
             f"{path}: {suffix} files need the packages for further formats "
             f"({', '.join(missing)}); pip install 'texbake[formats]', or use a .glb file"
         )
+    _require_small_archive(path)
     scene = _load(path, suffix)
     return _welded(from_trimesh(scene, name=Path(path).name))
+
+
+def _require_small_archive(path: PathLike) -> None:
+    """Raise `FileFormatError` if what an archive holds is far larger than the archive.
+
+    The sizes are those of its directory; a part that is larger than it says there is an error of
+    the library that unpacks it.
+    """
+    try:
+        with ZipFile(path) as archive:
+            n_bytes = sum(part.file_size for part in archive.infolist())
+    except (BadZipFile, OSError, ValueError, NotImplementedError):
+        return  # no archive, or a damaged one, which trimesh names
+    most = max(_LEAST_UNPACKED, _MOST_TIMES * Path(path).stat().st_size)
+    if n_bytes > most:
+        raise FileFormatError(
+            f"{path}: its parts are {n_bytes:,} bytes when they are unpacked, more than {most:,}; "
+            "export it again, as a .glb file"
+        )
 
 
 def _load(path: PathLike, suffix: str) -> Any:
