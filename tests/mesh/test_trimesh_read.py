@@ -1,5 +1,7 @@
 """Formats that are read through trimesh, and Draco and strips, which our own readers know."""
 
+import contextlib
+import re
 import sys
 import zipfile
 from pathlib import Path
@@ -10,7 +12,12 @@ import trimesh
 
 import texbake
 from texbake.errors import DependencyError, FileError, FileFormatError, MeshError, TexbakeError
-from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES, trimesh_read
+from texbake.mesh.files import (
+    MESH_SUFFIXES,
+    WRITABLE_MESH_SUFFIXES,
+    collada_instances,
+    trimesh_read,
+)
 from texbake.mesh.shapes import cube, uv_sphere
 
 ONLY_READ = sorted({*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES, ".gltf"})
@@ -169,3 +176,54 @@ def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is(tmp_path, m
     monkeypatch.setattr(trimesh, "load_scene", lambda *args, **kwargs: pytest.fail("unpacked"))
     with pytest.raises(FileFormatError, match="when they are unpacked"):
         trimesh_read.read_with_trimesh(path)
+
+
+def nested(tmp_path: Path, n_levels: int, n_copies: int) -> Path:
+    """A sphere in a node, which each level places some times more."""
+    texbake.to_trimesh(uv_sphere(4, 6)).export(tmp_path / "sphere.dae")
+    text = (tmp_path / "sphere.dae").read_text("utf-8")
+    geometry = re.search(r"<instance_geometry[^>]*?(?:/>|>.*?</instance_geometry>)", text, re.S)[0]
+    nodes = [f'<node id="level0">{geometry}</node>'] + [
+        f'<node id="level{i}">' + f'<instance_node url="#level{i - 1}"/>' * n_copies + "</node>"
+        for i in range(1, n_levels + 1)
+    ]
+    library = f"<library_nodes>{''.join(nodes)}</library_nodes>"
+    text = text.replace("<library_visual_scenes>", library + "<library_visual_scenes>", 1)
+    top = f'<node id="top"><instance_node url="#level{n_levels}"/></node></visual_scene>'
+    (tmp_path / "nested.dae").write_text(text.replace("</visual_scene>", top, 1), "utf-8")
+    return tmp_path / "nested.dae"
+
+
+@pytest.mark.parametrize("suffix", [".dae", ".zae"])
+def test_nodes_of_collada_that_place_nodes_without_measure_are_refused(
+    suffix: str, tmp_path: Path
+) -> None:
+    path = nested(tmp_path, 10, 10)
+    if suffix == ".zae":
+        path = tmp_path / "nested.zae"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.write(tmp_path / "nested.dae", "nested.dae")
+    with pytest.raises(FileFormatError, match=r"its nodes place 1\d,\d{3},\d{3},\d{3} nodes"):
+        texbake.read_mesh(path)
+
+
+def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:
+    path = nested(tmp_path, 2, 3)
+    assert texbake.read_mesh(path).n_faces == 10 * uv_sphere(4, 6).n_faces
+
+
+def test_triangles_that_nodes_of_collada_repeat_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(collada_instances, "_MOST_TRIANGLES", 50)
+    path = nested(tmp_path, 2, 20)
+    with pytest.raises(FileFormatError, match=r"its nodes repeat up to .* triangles"):
+        texbake.read_mesh(path)
+
+
+def test_a_node_of_collada_that_places_itself_is_one_error(tmp_path: Path) -> None:
+    path = nested(tmp_path, 1, 1)
+    text = path.read_text("utf-8").replace('url="#level0"', 'url="#level1"')
+    path.write_text(text, "utf-8")
+    with contextlib.suppress(FileError, MeshError):
+        texbake.read_mesh(path)

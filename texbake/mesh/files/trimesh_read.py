@@ -19,6 +19,7 @@ import numpy as np
 
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike
+from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import read_array
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -47,7 +48,8 @@ def read_with_trimesh(path: PathLike) -> Mesh:
     FileError
         The file is missing or cannot be read.
     FileFormatError
-        It is not of the format its suffix says, or it is damaged.
+        It is not of the format its suffix says, it is damaged, or its nodes or its archive come to
+        far more than the file has bytes.
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
@@ -60,6 +62,8 @@ def read_with_trimesh(path: PathLike) -> Mesh:
             f"({', '.join(missing)}); pip install 'texbake[formats]', or use a .glb file"
         )
     _require_small_archive(path)
+    if suffix in (".dae", ".zae"):
+        require_few_instances(path)
     scene = _load(path, suffix)
     return _welded(from_trimesh(scene, name=Path(path).name))
 

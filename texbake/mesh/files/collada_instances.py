@@ -1,0 +1,141 @@
+"""How often a COLLADA file places its nodes, before any of them is placed.
+
+Nodes may place other nodes, which place others: ten levels of ten are 3.7 kB and ten billion nodes.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Iterator
+from typing import IO
+from xml.etree.ElementTree import ParseError, iterparse
+
+from texbake.errors import FileFormatError
+from texbake.files import PathLike, read_bytes
+
+_MOST_NODES = 200_000
+_MOST_TRIANGLES = 100_000_000
+_CHARACTERS = 6  # of the three indices of a triangle, at least
+
+
+def require_few_instances(path: PathLike) -> None:
+    """Raise `FileFormatError` if the nodes of a .dae or .zae file are placed without measure.
+
+    A file may place 200,000 nodes, or as many as it has, and 100 million triangles, or as many as
+    it has characters. A node that places itself is left to the reader, which refuses it.
+    """
+    for file in _documents(path):
+        with file:
+            try:
+                graph = _Graph(file)
+            except (ParseError, ValueError, LookupError):
+                continue  # the reader says what is wrong
+        n_nodes, n_triangles = graph.placed()
+        if n_nodes > max(_MOST_NODES, graph.n_nodes):
+            raise FileFormatError(
+                f"{path}: its nodes place {_about(n_nodes)} nodes, more than {_MOST_NODES:,}; "
+                "join them in the program that made the file"
+            )
+        if n_triangles > max(_MOST_TRIANGLES, graph.n_characters):
+            raise FileFormatError(
+                f"{path}: its nodes repeat up to {_about(n_triangles)} triangles, more than "
+                f"{_MOST_TRIANGLES:,}; join them in the program that made the file"
+            )
+
+
+def _about(number: int) -> str:
+    return f"{number:,}" if number < 10**12 else "more than 1,000,000,000,000"
+
+
+def _documents(path: PathLike) -> Iterator[IO[bytes]]:
+    """The documents of an archive, or the file itself."""
+    if not zipfile.is_zipfile(path):
+        yield io.BytesIO(read_bytes(path))
+        return
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            if name.lower().endswith(".dae"):
+                try:
+                    yield io.BytesIO(archive.read(name))
+                except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+                    continue  # the reader says what is wrong
+
+
+class _Graph:
+    """Nodes, by their order in the file, with the nodes and geometries that each places."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self.n_characters = 0
+        self._nodes: list[tuple[list[int], list[str], list[str]]] = []
+        self._by_id: dict[str, int] = {}
+        self._triangles: dict[str, int] = {}
+        self._roots: list[int] = []
+        self._read(file)
+
+    @property
+    def n_nodes(self) -> int:
+        """Nodes of the file."""
+        return len(self._nodes)
+
+    def _read(self, file: IO[bytes]) -> None:
+        path: list[str] = []
+        inside: list[int] = []  # the nodes around what is read
+        geometry = ""
+        for event, element in iterparse(file, events=("start", "end")):
+            tag = element.tag.rpartition("}")[2]
+            if event == "end":
+                path.pop()
+                if tag == "node":
+                    inside.pop()
+                elif tag == "p" and geometry:
+                    n = len(element.text or "")
+                    self.n_characters += n
+                    self._triangles[geometry] += n // _CHARACTERS
+                element.clear()
+                continue
+            if tag == "node":
+                self._add_node(element.get("id", ""), inside, path)
+            elif tag == "geometry":
+                geometry = element.get("id", "")
+                self._triangles.setdefault(geometry, 0)
+            elif inside and tag in ("instance_node", "instance_geometry", "instance_controller"):
+                placed = self._nodes[inside[-1]][1 if tag == "instance_node" else 2]
+                placed.append(element.get("url", "").lstrip("#"))
+            path.append(tag)
+
+    def _add_node(self, name: str, inside: list[int], path: list[str]) -> None:
+        index = len(self._nodes)
+        if inside:
+            self._nodes[inside[-1]][0].append(index)
+        elif "visual_scene" in path:
+            self._roots.append(index)
+        self._nodes.append(([], [], []))
+        self._by_id.setdefault(name, index)
+        inside.append(index)
+
+    def placed(self) -> tuple[int, int]:
+        """Nodes and, at most, triangles that the scenes of the file place."""
+        totals: dict[int, tuple[int, int]] = {}
+        open_nodes: set[int] = set()
+        waiting = list(self._roots)
+        while waiting:
+            index = waiting[-1]
+            below = self._below(index)
+            later = [i for i in below if i not in totals and i not in open_nodes]
+            if index not in totals and index not in open_nodes and later:
+                open_nodes.add(index)
+                waiting += later
+                continue
+            waiting.pop()
+            open_nodes.discard(index)
+            if index not in totals:
+                known = [totals.get(i, (0, 0)) for i in below]  # a circle counts as nothing
+                own = sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
+                totals[index] = 1 + sum(n for n, _ in known), own + sum(t for _, t in known)
+        found = [totals[i] for i in self._roots]
+        return sum(n for n, _ in found), sum(t for _, t in found)
+
+    def _below(self, index: int) -> list[int]:
+        nested, names, _ = self._nodes[index]
+        return [*nested, *(self._by_id[name] for name in names if name in self._by_id)]
