@@ -17,7 +17,7 @@ from texbake.mapping.options import METHOD_OPTIONS
 from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh import decimate
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.shapes import orange
+from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.mesh.streamed.mesh import open_streamed
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
@@ -182,11 +182,17 @@ def rays(drawn: Drawn) -> None:
 def bake(drawn: Drawn) -> None:
     is_colored = drawn.rarely(4)
     high, low = drawn.mesh(most=30, uvs=is_colored or None), low_poly(drawn)
+    if drawn.rarely(3) and not is_colored:
+        bumps = drawn.rng().normal(size=low.positions.shape)
+        high = uv_sphere(9, 12) if low.name == "uv sphere" else low
+        low = low.replace(positions=low.positions + 0.1 * bumps)
     names = CHANNELS if is_colored else MAPS
     maps = tuple(dict.fromkeys(drawn.pick(names) for _ in range(1 + drawn.below(4))))
     samples = drawn.pick((1, 1, 4, 16, "adaptive"))
+    given: dict[str, object] = {}
     if samples == "adaptive":
         maps = ("normal",) if drawn.flag() else ("displacement", "normal")
+        given["max_error"] = drawn.pick((None, "5deg", "0.01deg"))
     cage = None
     if drawn.rarely(4):
         cage = low.replace(positions=low.positions + 0.1 * drawn.floats(low.n_vertices, 3))
@@ -197,12 +203,12 @@ def bake(drawn: Drawn) -> None:
         samples=samples, keep_hits=samples != "adaptive" and drawn.flag(),
         padding=drawn.pick((0, 1, 5)),
         front=front, back=drawn.pick((None, 0.1, 0.5, 1e-300)),
-        bits=drawn.pick((8, 16, 32)), secondary_rays=4,
+        bits=drawn.pick((8, 16, 32)), secondary_rays=4, **given,
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         materials = colored(drawn, Path(folder), high) if is_colored else None
-        given = {"skew_mask": drawn.image(channels=(1,))[..., 0]} if drawn.rarely(4) else {}
-        result = tb.bake(high, low, options, cage=cage, materials=materials, **given)
+        mask = drawn.floats(3, 4, extreme=False) / 4.0 if drawn.rarely(4) else None
+        result = tb.bake(high, low, options, cage=cage, materials=materials, skew_mask=mask)
     if result.hits is not None:
         tb.remap_hits(result, tb.BakeOptions(maps=("normal", "displacement")))
     with tempfile.TemporaryDirectory() as folder:
@@ -212,6 +218,8 @@ def bake(drawn: Drawn) -> None:
 
 def low_poly(drawn: Drawn) -> tb.Mesh:
     """Return a mesh with texture coordinates, most of which lie in the unit square."""
+    if drawn.rarely(4):
+        return drawn.pick((plane(2, 2), uv_sphere(4, 6)))
     mesh = drawn.mesh(uvs=True)
     if drawn.rarely(4):
         return mesh

@@ -146,8 +146,12 @@ def scenes(drawn: Drawn) -> None:
     place = drawn.below(len(scene.objects))
     if drawn.flag():
         scene = with_object(scene, place, replace(scene.objects[place], mesh=mesh))
-    options = replace(options, **looks(drawn))
-    tb.render_scene(scene, options)
+    item = scene.objects[place]
+    if drawn.flag() and item.material.normal_map is not None:
+        normals = replace(item.material.normal_map, space="object")
+        item = replace(item, material=replace(item.material, normal_map=normals))
+        scene = with_object(scene, place, item)
+    tb.render_scene(scene, replace(options, **looks(drawn)))
 
 
 def preview(drawn: Drawn) -> None:
@@ -155,8 +159,11 @@ def preview(drawn: Drawn) -> None:
     angles = tuple((360.0 * drawn.floats(2, extreme=False)).tolist())
     view = (*angles, drawn.pick((None, None, 1e-9, 0.5, 1e9)))
     mesh = drawn.mesh(most=30)
-    tb.render(mesh, options=tb.RenderOptions(width=1 + drawn.below(24), height=1 + drawn.below(16),
-                                             view=view, **looks(drawn)))  # fmt: skip
+    size = {"width": 1 + drawn.below(24), "height": 1 + drawn.below(16)}
+    options = tb.RenderOptions(view=view, **size, **looks(drawn))
+    frame = tb.render(mesh, options=options)
+    if options.max_error is None and options.buffer is None and options.mapping_order == "screen":
+        assert frame.face_ids.max() < mesh.n_faces
 
 
 def looks(drawn: Drawn) -> dict[str, object]:

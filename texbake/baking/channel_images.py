@@ -102,7 +102,8 @@ class ChannelImages:
         places = points.places(image, self.uvs[image.uv_set], self.uv_faces, self.threads)
         if image.is_nearest:
             sizes = np.array([pixels.shape[1], pixels.shape[0]])
-            places = (np.floor(places * sizes) + 0.5) / sizes
+            with np.errstate(over="ignore"):  # infinity is outside every image
+                places = (np.floor(places * sizes) + 0.5) / sizes
         wrap = image.wraps[0]
         if wrap != image.wraps[1]:
             places = _wrapped(places, image.wraps, (pixels.shape[1], pixels.shape[0]))

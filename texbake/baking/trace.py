@@ -281,6 +281,8 @@ class SampleCaster:
         with self.trace.stages.part("closest points"):
             tree = scenes.closest_tree(options.threads)
             rays = self.field.rays(samples.where(rows))
+            reached = np.isfinite(rays.fronts)  # not by rays without a direction
+            rows, rays = rows[reached], rays.where(reached)
             points = rays.origins + rays.directions * rays.fronts[:, np.newaxis]
             facing = -rays.directions if options.cull_back_faces else None
             _, faces, weights = tree.closest_points(points, facing=facing, threads=options.threads)

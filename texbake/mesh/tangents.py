@@ -60,9 +60,13 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]
     >>> image_axes(np.array([[0.0, -2.0], [2.0, 0.0]])).tolist()
     [[0.0, -1.0], [1.0, -0.0]]
     """
+    linear = linear * unit_scale(float(np.abs(linear).max()))  # no product is beyond float64
     if np.linalg.det(linear) == 0.0:
         return np.eye(2, dtype=np.float32)
     axes = np.linalg.inv(linear).T
+    axes = axes * [[unit_scale(float(size))] for size in np.abs(axes).max(axis=1)]
+    if not axes.any(axis=1).all():
+        return np.eye(2, dtype=np.float32)
     return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), np.float32)
 
 
