@@ -27,6 +27,7 @@ from invariance.quantities import (
     ROUNDING,
     SAME,
     VERTEX,
+    Bounds,
     Quantity,
     Side,
     counts,
@@ -92,13 +93,13 @@ def tangents(side: Side) -> Result:
     }  # fmt: skip
 
 
-def _findings(report: texbake.CheckReport) -> Result:
+def _findings(report: texbake.CheckReport, bounds: Bounds = SAME) -> Result:
     found = sorted(
         f"{finding.mesh} {finding.kind.name} {finding.severity} {finding.count}"
         for finding in report.findings
         if finding.kind.name not in OF_PLACE
     )
-    return counts(findings=np.array(found or [""], dtype="U120"))
+    return {"findings": Quantity(values=np.array(found or [""], dtype="U120"), bounds=bounds)}
 
 
 def check(side: Side) -> Result:
@@ -106,7 +107,9 @@ def check(side: Side) -> Result:
 
 
 def check_pair(side: Side) -> Result:
-    return _findings(texbake.check(side.high, side.mesh, texbake.CheckOptions(size=64)))
+    # Centers of texels on the sides of faces change places in a mirror.
+    bounds = {**SAME, MIRROR: None}
+    return _findings(texbake.check(side.high, side.mesh, texbake.CheckOptions(size=64)), bounds)
 
 
 def repair(side: Side) -> Result:
