@@ -2,6 +2,8 @@
 
 import sys
 
+import pytest
+
 from texbake.study.bench.process import run_process
 
 MB = 1 << 20
@@ -47,3 +49,9 @@ def test_a_command_that_is_not_there():
 def test_much_output_does_not_block():
     done = python("print('x' * 1_000_000); print('end')")
     assert done.fault == "" and done.output.endswith("end\n") and len(done.output) <= 100_000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+def test_what_somebody_ends_is_a_fault():
+    done = python("import os, signal; os.kill(os.getppid(), signal.SIGKILL)")
+    assert done.fault == "it was ended from outside: exit code -9"

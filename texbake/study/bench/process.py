@@ -47,8 +47,8 @@ def run_process(command: Sequence[str], *, timeout: float) -> Finished:
             answer = launched.stdout.read()
         finally:
             launched.stdin.close()  # it ends its command, unless that has ended
-    if launched.returncode:
-        raise subprocess.CalledProcessError(launched.returncode, line)
+    if launched.returncode:  # somebody ended it
+        return Finished(fault=f"it was ended from outside: exit code {launched.returncode}")
     report = json.loads(answer)
     return Finished(
         seconds=report.get("seconds", 0.0),
