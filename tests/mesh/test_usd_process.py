@@ -78,6 +78,20 @@ def test_the_end_of_the_process_is_one_line(damage, what, said, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM"])
+def test_a_process_that_is_killed_is_asked_once_more(damage, name):
+    end = f"os.kill(os.getpid(), signal.{name})"
+    once = f"os.path.exists('been') and os._exit(7); open('been', 'w'); {end}"
+    path = damage(once)
+    with pytest.raises(FileFormatError, match="exit code 7"):
+        read_mesh(path)
+    path.with_name("been").unlink()
+    module = path.parent / "modules" / "pxr" / "Sdf.py"
+    module.write_text(module.read_text().replace(once, end + "; " + "#" * 99))
+    with pytest.raises(FileFormatError, match=r"was ended twice"):
+        read_mesh(path)
+
+
 def test_the_kernel_has_the_limits(damage):
     said = "; ".join(
         f"assert resource.getrlimit(resource.RLIMIT_{name})[0] {most}"

@@ -24,6 +24,9 @@ _CHILD = "texbake.mesh.files.usd_child"
 _ONE_THREAD = {
     "PXR_WORK_THREAD_LIMIT": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1",
 }  # fmt: skip
+# The system, when it is short of memory, or a person ends a process so; the file is not at fault.
+_SENT_BY_OTHERS = {-getattr(signal, name, signal.SIGTERM) for name in ("SIGKILL", "SIGTERM")}
+_LOST = ("lost", None)
 
 
 def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
@@ -49,6 +52,18 @@ def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
         As the function that answers the question raises it.
     """
     require_file(path)
+    kind, answer = _asked(path, question, classes) or _asked(path, question, classes) or _LOST
+    if (kind, answer) == _LOST:
+        raise FileFormatError(f"{path}: the process that reads it was ended twice; read it again")
+    if kind == "bug":
+        raise RuntimeError(f"{path}: {answer}")
+    if kind != "answer":
+        raise _error(kind, answer)
+    return answer
+
+
+def _asked(path: PathLike, question: str, classes: Classes) -> tuple[str, Any] | None:
+    """Return the kind of an answer and the answer; None if somebody ended the process."""
     with subprocess.Popen(
         # -P: files in the current folder are not imported as modules.
         [sys.executable, "-P", "-m", _CHILD, question, os.fspath(path), str(os.getpid())],
@@ -59,17 +74,14 @@ def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
     ) as child:
         assert child.stdout is not None
         try:
-            kind, answer = _answer(child.stdout, classes)
+            return _answer(child.stdout, classes)
         except AnswerError:
+            if child.wait() in _SENT_BY_OTHERS:
+                return None
             raise FileFormatError(f"{path}: {_ending(child)}") from None
         finally:
             # The child answers or it is not needed; a signal that ends this process comes here too.
             child.kill()
-    if kind == "bug":
-        raise RuntimeError(f"{path}: {answer}")
-    if kind != "answer":
-        raise _error(kind, answer)
-    return answer
 
 
 def _module_path() -> str:
