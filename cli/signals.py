@@ -6,6 +6,7 @@ after that, while modules are imported or the process is ending, it ends the pro
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import sys
@@ -13,12 +14,13 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from types import FrameType
 from typing import NoReturn
 
 _PATIENCE = 0.5  # seconds in which the work hears a signal
 _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anything
+_AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
 _HEARD = threading.Event()
 _WORKING = threading.Event()
 _NAMES = "SIGINT", "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
@@ -47,6 +49,7 @@ def end_cleanly_on_signals() -> None:
             signal.signal(number, _terminate)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
+    sys.unraisablehook = _raise_again
     if os.name != "nt":  # where only sockets can tell a thread of signals
         told, tells = os.pipe()
         os.set_blocking(tells, False)
@@ -78,6 +81,18 @@ def _interrupt(signal_number: int, frame: FrameType | None) -> NoReturn:
     if not _WORKING.is_set():
         _end(signal_number)
     raise KeyboardInterrupt
+
+
+def _raise_again(unraisable: sys.UnraisableHookArgs) -> None:
+    """Send a signal once more that came where Python drops exceptions, such as in a finalizer."""
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
+        return
+    number = getattr(unraisable.exc_value, "signal_number", int(signal.SIGINT))
+    signal.signal(number, _interrupt if number == signal.SIGINT else _terminate)
+    # A signal of the system ends a wait of the main thread, too.
+    send = _thread.interrupt_main if os.name == "nt" else partial(os.kill, os.getpid())
+    threading.Timer(_AGAIN, send, [number]).start()
 
 
 def _end_unheard(told: int) -> NoReturn:

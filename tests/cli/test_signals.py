@@ -73,6 +73,24 @@ number = int(sys.argv[1])
 sys.argv[1:] = ["info", "mesh.obj"]
 run()
 """
+# A signal in a finalizer, where Python drops exceptions.
+DROPPED = """
+import os, sys, texbake, time
+from texbake_cli import run
+
+class Sent:
+    def __del__(self):
+        os.kill(os.getpid(), number)
+
+def info_file(*arguments, **options):
+    Sent()
+    time.sleep(60)
+
+texbake.info_file = info_file
+number = int(sys.argv[1])
+sys.argv[1:] = ["info", "mesh.obj"]
+run()
+"""
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
@@ -105,7 +123,9 @@ def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path
     assert not list(scratch.iterdir())
 
 
-@pytest.mark.parametrize("code", [EARLY, LATE, FORGOTTEN], ids=["early", "late", "forgotten"])
+@pytest.mark.parametrize(
+    "code", [EARLY, LATE, FORGOTTEN, DROPPED], ids=["early", "late", "forgotten", "dropped"]
+)
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_it_ends_at_any_moment(name: str, code: str, tmp_path: Path) -> None:
     number = getattr(signal, name)
