@@ -21,8 +21,7 @@ def test_killed_commands(hard_cases_dir: Path) -> None:
     run(hard_cases_dir / "kill_commands.py", "--kills 8 --only split-channels")
 
 
-@pytest.mark.parametrize("name", ["split-channels", "build"])
-def test_power_cuts(hard_cases_dir: Path, name: str) -> None:
+def test_power_cuts(hard_cases_dir: Path) -> None:
     if not can_trace():
         pytest.skip("strace is not installed, or may not trace here")
-    run(hard_cases_dir / "power_cuts.py", f"--states 60 --runs 1 --only {name}")
+    run(hard_cases_dir / "power_cuts.py", "--states 60 --runs 1 --only split-channels")
