@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from texbake.errors import DependencyError
 from texbake.mesh.shapes import grid_sphere, icosphere, plane
+from texbake.raycast import embree
 from texbake.raycast.embree import pair_faces
 
 
@@ -49,3 +51,25 @@ def test_split_quads_pair_up():
     mesh = plane(10, 10)
     quads, _ = pair_faces(mesh.faces)
     assert len(quads) == 100
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "said"),
+    [
+        (4, MemoryError, "found no memory to start"),
+        (5, DependencyError, "could not start .error 5"),
+    ],
+)
+def test_an_embree_that_cannot_start_is_no_crash(monkeypatch, number, kind, said):
+    class Library:
+        """As where the system gives no memory: no device, and the error of that."""
+
+        def rtcNewDevice(self, options):  # noqa: N802
+            return None
+
+        def rtcGetDeviceError(self, device):  # noqa: N802
+            return number
+
+    monkeypatch.setattr(embree, "load_library", Library)
+    with pytest.raises(kind, match=said):
+        embree.EmbreeScene(np.zeros((4, 3), np.float32), np.zeros((1, 4), np.int32), 1)

@@ -25,6 +25,7 @@ from texbake.errors import DependencyError
 from texbake.mesh.mesh import IntArray
 
 _FLAG_COMPACT, _FLAG_ROBUST = 2, 4
+_OUT_OF_MEMORY = 4
 _QUALITY_MEDIUM = 1
 _GEOMETRY_QUADS = 1
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
@@ -121,6 +122,8 @@ class EmbreeScene:
         self._vertices[: len(positions)] = positions
         self._quads = quads
         self._device = library.rtcNewDevice(f"threads={threads},hugepages=1".encode())
+        if not self._device:
+            raise _failed(library.rtcGetDeviceError(None), "start")
         self._scene = library.rtcNewScene(self._device)
         library.rtcSetSceneFlags(self._scene, _FLAG_COMPACT | _FLAG_ROBUST)
         library.rtcSetSceneBuildQuality(self._scene, _QUALITY_MEDIUM)
@@ -141,10 +144,7 @@ class EmbreeScene:
         error = library.rtcGetDeviceError(self._device)
         if error:
             self.close()
-            raise DependencyError(
-                f"embreex: Embree could not build its tree over {len(quads)} quads "
-                f"(error {error}); if memory ran out, simplify the high-poly mesh first"
-            )
+            raise _failed(error, f"build its tree over {len(quads)} quads")
 
     def addresses(self) -> tuple[int, int, int]:
         """Return the addresses of the scene, and of the queries for occlusion and the first hit."""
@@ -158,6 +158,12 @@ class EmbreeScene:
             self._library.rtcReleaseScene(self._scene)
             self._library.rtcReleaseDevice(self._device)
             self._scene = self._device = None
+
+
+def _failed(error: int, what: str) -> Exception:
+    if error == _OUT_OF_MEMORY:
+        return MemoryError(f"embreex: Embree found no memory to {what}")
+    return DependencyError(f"embreex: Embree could not {what} (error {error}); reinstall embreex")
 
 
 def pair_faces(faces: IntArray) -> tuple[IntArray, IntArray]:
