@@ -7,7 +7,7 @@ import sys
 
 import click
 
-from texbake import __version__, raised_limits
+from texbake import __version__, limit_own_memory, raised_limits
 
 from .lazy import LazyGroup
 from .signals import clear_after_signal, end_cleanly_on_signals
@@ -55,6 +55,7 @@ def texbake(ctx: click.Context, max_image: int | None, allow_outside: bool) -> N
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     end_cleanly_on_signals()
+    limit_own_memory()
     _open_closed_streams()
     try:
         texbake(prog_name="texbake")

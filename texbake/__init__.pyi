@@ -156,6 +156,7 @@ from .jobs.uv_pictures import (
     write_layout as write_layout,
 )
 from .limits import raised_limits as raised_limits
+from .machine_memory import limit_own_memory as limit_own_memory
 from .mapping.classical.projector import read_matrix as read_matrix
 from .mapping.distortion import (
     Distortion as Distortion,

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from texbake.building import memory
-from texbake.building.memory import machine_memory
+from texbake import machine_memory as memory
 from texbake.building.task import Task, memory_advice
+from texbake.machine_memory import machine_memory
 
 GB = 1 << 30
 COMMAND = [sys.executable, "-P", "-c", "from texbake_cli.main import main; main()"]
@@ -47,7 +47,7 @@ def test_limits_of_control_groups(
 
 @pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA])
 def test_ulimit_is_a_limit_of_memory(kind: int) -> None:
-    code = "from texbake.building.memory import machine_memory; print(machine_memory())"
+    code = "from texbake.machine_memory import machine_memory; print(machine_memory())"
     words = [sys.executable, "-P", "-c", code]
     done = subprocess.run(words, preexec_fn=limited(GB, kind), capture_output=True, check=True)
     assert int(done.stdout) == min(GB, machine_memory())
@@ -70,7 +70,7 @@ def test_a_step_that_does_not_fit_fails_with_one_line(write: Any, tmp_path: Path
     steps = '[steps.ball]\ndo = "make"\nshape = "orange"\noutput = "{asset}.ply"\n'
     done = subprocess.run(
         [*COMMAND, "build", os.fspath(write(assets, steps)), "--jobs", "1", "--quiet"],
-        preexec_fn=limited(800 << 20),
+        preexec_fn=limited(600 << 20),
         capture_output=True,
         text=True,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-from contextlib import suppress
 from pathlib import Path
 
 from texbake.baking.memory import MB, PROCESS, TEXEL, bake_memory
@@ -62,58 +61,6 @@ def size_by_length(name: str, n_bytes: int) -> InputSize:
     suffix = os.path.splitext(name)[1].lower()  # noqa: PTH122  # a URL is no path
     per_face = _BYTES_PER_FACE.get(suffix)
     return InputSize(n_bytes, 0 if per_face is None else n_bytes // per_face)
-
-
-def machine_memory() -> int:
-    """Return the bytes of memory that this process and those that it starts may use together.
-
-    That of the machine, or less where the system limits it: in a control group, as containers have
-    one, or by `ulimit`. 8 GB if the system does not report it.
-    """
-    return min([_physical_memory(), *_group_limits(), *_process_limits()])
-
-
-def _physical_memory() -> int:
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):
-        return 8 << 30
-
-
-def _group_limits(
-    groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
-) -> list[int]:
-    """Return the limits of the control groups of this process, of both versions, and of theirs.
-
-    Within a container the path of its group may lead nowhere; `root` is that group then.
-    """
-    limits = []
-    with suppress(OSError):
-        for line in groups.read_text().splitlines():
-            _, controllers, path = line.split(":", 2)
-            if controllers == "":
-                top, file = root, "memory.max"
-            elif "memory" in controllers.split(","):
-                top, file = root / "memory", "memory.limit_in_bytes"
-            else:
-                continue
-            group = top / path.strip("/")
-            for folder in (group, *group.parents):
-                with suppress(OSError, ValueError):  # "max", for none
-                    limits.append(int((folder / file).read_text()))
-                if folder == top:
-                    break
-    return limits
-
-
-def _process_limits() -> list[int]:
-    """Return the limits of `ulimit -v` and `ulimit -d`; they hold for each process by itself."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return []
-    limits = [resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
-    return [limit for limit in limits if limit != resource.RLIM_INFINITY]
 
 
 def _faces(sizes: Sizes, *roles: str) -> int:

@@ -33,6 +33,7 @@ from texbake.building.task import (
     run_task,
 )
 from texbake.files import new_scratch_folder
+from texbake.machine_memory import limit_own_memory
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
@@ -247,6 +248,7 @@ def main() -> None:
     """Run one task after another, as a worker process."""
     # Ctrl-C reaches all processes of a terminal; the build decides what happens to workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    limit_own_memory()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
