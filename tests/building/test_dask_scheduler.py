@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -13,7 +14,15 @@ from typing import Any
 
 import pytest
 
+from tests.building.dask_cluster import (
+    OTHER_FOLDERS,
+    OTHER_VERSION,
+    WITHOUT_TEXBAKE,
+    Cluster,
+    wait_for,
+)
 from texbake import FileError, OptionError
+from texbake.building import dask_scheduler
 from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent
@@ -21,43 +30,7 @@ from texbake.building.progress import BuildEvent
 pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 
 
-class Cluster:
-    """Processes of a scheduler and of workers."""
-
-    def __init__(self, folder: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.address = f"tcp://127.0.0.1:{port}"
-        self.folder = folder
-        self.scheduler = self._start(
-            "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
-        )
-        self.workers = [self.add_worker() for _ in range(2)]
-
-    def add_worker(self) -> subprocess.Popen[bytes]:
-        return self._start(
-            "worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard",
-            "--local-directory", str(self.folder), "--death-timeout", "20",
-        )  # fmt: skip
-
-    def _start(self, *words: str) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "distributed.cli.dask_" + words[0], *words[1:]],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-
-    def wait(self) -> None:
-        from distributed import Client
-
-        with Client(self.address, timeout=60, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=60)
-
-    def close(self) -> None:
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-            process.wait()
+pytestmark = pytest.mark.filterwarnings("ignore")  # of Dask's own, as a worker goes
 
 
 @pytest.fixture
@@ -65,7 +38,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     with ExitStack() as stack:
         made = Cluster(tmp_path / "dask")
         stack.callback(made.close)
-        made.wait()
+        made.wait(2)
         yield made
 
 
@@ -74,7 +47,6 @@ ASSETS = "".join(
 )
 
 
-@pytest.mark.filterwarnings("ignore")  # of Dask's own, as a worker goes
 def test_a_cluster_of_which_one_worker_is_killed(
     write: Any, tmp_path: Path, cluster: Cluster, contents: Callable[..., Any], run: Any
 ) -> None:
@@ -94,6 +66,7 @@ def test_a_cluster_of_which_one_worker_is_killed(
     assert len(finished) == len(set(finished)) == 18  # nothing twice, nothing lost
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
     assert len(list((tmp_path / "there" / ".texbake" / "store").glob("??/*"))) == 18
+    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
     assert build(path, options).count_steps("current") == 18
 
     # And a scheduler that goes away, which what is done survives.
@@ -110,16 +83,132 @@ def test_a_cluster_of_which_one_worker_is_killed(
     assert contents(tmp_path / "lost") == contents(tmp_path / "here")
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_scheduler_that_is_not_there(write: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from texbake.building import dask_scheduler
+@pytest.fixture
+def mute() -> Iterator[str]:
+    """A server that listens, and is no scheduler."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
 
+
+def test_a_scheduler_that_is_not_there(
+    write: Any, monkeypatch: pytest.MonkeyPatch, mute: str
+) -> None:
     monkeypatch.setattr(dask_scheduler, "_ANSWER_SECONDS", 0.5)
-    start = time.monotonic()
-    with pytest.raises(FileError, match="no Dask scheduler answers there; start one with"):
-        build(write(), BuildOptions(scheduler="tcp://127.0.0.1:9"))
-    assert time.monotonic() - start < 10
+    for address in ("tcp://127.0.0.1:9", f"tcp://{mute}", "tcp://no.such.host.invalid:8786",
+                    "http://127.0.0.1:9", "tcp://127.0.0.1", "tcp://"):  # fmt: skip
+        start = time.monotonic()
+        with pytest.raises(FileError, match="no Dask scheduler answers there; start one with"):
+            build(write(), BuildOptions(scheduler=address))
+        assert time.monotonic() - start < 10
     with pytest.raises(OptionError, match="is in this process"):
         build(write(head='outputs = "memory://x"\n'), BuildOptions(scheduler="tcp://127.0.0.1:9"))
     with pytest.raises(OptionError, match="jobs, scheduler"):
         build(write(), BuildOptions(scheduler="tcp://127.0.0.1:9", jobs=2))
+
+
+def test_workers_that_are_not_fit(write: Any, tmp_path: Path, cluster: Cluster, run: Any,
+                                  contents: Callable[..., Any]) -> None:  # fmt: skip
+    path = write(ASSETS)
+    options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
+    for preload, fault in (
+        (OTHER_VERSION, r"has texbake 0\.0\.1, this is .*; install the same there"),
+        (WITHOUT_TEXBAKE, "does not load texbake .*; install .* there"),
+        (OTHER_FOLDERS, "does not see the store, .*; share this folder with it"),
+    ):
+        worker = cluster.add_worker(preload)
+        cluster.wait(3)
+        with pytest.raises(FileError, match=f"the worker tcp://.* {fault}"):
+            build(path, options)
+        cluster.end(worker)
+    assert not cluster.steps_made
+
+    # One that joins later gets no steps, and the steps that Dask has given it are not lost.
+    notes: list[str] = []
+
+    def join(event: BuildEvent) -> None:
+        if event.event == "note" and event.message:
+            notes.append(event.message)
+        elif event.state == "built" and len(cluster.workers) == 2:
+            cluster.add_worker(OTHER_VERSION)
+            cluster.wait(3)
+
+    result = build(path, options, listener=join)
+    assert result.ok
+    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
+    (note,) = notes
+    assert "gets no steps: it has texbake 0.0.1, this is" in note
+    run(path, folder=tmp_path / "here")
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+def test_two_builds_at_one_store_share_their_steps(
+    write: Any, tmp_path: Path, cluster: Cluster, contents: Callable[..., Any]
+) -> None:
+    path = write(ASSETS, head=f'store = "{(tmp_path / "store").as_posix()}"\n')
+    results: list[bool] = []
+
+    def one(name: str) -> None:
+        options = BuildOptions(scheduler=cluster.address, folder=tmp_path / name)
+        results.append(build(path, options).ok)
+
+    threads = [threading.Thread(target=one, args=(name,)) for name in "ab"]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [True, True]
+    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_a_cluster_whose_workers_all_go(
+    write: Any, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch, run: Any
+) -> None:
+    monkeypatch.setattr(dask_scheduler, "_LOOK_SECONDS", 0.1)
+    monkeypatch.setattr(dask_scheduler, "_GONE_SECONDS", 0.5)
+    notes: list[str] = []
+
+    def end(event: BuildEvent) -> None:
+        if event.event == "note" and event.message:
+            notes.append(event.message)
+        for worker in list(cluster.workers) if event.state == "built" else ():
+            cluster.end(worker)
+
+    options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
+    with pytest.raises(FileError, match="all its workers have disappeared; start some with: dask"):
+        build(write(ASSETS), options, listener=end)
+    assert set(notes) == {
+        f"{cluster.address}: it has no workers left; start some with: dask worker {cluster.address}"
+    }
+    n_kept = len(cluster.steps_made)
+    _, steps = run(write(ASSETS), folder=tmp_path / "there")
+    assert len(steps) == 18 - n_kept
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_killed_build_leaves_no_tasks(
+    write: Any, tmp_path: Path, number: signal.Signals, cluster: Cluster
+) -> None:
+    path = write(ASSETS)
+    code = "from texbake_cli.main import main; main()"
+    client = subprocess.Popen(
+        [sys.executable, "-P", "-c", code, "build", str(path), "--scheduler", cluster.address],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    wait_for(lambda: cluster.steps_made)
+    client.send_signal(number)
+    said = client.communicate(timeout=30)[1].splitlines()
+    assert client.returncode == (-9 if number == signal.SIGKILL else 128 + number)
+    assert len(said) == (number != signal.SIGKILL)
+    cluster.ask(
+        lambda asked: wait_for(
+            lambda: asked.run_on_scheduler(lambda dask_scheduler: not dask_scheduler.tasks)
+        )
+    )
+    n_made = len(cluster.steps_made)
+    time.sleep(0.3)
+    # A step that was running is made to its end; no other one is begun.
+    assert len(cluster.steps_made) <= n_made + 2 and n_made < 18
+    assert build(path, BuildOptions(scheduler=cluster.address)).ok
+    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18

@@ -19,7 +19,7 @@ from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, plan_nodes
 from texbake.building.locations import is_url
 from texbake.building.options import BuildOptions
-from texbake.building.progress import BuildEvent, BuildListener
+from texbake.building.progress import BuildEvent, BuildListener, noted
 from texbake.building.report import (
     FINISHED,
     INSIDE,
@@ -107,10 +107,7 @@ def build(
     site = Site(pipeline, options)
     site.make()
 
-    def note(message: str) -> None:
-        listener(BuildEvent(event="note", message=message))
-
-    with locked(site.inside / "lock", wait=options.wait, note=note):
+    with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
         result = _build(pipeline, site, options, listener, workers)
     if html is not None:
         from texbake.building.overview import write_overview
@@ -239,7 +236,7 @@ def _run(
     workers: Executor | None,
 ) -> None:
     memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())
-    with _crew(options, site, workers) as executor:
+    with _crew(options, site, workers, noted(listener)) as executor:
         Schedule(
             states,
             resolver,
@@ -270,7 +267,7 @@ def local_workers(options: BuildOptions) -> LocalWorkers:
 
 @contextmanager
 def _crew(
-    options: BuildOptions, site: Site, workers: Executor | None
+    options: BuildOptions, site: Site, workers: Executor | None, note: Callable[[str], None]
 ) -> Iterator[Callable[[], Executor]]:
     """Yield a function that makes workers when they are first needed; end them afterwards."""
     made: list[Executor] = []
@@ -285,7 +282,15 @@ def _crew(
 
             for place in (site.store.place, site.outputs):
                 check_shared(place)
-            made.append(DaskWorkers(options.scheduler, options.threads))
+            made.append(
+                DaskWorkers(
+                    options.scheduler,
+                    site.store,
+                    options.threads,
+                    max_memory=options.memory_bytes,
+                    note=note,
+                )
+            )
         return made[0]
 
     try:

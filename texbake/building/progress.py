@@ -54,6 +54,11 @@ class BuildEvent:
 BuildListener = Callable[[BuildEvent], None]
 
 
+def noted(listener: BuildListener) -> Callable[[str], None]:
+    """Return a function that gives a listener a note."""
+    return lambda message: listener(BuildEvent(event="note", message=message))
+
+
 class Outlook:
     """Estimates the time left from the time that steps of each kind have taken so far."""
 

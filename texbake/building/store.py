@@ -8,9 +8,10 @@ are never changed. Published outputs are copies, which may be changed or lost.
 from __future__ import annotations
 
 import json
+import secrets
 import shutil
 from collections.abc import Container, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from texbake.files import appearing_together, scratch_folder
 
 MANIFEST = "manifest.json"
 _TEMPORARY = "tmp"  # never the beginning of a key
+_MARK = "mark.txt"
 Manifest = dict[str, Any]
 Ingredients = dict[str, Any]  # what a key is the checksum of
 
@@ -166,6 +168,28 @@ class Store:
             raise FileError(f"{folder}: cannot be written: {error.strerror}") from error
         self._location.put_folder(folder, entry_name(key), MANIFEST)
         return manifest
+
+    @contextmanager
+    def marked(self) -> Iterator[str]:
+        """Keep a file in the store within the block; yield its name, for `has`.
+
+        A machine that does not find it has another folder of the same path.
+        """
+        with ExitStack() as stack:
+            if self.is_local:
+                folder = stack.enter_context(owned_folder(Path(self.place) / _TEMPORARY))
+                name = f"{_TEMPORARY}/{folder.name}"
+            else:
+                name = f"{_TEMPORARY}/{secrets.token_hex(8)}"
+                stack.callback(self._location.remove, name)
+            source = stack.enter_context(scratch_folder()) / _MARK
+            source.write_text(name, encoding="utf-8")
+            self._location.put(source, f"{name}/{_MARK}")
+            yield f"{name}/{_MARK}"
+
+    def has(self, name: str) -> bool:
+        """Whether a file of this name is in the store."""
+        return self._location.read(name) is not None
 
     def remove(self, key: str) -> None:
         """Remove an entry."""

@@ -1,0 +1,107 @@
+"""A Dask scheduler and workers on the loopback address, which log the steps that they make."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+# Logs the key of each step that a worker makes. Dask runs this twice in each process.
+LOGGING = """
+import os
+from texbake.building.store import Store
+def logged(self, key, *arguments, commit=Store.commit):
+    with open(os.environ["STEPS_MADE"], "a") as file:
+        file.write(key + chr(10))
+    return commit(self, key, *arguments)
+if Store.commit.__name__ != "logged":
+    Store.commit = logged
+"""
+# Workers that something is wrong with.
+OTHER_VERSION = "import texbake\ntexbake.__version__ = '0.0.1'\n"
+WITHOUT_TEXBAKE = "import sys\nsys.modules['texbake'] = None\n"
+OTHER_FOLDERS = """
+from texbake.building.locations import LocalFolder
+LocalFolder.path = lambda self, name: f"/other{self.place}/{name}"
+"""
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 60) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+class Cluster:
+    """Processes of a scheduler and of workers, each with one thread."""
+
+    def __init__(self, folder: Path, n_workers: int = 2) -> None:
+        folder.mkdir(parents=True)
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{port}"
+        self.folder = folder
+        self.scheduler = self._start(
+            "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
+        )
+        self.workers: list[subprocess.Popen[bytes]] = []
+        for _ in range(n_workers):
+            self.add_worker()
+
+    def add_worker(self, preload: str = LOGGING) -> subprocess.Popen[bytes]:
+        """Start a worker, which runs the code of `preload` first."""
+        file = self.folder / f"preload{len(self.workers)}.py"
+        file.write_text(preload)
+        worker = self._start(
+            "worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard",
+            "--local-directory", str(self.folder), "--death-timeout", "20",
+            "--preload", str(file),
+        )  # fmt: skip
+        self.workers.append(worker)
+        return worker
+
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "distributed.cli.dask_" + words[0], *words[1:]],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "STEPS_MADE": str(self.folder / "steps_made")},
+        )
+
+    def ask(self, question: Callable[[Any], Any]) -> Any:
+        """Return the answer of a client of the scheduler."""
+        from distributed import Client
+
+        client: Any = Client
+        with client(self.address, timeout=60, set_as_default=False) as made:
+            return question(made)
+
+    def wait(self, n_workers: int) -> None:
+        """Wait until the scheduler has exactly that many workers."""
+        self.ask(
+            lambda client: wait_for(lambda: len(client.scheduler_info()["workers"]) == n_workers)
+        )
+
+    def end(self, worker: subprocess.Popen[bytes]) -> None:
+        """Kill a worker, and wait until the scheduler knows."""
+        worker.kill()
+        worker.wait()
+        self.workers.remove(worker)
+        self.wait(len(self.workers))
+
+    @property
+    def steps_made(self) -> Counter[str]:
+        """How often each key was made."""
+        file = self.folder / "steps_made"
+        return Counter(file.read_text().split()) if file.exists() else Counter()
+
+    def close(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
