@@ -68,13 +68,12 @@ These cases are refused with one clear error, or cannot be handled better.
 - Areas of texture coordinates farther out than 1e75 tiles cannot be computed either. They are
   neither measured nor drawn, and `texbake check` only reports that they lie outside.
 - STL and GLB store float32: larger values are refused, and no file is written.
-- Which triangle a ray hits is decided in float32 in the joint bounding box. Walls 1e-5 of the size
-  thick are resolved to 1 % of their thickness, which leaves smooth normals off by up to a degree at
-  their edges. The position of the hit on the triangle is computed in float64.
-- Rays that miss are tested again exactly. If back faces are not culled, a ray that slips through a
-  vertex of a closed mesh hits the back of the far side, and that hit is accepted.
+- Walls 1e-5 of the size thick are resolved to 1 % of their thickness, which leaves smooth normals
+  off by up to a degree at their edges.
 - Faces that cross by less than a millionth of the mesh's size count as touching.
 - An atlas is made on a grid of 2^-20 of the mesh's size: thinner faces are reduced to a point.
+- Where faces lie on one another, or normals around a vertex cancel, the first face of the file
+  counts.
 - Of coplanar faces of two objects, the one drawn first is visible, at every pixel.
 - `mip_chain(kind="normal")` accepts vectors up to a length of 1e19; squares of longer ones overflow
   float32.
