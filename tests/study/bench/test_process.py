@@ -1,10 +1,12 @@
 """Whole processes: their time, memory, output and faults."""
 
+import os
+import subprocess
 import sys
 
 import pytest
 
-from texbake.study.bench.process import run_process
+from texbake.study.bench.process import RUNNERS, run_process
 
 MB = 1 << 20
 
@@ -55,3 +57,12 @@ def test_much_output_does_not_block():
 def test_what_somebody_ends_is_a_fault():
     done = python("import os, signal; os.kill(os.getppid(), signal.SIGKILL)")
     assert done.fault == "it was ended from outside: exit code -9"
+
+
+def test_a_report_that_nobody_reads_is_no_error():
+    launcher = [sys.executable, "-I", str(RUNNERS / "launcher.py"), "60", sys.executable, "-c", ""]
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(launcher, stdin=subprocess.PIPE, stdout=writer, stderr=subprocess.PIPE)
+    os.close(writer)
+    assert done.stderr == b""

@@ -27,7 +27,7 @@ def main(timeout, *command):
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT
             )
         except OSError as error:
-            print(json.dumps({"code": 127, "output": str(error)}))
+            answer({"code": 127, "output": str(error)})
             return
         late = threading.Event()
 
@@ -48,7 +48,15 @@ def main(timeout, *command):
         unit = 1 if sys.platform == "darwin" else 1024
         report["processor_seconds"] = usage.ru_utime + usage.ru_stime
         report["peak_bytes"] = usage.ru_maxrss * unit
-    print(json.dumps(report))
+    answer(report)
+
+
+def answer(report):
+    """Print the report, unless the program that wants it has ended."""
+    try:
+        print(json.dumps(report), flush=True)
+    except OSError:
+        os._exit(1)  # Python would print the error once more
 
 
 def end_with_stdin(process):
