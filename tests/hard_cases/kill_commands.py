@@ -1,6 +1,7 @@
 """Commands that are killed at any moment: what is left, and what does the next run make of it?
 
     python tests/hard_cases/kill_commands.py [--kills 1000] [--only NAME] [--rows FILE.jsonl]
+        [--patience 1]
 
 Every command that writes is stopped by KILL, TERM or INT, sent to it, to its process group or to
 one of its children, at a random moment, or, with strace, as it enters one of the calls that sync,
@@ -65,8 +66,9 @@ CALLS = {
 class Kill:
     """One command that is stopped once."""
 
-    def __init__(self, case: Case, luck: random.Random) -> None:
+    def __init__(self, case: Case, luck: random.Random, patience: float) -> None:
         self.case = case
+        self.patience = patience
         self.state = luck.choice(["new", "older", "older"])
         self.signal = luck.choice(list(SIGNALS))
         self.victim = luck.choice(["process", "process", "group"])
@@ -136,7 +138,7 @@ class Kill:
 
     def _look(self, running: Running) -> None:
         self._look_at_the_end(running)
-        until = time.monotonic() + 2.0
+        until = time.monotonic() + 2.0 * self.patience
         while (living := orphans(self.case.folder)) and time.monotonic() < until:
             time.sleep(0.02)
         if living:
@@ -165,7 +167,7 @@ class Kill:
             fine = (code == 0 and not said) or (
                 code == CODES[self.signal] and said == SAYS[self.signal]
             )
-            if self.late > PROMPT and code:
+            if self.late > PROMPT * self.patience and code:
                 self.faults.append(f"it ended after {self.late:.1f} s")
         if not fine:
             self.faults.append(f"exit code {code}, with {said[-3:]}")
@@ -287,6 +289,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=1000)
     parser.add_argument("--only", action="append", choices=LINES, help="a command; repeatable")
     parser.add_argument("--seed", type=int, default=16)
+    parser.add_argument("--patience", type=float, default=1.0, help="a factor of both times")
     parser.add_argument("--rows", type=Path, help="file for all kills, one JSON object per line")
     arguments = parser.parse_args()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # not ignored in the background
@@ -297,7 +300,7 @@ def main() -> int:
         cases = [prepared(name, root) for name in arguments.only or LINES]
         for case in shares(cases, arguments.kills):
             for _ in range(MOST_ATTEMPTS):
-                kills.append(Kill(case, luck))
+                kills.append(Kill(case, luck, arguments.patience))
                 kills[-1].run()
                 _say(kills[-1], len(kills), arguments.rows)
                 if not kills[-1].ended_before:

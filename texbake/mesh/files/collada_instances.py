@@ -99,7 +99,7 @@ class _Graph:
             elif tag == "geometry":
                 geometry = element.get("id", "")
                 self._triangles.setdefault(geometry, 0)
-            elif inside and tag in ("instance_node", "instance_geometry", "instance_controller"):
+            elif inside and tag in ("instance_node", "instance_geometry"):
                 placed = self._nodes[inside[-1]][1 if tag == "instance_node" else 2]
                 placed.append(element.get("url", "").lstrip("#"))
             path.append(tag)
