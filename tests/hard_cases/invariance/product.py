@@ -87,12 +87,6 @@ UNDECIDED = (
         reason="what touches a face closer than 2^-16 of the size may hide it",
     ),
     Undecided(
-        commands=("unwrap two-part, box",),
-        kinds=(FACES, CORNERS),
-        meshes=frozenset(case.name for case in MESHES),
-        reason="a face as near to one side of the box as to another goes to either by rounding",
-    ),
-    Undecided(
         commands=("bake-texture of a photograph",),
         kinds=TURNS,
         meshes=frozenset({"duplicate faces", "wall thinner than the cage", "negative zeros"}),

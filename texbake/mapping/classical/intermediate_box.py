@@ -23,6 +23,8 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 SideArray = npt.NDArray[np.int64]
 
+_ROUNDING = 2.0**-40  # of unit vectors, and of distances: of sides as near, the first is taken
+
 # Axes of the box in the frame: its pictures have the axis up and e1 as the front.
 _UPRIGHT = [1, 2, 0]
 
@@ -75,6 +77,8 @@ class Box:
             across an edge of the box, and corners at the center.
         """
         points, directions = points[:, _UPRIGHT], directions[:, _UPRIGHT]
+        # A ray along a side must not meet it far away by rounding.
+        directions = np.where(np.abs(directions) <= _ROUNDING, 0.0, directions)
         corner_sides = self._sides(points, directions)[faces]
         sides = corner_sides[:, 0].copy()
         across = (corner_sides != sides[:, None]).any(axis=1)
@@ -119,7 +123,7 @@ class Box:
         """
         corners = points[:, _UPRIGHT][faces]
         chosen = _or_outward(normals[:, _UPRIGHT][faces], corners.mean(axis=1))
-        axes = np.abs(chosen).argmax(axis=1)
+        axes = _first_least(-np.abs(chosen))
         sides = 2 * axes + (np.take_along_axis(chosen, axes[:, None], axis=1)[:, 0] < 0.0)
         return Projected(corners=side_pictures(corners, sides, self.half, self.options))
 
@@ -128,17 +132,26 @@ class Box:
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             gaps = np.copysign(self.half, directions) - points
             steps = np.where(directions == 0.0, np.inf, gaps / directions)
-        axes = steps.argmin(axis=1)
+        axes = _first_least(steps)
         ahead = np.take_along_axis(directions, axes[:, None], axis=1)[:, 0]
         none = (directions == 0.0).all(axis=1)
         if none.any():
-            axes[none] = (self.half - np.abs(points[none])).argmin(axis=1)
+            gaps = self.half - np.abs(points[none])
+            axes[none] = _first_least(gaps, _ROUNDING * self.half.max())
             ahead[none] = np.take_along_axis(points[none], axes[none, None], axis=1)[:, 0]
         return np.asarray(2 * axes + (ahead < 0.0))
+
+
+def _first_least(values: FloatArray, slack: float = 0.0) -> SideArray:
+    """(N,) int64: the first column that is the least of its row but for rounding."""
+    least = values.min(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):  # infinite
+        near = values <= least + _ROUNDING * np.abs(least) + slack
+    return np.asarray((near | (values == least)).argmax(axis=1))
 
 
 def _or_outward(directions: FloatArray, middles: FloatArray) -> FloatArray:
     """(n, 3): sums of the corners' directions; the outward direction where they cancel."""
     sums = directions.sum(axis=1)
-    canceled = np.abs(sums).max(axis=1, initial=0.0) <= 2.0**-40  # rounding of unit vectors
+    canceled = np.abs(sums).max(axis=1, initial=0.0) <= _ROUNDING
     return np.where(canceled[:, None], middles, sums)
