@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -190,7 +191,7 @@ def _files(paths: Iterable[Path]) -> list[Path]:
     """Return the files, and the meshes in folders sorted by name, without duplicates."""
     files: dict[Path, None] = {}
     for path in paths:
-        if not path.is_dir():
+        if not os.path.isdir(path):  # noqa: PTH112  # no error for a name that is too long
             files[path] = None
             continue
         inside = sorted(file for file in path.iterdir() if file.suffix.lower() in MESH_SUFFIXES)

@@ -58,6 +58,8 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
     [
         ("unwrap", "ball.obj", "-o", "x" * 300 + ".obj"),
         ("run", "ball.obj", "-o", "x" * 300, "--faces", "20"),
+        ("bake", "x" * 300 + ".obj", "ball.obj", "-o", "maps"),
+        ("bake", "ball.obj", "x" * 300 + ".obj", "-o", "maps"),
     ],
 )
 def test_a_name_that_is_too_long_is_one_line(tmp_path, monkeypatch, arguments):
@@ -67,3 +69,11 @@ def test_a_name_that_is_too_long_is_one_line(tmp_path, monkeypatch, arguments):
     assert result.exit_code == 1
     assert "File name too long" in result.output
     assert result.output.count("\n") == 1
+
+
+def test_a_name_that_is_as_long_as_names_may_be(tmp_path):
+    """The name of a file beside it, of further texture coordinates, would be too long."""
+    texbake.write_mesh(icosphere(1), tmp_path / "ball.obj")
+    path = (tmp_path / "ball.obj").rename(tmp_path / f"{'x' * 250}.obj")
+    result = CliRunner().invoke(command, ["info", str(path)])
+    assert (result.exit_code, result.exception) == (0, None)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from texbake.baking.map_names import MAP_NAMES
 from texbake.errors import FileError, OptionError, quoted
-from texbake.files import PathLike
+from texbake.files import PathLike, is_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.image import Image
 
@@ -169,7 +169,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
         Two files are the same map, or no file is a map.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise FileError(f"{folder}: there is no such folder; give one that bake has written")
     found: dict[str, Path] = {}
     taken = {kind_of(name, named or ()) for name in named or {}}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError
-from texbake.files import PathLike, remove_file
+from texbake.files import PathLike, is_file, remove_file
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
 
@@ -54,7 +54,7 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
         The file is damaged, or belongs to other faces.
     """
     beside = uv_sets_path(path)
-    if not beside.is_file():
+    if not is_file(beside):
         return {}
     try:
         arrays = read_arrays(beside)
