@@ -151,7 +151,10 @@ def without(text, number):
         ("# nothing\n", "it has no patches"),
         (b"2\n\0\1\2", "it is not a patch file; it holds binary data"),
         (b"\x89PNG\r\n\x1a\n", "it is not a patch file; it is not text"),
-        ("It was a dark and stormy night.\n", "line 1: 'It was a dark and st' is not a number of"),
+        (
+            "It was a dark and stormy night.\n",
+            "line 1: 'It was a dark and stormy night.' is not a number of",
+        ),
         ("0\n", "line 1: '0' is not a number of patches"),
         ("-3\n", "line 1: '-3' is not a number of patches"),
         ("2\n", "it ends before patch 1 of 2"),

@@ -374,7 +374,7 @@ def test_the_first_perspective_camera_is_the_view(asset, tmp_path):
     np.testing.assert_allclose(camera.axes, [[0, 0, -1], [0, 1, 0], [1, 0, 0]], atol=1e-12)
     assert camera.fov == pytest.approx(0.5)
     assert camera.near == 0.01
-    assert scene.notes == ("the camera 'plan' is orthographic; only perspective is supported",)
+    assert scene.notes == ("the camera 'plan' is 'orthographic'; only perspective is supported",)
 
 
 def test_extensions(asset, tmp_path):

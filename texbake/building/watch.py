@@ -19,9 +19,9 @@ from texbake.building.report import BuildResult
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
 
-_POLL_SECONDS = 0.5
+_POLL_SECONDS = 0.25
 # A build does not wait longer than so many polls: some programs save without a pause.
-_MOST_POLLS = 20
+_MOST_POLLS = 40
 
 Signatures = dict[str, Any]
 
@@ -38,7 +38,7 @@ def watch(
     """Build a pipeline, and again whenever the pipeline file or a file that it reads is saved.
 
     A build starts once nothing changes any more, for programs that save in several steps, and at
-    the latest 20 polls after the first change. Workers stay warm between builds.
+    the latest 40 polls after the first change. Workers stay warm between builds.
 
     Parameters
     ----------

@@ -49,7 +49,8 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     array([[0., 0., 1.]])
     """
     normals = np.empty((mesh.n_faces, 3))
-    scale = _position_scale(mesh.positions)
+    # A vertex that no face uses may lie anywhere.
+    scale = unit_scale(float(np.abs(mesh.bounds).max())) if mesh.n_faces else 1.0
 
     def work(start: int, stop: int) -> None:
         core.face_normals(mesh.positions, mesh.faces, scale, AREA_ROUNDING, start, stop, normals)
