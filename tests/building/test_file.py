@@ -9,6 +9,7 @@ import pytest
 
 from texbake import FileError, FileFormatError, OptionError
 from texbake.building.build import plan_build
+from texbake.building.file import read_pipeline
 from texbake.building.options import BuildOptions
 
 Write = Callable[..., Path]
@@ -202,3 +203,9 @@ def test_only_names_assets(write: Write) -> None:
 def test_chosen_steps_of_an_asset_bring_their_inputs(write: Write) -> None:
     path = write('[[assets]]\nname = "a"\nsteps = "low"\n')
     assert [step.step for step in plan_build(path)] == ["high", "low"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="Linux has such a file")
+def test_a_file_that_cannot_be_read_is_one_error() -> None:
+    with pytest.raises(FileError, match="cannot be read"):
+        read_pipeline("/proc/self/mem")

@@ -18,7 +18,7 @@ from texbake.building.locate import key_lines, line_of
 from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
-from texbake.files import PathLike, require_file
+from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.rendering.scene.file.faults import (
     fault,
@@ -196,9 +196,9 @@ def read_pipeline(path: PathLike) -> Pipeline:
     FileFormatError
         It is not TOML, or something in it is wrong; the message names line and key.
     """
-    require_file(path)
+    data = read_bytes(path)
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
         content = tomllib.loads(text.replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not a pipeline file: it is not UTF-8 text") from error
