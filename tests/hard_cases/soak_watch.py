@@ -127,7 +127,7 @@ def slope(times: list[float], values: list[float]) -> float:
 def save(path: Path, number: int, text: str) -> None:
     """Save the mesh at another size, as a modeling program does: beside its place, then renamed."""
     lines = [
-        f"v {' '.join(str(float(x) * (2 + number / 1000)) for x in line.split()[1:4])}"
+        f"v {' '.join(str(float(x) * (1 + number / 100_000)) for x in line.split()[1:4])}"
         if line.startswith("v ") else line
         for line in text.splitlines()
     ]  # fmt: skip
