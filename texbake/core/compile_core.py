@@ -34,7 +34,7 @@ FLAGS = (
     "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas",
 )  # fmt: skip
 SANITIZER_FLAGS = (
-    "-std=c17", "-O1", "-g", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden",
+    "-std=c17", "-O2", "-g", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden",
     "-fsanitize=address,undefined", "-fno-sanitize=vla-bound", "-fno-sanitize-recover=undefined",
     "-fno-omit-frame-pointer",
 )  # fmt: skip
