@@ -189,6 +189,26 @@ def test_a_cluster_whose_workers_all_go(
     assert len(steps) == 18 - len(kept)
 
 
+def test_results_that_come_late(
+    write: Any, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from distributed import Future
+
+    late: set[str] = set()
+
+    def result(self: Any, timeout: float, result: Any = Future.result) -> Any:
+        if self.key not in late:
+            late.add(self.key)
+            raise TimeoutError
+        return result(self, timeout)
+
+    monkeypatch.setattr(Future, "result", result)
+    options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
+    assert build(write(ASSETS), options).ok
+    assert len(late) == 18
+    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_a_killed_build_leaves_no_tasks(
     write: Any, tmp_path: Path, number: signal.Signals, cluster: Cluster

@@ -192,13 +192,26 @@ class DaskWorkers:
     def _note(self, number: int, future: Any) -> None:
         """Receive the outcome of a task; called by one of Dask's threads."""
         try:
-            outcome = TaskOutcome(**future.result(timeout=_ANSWER_SECONDS))
+            outcome = TaskOutcome(**self._result(future))
         except (ImportError, AttributeError, TypeError) as error:  # another texbake, or none
             outcome = TaskOutcome(status=LOST, error=f"{type(error).__name__}: {error}")
         except BaseException as error:
             message = _ending(error, self._tasks[number])
             outcome = TaskOutcome(status=FAILED, error=" ".join(message.split()))
         self._outcomes.put((number, outcome))
+
+    def _result(self, future: Any) -> Any:
+        """Return the result of a task that is done.
+
+        It may have to come from a worker that has gone since, and then the task runs again; or this
+        process may have been stopped while it waited. So a long wait is no fault of the task.
+        """
+        while True:
+            try:
+                return future.result(timeout=_ANSWER_SECONDS)
+            except TimeoutError:
+                if future.status == "error" or self._client.status != "running":
+                    raise
 
     def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
         """Wait until a task is done or the timeout is over; return the outcomes of finished tasks.
