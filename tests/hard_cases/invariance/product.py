@@ -93,12 +93,6 @@ UNDECIDED = (
         reason="the camera lies in the plane of a face, and sees it or not by rounding",
     ),
     Undecided(
-        commands=("levels of detail",),
-        kinds=(PLACE,),
-        meshes=frozenset({"coordinates of 1e200"}),
-        reason="squares of such coordinates overflow",
-    ),
-    Undecided(
         commands=("orientation",),
         kinds=TURNS,
         meshes=frozenset({"coordinates three deep"}),

@@ -83,9 +83,10 @@ def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) ->
     assert finest.uvs is not None and finest.uv_faces is not None
     frame = LocalFrame.around(finest)
     tree = TriangleTree.build(frame.to_local(finest.positions), finest.faces, threads=threads)
-    points, face_ids, weights = sample_surface(level, _SAMPLES, threads=threads)
-    _, nearest, nearest_weights = tree.closest_points(frame.to_local(points), threads=threads)
+    local = level.replace(positions=frame.to_local(level.positions))
+    points, face_ids, weights = sample_surface(local, _SAMPLES, threads=threads)
+    _, nearest, nearest_weights = tree.closest_points(points, threads=threads)
     here = np.einsum("nc,ncx->nx", weights, level.uvs[level.uv_faces[face_ids]])
     there = np.einsum("nc,ncx->nx", nearest_weights, finest.uvs[finest.uv_faces[nearest]])
     width = np.ptp(finest.uvs[finest.uv_faces.ravel()], axis=0).max()
-    return float((np.linalg.norm(here - there, axis=1) > _FAR * width).mean())
+    return float((np.hypot(*(here - there).T) > _FAR * width).mean())
