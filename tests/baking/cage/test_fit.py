@@ -10,7 +10,7 @@ from texbake.baking.cage.fit import fit_cage
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import icosphere, orange, plane, uv_sphere
+from texbake.mesh.shapes import cube, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import simplify
 
 
@@ -156,6 +156,19 @@ def test_vertices_without_a_normal_stay_with_a_warning() -> None:
     assert cage.n_still == line.n_vertices
     assert any("no face around them has an area" in warning for warning in cage.warnings)
     assert fit_cage(plane(4, 4), low).n_still == 0
+
+
+def test_normals_that_cancel_move_no_vertex_far() -> None:
+    """The normals of a cube and its inside cancel, but for the rounding that a turn makes."""
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    box = cube()
+    both = box.replace(
+        positions=box.positions @ turn,
+        faces=np.vstack([box.faces, box.faces[:, ::-1]]),
+        normals=None, normal_faces=None, uvs=None, uv_faces=None,
+    )  # fmt: skip
+    high = both.replace(positions=both.positions * 1.05)
+    assert fit_cage(high, both).distances.max() < 1.0
 
 
 @pytest.mark.parametrize("margin", [-1.0, float("nan"), float("inf")])

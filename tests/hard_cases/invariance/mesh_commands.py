@@ -181,8 +181,9 @@ def simplified(quality: str, error: str | None = None) -> Command:
 
 def cage(side: Side) -> Result:
     found = texbake.fit_cage(side.high, side.mesh, threads=1)
-    # As far as the margin that is added everywhere.
-    bounds = within(1e-4)
+    # The margin is a share of the bounding box, which turns change. Vertices move in one by one,
+    # so that where each one stops depends on their order.
+    bounds = within(1e-4, turn=2.5e-4, **{VERTICES: 2e-3})
     return {"distances": Quantity(values=found.distances, unit=LENGTH, per=VERTEX, bounds=bounds)}
 
 

@@ -105,11 +105,13 @@ def _ray_points(
     # A ray that hits a front face starts outside the high-poly mesh and meets another part of it.
     hit = hit[np.einsum("nx,nx->n", facing, outward[hit]) > 0.0]
     distances = hits.distances[hit]
+    # Where the normals of corners all but cancel, no distance along them would do.
+    exact = lengths[hit] >= _FOLDED
     return OuterPoints(
         origins[hit] + distances[:, None] * outward[hit],
         owners[hit],
-        distances / lengths[hit],
-        np.ones(len(hit), dtype=np.bool_),
+        distances / np.where(exact, lengths[hit], 1.0),
+        exact,
     )
 
 
