@@ -21,6 +21,18 @@ def logged(self, key, *arguments, commit=Store.commit):
 if Store.commit.__name__ != "logged":
     Store.commit = logged
 """
+# Ends with its process, as if the system had run out of memory.
+DEADLY = ("3", "maps")
+ENDING = f"""
+import os
+from texbake.building import dask_task
+def ending(values, run_task=dask_task.run_task):
+    if (values["asset"], values["step"]) == {DEADLY}:
+        os._exit(9)
+    return run_task(values)
+if dask_task.run_task.__name__ != "ending":
+    dask_task.run_task = ending
+"""
 # Workers that something is wrong with.
 OTHER_VERSION = "import texbake\ntexbake.__version__ = '0.0.1'\n"
 WITHOUT_TEXBAKE = "import sys\nsys.modules['texbake'] = None\n"

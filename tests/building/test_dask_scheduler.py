@@ -15,6 +15,9 @@ from typing import Any
 import pytest
 
 from tests.building.dask_cluster import (
+    DEADLY,
+    ENDING,
+    LOGGING,
     OTHER_FOLDERS,
     OTHER_VERSION,
     WITHOUT_TEXBAKE,
@@ -187,6 +190,28 @@ def test_a_cluster_whose_workers_all_go(
     assert kept
     _, steps = run(write(ASSETS), folder=tmp_path / "there")
     assert len(steps) == 18 - len(kept)
+
+
+def test_a_step_that_ends_its_workers(
+    write: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Dask gives a step up once it has ended some workers; all other assets are finished."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
+    cluster = Cluster(tmp_path / "dask", n_workers=0)
+    try:
+        for _ in range(3):
+            cluster.add_worker(LOGGING + ENDING)
+        cluster.wait(3)
+        options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
+        result = build(write(ASSETS), options)
+    finally:
+        cluster.close()
+    ended = [(asset.name, step) for asset in result.assets for step in asset.steps if step.error]
+    ((asset, step),) = ended
+    assert (asset, step.step) == DEADLY
+    assert "2 workers ended while they ran it, the last one tcp://127.0.0.1:" in step.error
+    assert "the system may have run out of memory" in step.error and "\n" not in step.error
+    assert len(cluster.steps_made) == 17
 
 
 def test_results_that_come_late(
