@@ -1,10 +1,14 @@
 """Welding: the first equal row, bit for bit."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
+from texbake.core import core
 from texbake.mesh.weld import weld_rows
 
 
@@ -46,3 +50,24 @@ def test_rows_are_left_as_they_are():
 
 def test_all_rows_equal():
     assert not weld_rows(np.zeros((20_000, 3))).any()
+
+
+def test_rows_whose_hashes_collide_for_known_keys_take_no_longer(monkeypatch):
+    """Known keys make the table a list, in which each row is looked for. Keys are never known."""
+    candidates = np.random.default_rng(3).random((1 << 22, 1))
+    words, hashes = candidates.view(np.uint32), np.empty(len(candidates), np.uint32)
+    known = bytes(range(1, 25))
+    core.hash_rows(words, np.frombuffer(known, np.uint64), 0, len(words), hashes)
+    rows = candidates[hashes % 8192 < 4][:2000]  # a table of 4,096
+    assert len(rows) == 2000
+
+    def seconds():
+        start = time.process_time()
+        firsts = weld_rows(rows)
+        end = time.process_time()
+        assert firsts.tolist() == list(range(len(rows)))
+        return end - start
+
+    unknown = min(seconds() for _ in range(9))
+    monkeypatch.setattr(os, "urandom", lambda n: known[:n])
+    assert min(seconds() for _ in range(3)) > 10 * unknown  # 66 times, as measured

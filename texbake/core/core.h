@@ -1256,8 +1256,8 @@ void sample_volume(
 
 /* weld.c */
 void hash_rows(
-    int64_t n, int64_t k, const uint32_t words[n][k], int64_t start, int64_t stop,
-    uint32_t hashes[n]);
+    int64_t n, int64_t k, const uint32_t words[n][k], const uint64_t keys[k + 1], int64_t start,
+    int64_t stop, uint32_t hashes[n]);
 int64_t weld_part(
     int64_t n, int64_t k, const uint32_t words[n][k], const uint32_t hashes[n], int64_t part_bits,
     int64_t part, int32_t firsts[n]);

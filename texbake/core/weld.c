@@ -4,7 +4,11 @@
    in a table that fits a processor's cache. So parts can run side by side, and the result is the
    same for any number of threads.
 
-   Based on: Austin Appleby, MurmurHash2, 2008 (multiply and shift).
+   The hash has random keys, so that no file can be made whose rows all fall into one place of the
+   table. The result depends on the rows alone.
+
+   Based on: Daniel Lemire, Owen Kaser, "Strongly Universal String Hashing is Fast", 2014 (sum of
+   products with keys); Sebastiano Vigna, splitmix64, 2015 (its end mixes the sum).
 
    Called from texbake/mesh/weld.py. */
 
@@ -13,22 +17,17 @@
 #include "arena.h"
 #include "core.h"
 
-static const uint64_t FACTOR = 0xC6A4A7935BD1E995;
-
-/* Hash rows start to stop - 1. */
+/* Hash rows start to stop - 1. The last key stands alone, the others are factors of the columns. */
 void hash_rows(
-    int64_t n, int64_t k, const uint32_t words[n][k], int64_t start, int64_t stop,
-    uint32_t hashes[n])
+    int64_t n, int64_t k, const uint32_t words[n][k], const uint64_t keys[k + 1], int64_t start,
+    int64_t stop, uint32_t hashes[n])
 {
     for (int64_t row = start; row < stop; row++) {
-        uint64_t mixed = (uint64_t)k;
-        for (int64_t column = 0; column < k; column++) {
-            uint64_t word = words[row][column] * FACTOR;
-            word ^= word >> 47;
-            mixed = (mixed ^ (word * FACTOR)) * FACTOR;
-        }
-        mixed ^= mixed >> 47;
-        mixed *= FACTOR;
+        uint64_t mixed = keys[k];
+        for (int64_t column = 0; column < k; column++)
+            mixed += words[row][column] * keys[column];
+        mixed = (mixed ^ mixed >> 30) * 0xBF58476D1CE4E5B9u;
+        mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EBu;
         hashes[row] = (uint32_t)(mixed >> 32);
     }
 }

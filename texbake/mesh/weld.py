@@ -7,6 +7,7 @@ texture coordinates share a tangent. Both are found here, exactly, with no toler
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -45,16 +46,18 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     words = values.view(np.uint32)
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
+    # A hash that is known lets a file be made whose rows all collide.
+    keys = np.frombuffer(os.urandom(8 * (words.shape[1] + 1)), np.uint64)
 
     if len(words) <= _SMALL:
         np.add(rows, rows.dtype.type(0), out=values)
-        core.hash_rows(words, 0, len(words), hashes)
+        core.hash_rows(words, keys, 0, len(words), hashes)
         core.weld_part(words, hashes, 0, 0, firsts)
         return firsts
 
     def work(start: int, stop: int) -> None:
         np.add(rows[start:stop], rows.dtype.type(0), out=values[start:stop])  # -0.0 + 0.0 is 0.0
-        core.hash_rows(words, start, stop, hashes)
+        core.hash_rows(words, keys, start, stop, hashes)
 
     run_bands(work, len(words), band=1 << 15, threads=threads)
     run_bands(
