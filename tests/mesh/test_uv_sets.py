@@ -1,10 +1,14 @@
 """Further sets of texture coordinates: in a mesh, through files and through what changes meshes."""
 
+import json
+import struct
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
+from texbake.arrays import read_arrays, write_arrays
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.jobs.convert import transform_file
 from texbake.jobs.unwrapping import unwrap_files
@@ -15,7 +19,7 @@ from texbake.mesh.compose import excerpt, join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.mesh.turn import turned_over
-from texbake.mesh.uv_sets import UvSet
+from texbake.mesh.uv_sets import MOST_UV_SETS, UvSet
 
 
 @pytest.fixture
@@ -167,3 +171,56 @@ def test_an_obj_file_that_is_not_written_keeps_its_further_sets(mesh, tmp_path, 
             assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == older
     write_mesh(plain, path)
     assert [file.name for file in tmp_path.iterdir()] == ["ball.obj"]
+
+
+def test_a_mesh_has_a_limited_number_of_sets(mesh):
+    found = mesh.uv_set("lightmap")
+    most = {f"set {i}": found for i in range(MOST_UV_SETS)}
+    assert len(mesh.replace(uv_sets=most).uv_sets) == MOST_UV_SETS
+    with pytest.raises(MeshError, match="it has 65 sets of texture coordinates besides the first"):
+        mesh.replace(uv_sets={**most, "one more": found})
+
+
+def one_array_as_many_sets(path, n_primitives, n_sets):
+    """Write a GLB file whose primitives name one accessor as sets of names of their own."""
+    write_mesh(uv_sphere(3, 4), path)
+    data = path.read_bytes()
+    n_text = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + n_text])
+    (mesh,) = document["meshes"]
+    uvs = mesh["primitives"][0]["attributes"]["TEXCOORD_0"]
+    mesh["primitives"][0]["attributes"] |= {f"TEXCOORD_{i + 1}": uvs for i in range(n_sets)}
+    names = [{f"TEXCOORD_{i + 1}": f"{k} {i}" for i in range(n_sets)} for k in range(n_primitives)]
+    document["meshes"] = [{**mesh, "extras": extras} for extras in names]
+    document["nodes"] = [{"mesh": k} for k in range(n_primitives)]
+    document["scenes"] = [{"nodes": list(range(n_primitives))}]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + n_text :]
+    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+    path.write_bytes(head + text + rest)
+
+
+@pytest.mark.parametrize(("n_primitives", "n_sets"), [(1, 65), (13, 5)])
+def test_a_file_that_names_one_array_as_many_sets_is_refused(
+    tmp_path, monkeypatch, n_primitives, n_sets
+):
+    path = tmp_path / "many.glb"
+    one_array_as_many_sets(path, n_primitives, n_sets - 1)
+    assert len(read_mesh(path).uv_sets) == n_primitives * (n_sets - 1)
+    one_array_as_many_sets(path, n_primitives, n_sets)
+    monkeypatch.setattr(np, "concatenate", lambda *_, **__: pytest.fail("they were joined"))
+    with pytest.raises(MeshError, match=r"many\.glb: it has 65 sets .* at most 64 are read"):
+        read_mesh(path)
+
+
+def test_a_file_beside_an_obj_file_with_many_sets_is_refused(mesh, tmp_path):
+    path = tmp_path / "a.obj"
+    write_mesh(mesh, path)
+    arrays = read_arrays(tmp_path / "a.uvs.npz")
+    names = [f"set {i}" for i in range(65)]
+    arrays |= {f"uvs_{i}": arrays["uvs_0"] for i in range(65)}
+    arrays |= {f"faces_{i}": arrays["faces_0"] for i in range(65)}
+    write_arrays(tmp_path / "a.uvs.npz", {**arrays, "names": np.array(names)})
+    with pytest.raises(MeshError, match="it has 65 sets"):
+        read_mesh(path)

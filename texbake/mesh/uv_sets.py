@@ -18,6 +18,10 @@ from texbake.errors import MeshError, quoted
 if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
 
+MOST_UV_SETS = 64
+"""Further sets of a mesh: each takes as much memory as its faces, and a file can name one array as
+any number of sets."""
+
 
 @dataclass(frozen=True, eq=False)
 class UvSet:
@@ -35,14 +39,25 @@ class UvSet:
     faces: npt.NDArray[np.int32]
 
 
+def require_few_sets(n_sets: int, mesh: str) -> None:
+    """Raise `MeshError` for more further sets than a mesh can have."""
+    if n_sets > MOST_UV_SETS:
+        raise MeshError(
+            f"{mesh}: it has {n_sets:,} sets of texture coordinates besides the first, and at most "
+            f"{MOST_UV_SETS} are read; remove those that nothing uses"
+        )
+
+
 def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mapping[str, UvSet]:
     """Return sets with read-only arrays of their types.
 
     Raises
     ------
     MeshError
-        A name is empty, a number is not finite, an index is out of range, or shapes do not match.
+        There are too many, a name is empty, a number is not finite, an index is out of range, or
+        shapes do not match.
     """
+    require_few_sets(len(sets), mesh)
     checked = {}
     for name, item in sets.items():
         if not isinstance(name, str) or not name.strip() or not name.isprintable():

@@ -34,7 +34,7 @@ from texbake.mesh.files.gltf_nodes import (
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.uv_sets import UvSet
+from texbake.mesh.uv_sets import UvSet, require_few_sets
 
 MAX_CORNERS = (1 << 31) - 1
 """Corners of triangles, and vertices, that 32-bit indices can count."""
@@ -156,10 +156,12 @@ class _MeshReader:
 def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:
     """Put parts into one mesh, each moved by its matrix."""
     pieces = parts.pieces
+    set_names = dict.fromkeys(chain.from_iterable(parts.uv_sets))
+    require_few_sets(len(set_names), name)
     joiner = _Joiner(pieces, matrices)
     uvs, uv_faces = joiner.values([piece.uvs for piece in pieces], 2)
     uv_sets = {}
-    for set_name in dict.fromkeys(chain.from_iterable(parts.uv_sets)):
+    for set_name in set_names:
         numbers = (sets.get(set_name, -1) for sets in parts.uv_sets)
         rows = [piece.further_uvs.get(i) for piece, i in zip(pieces, numbers, strict=True)]
         uv_sets[set_name] = UvSet(*joiner.values(rows, 2))

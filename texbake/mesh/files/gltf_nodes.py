@@ -17,13 +17,14 @@ import numpy.typing as npt
 
 from texbake.errors import quoted
 from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files.gltf_uv_sets import further_sets
 from texbake.mesh.mesh import FloatArray
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""
 INDICES = "indices"
-MAX_PLACED = 100_000_000
-"""Triangles that the nodes of a file may place, if its meshes have fewer."""
+MAX_PLACED = 20_000_000
+"""Triangles, or vertices, that a file may place if its buffers have fewer bytes: some 1 GB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,18 +97,19 @@ def require_placeable(placed: PlacedNodes) -> None:
     # A triangle takes more than a byte, unless it is there several times.
     if n_placed > MAX_PLACED and n_placed > document.n_bytes:
         document.fail(
-            f"its nodes repeat {sum(counts.values()):,} triangles until there are {n_placed:,}; "
-            f"more than {MAX_PLACED:,} are not read"
+            f"its nodes and UV sets repeat {sum(counts.values()):,} triangles or vertices until "
+            f"there are {n_placed:,}; more than {MAX_PLACED:,} are not read"
         )
 
 
 def _size(document: Document, primitive: dict[str, Any]) -> int:
-    """Triangles of a primitive, or a third of its vertices where these are more."""
+    """Triangles of a primitive, or vertices where these are more, once for each of its UV sets."""
     n_triangles = triangle_count(document, primitive)
     if n_triangles == 0:
         return 0
     position = document.mapping(primitive, "attributes")["POSITION"]
-    return max(n_triangles, document.integer(document.item("accessors", position), "count", 0) // 3)
+    n_vertices = document.integer(document.item("accessors", position), "count", 0)
+    return max(n_triangles, n_vertices) * (1 + len(further_sets(document, primitive)))
 
 
 def placed_nodes(document: Document) -> PlacedNodes:

@@ -11,18 +11,27 @@ from collections.abc import Collection
 from typing import Any
 
 from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.uv_sets import require_few_sets
 
 _DIGITS = re.compile("[0-9]{1,9}")
 
 
 def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
-    """Numbers of the sets of texture coordinates of a primitive after the first."""
+    """Numbers of the sets of texture coordinates of a primitive after the first.
+
+    Raises
+    ------
+    MeshError
+        There are more than a mesh can have.
+    """
     names = (key.partition("_") for key in document.mapping(primitive, "attributes"))
-    return sorted(
+    numbers = sorted(
         int(number)
         for kind, _, number in names
         if kind == "TEXCOORD" and _DIGITS.fullmatch(number) and int(number) > 0
     )
+    require_few_sets(len(numbers), str(document.path))
+    return numbers
 
 
 def uv_set_names(
