@@ -15,7 +15,14 @@ from texbake_cli.main import texbake as command
 
 import texbake
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.limits import ALLOW_OUTSIDE, MAX_IMAGE, file_beside, is_within, require_image_size
+from texbake.limits import (
+    ALLOW_OUTSIDE,
+    MAX_IMAGE,
+    file_beside,
+    is_within,
+    require_few_pixels,
+    require_image_size,
+)
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import read_materials
@@ -242,3 +249,119 @@ def test_an_output_with_too_long_a_name_is_an_error_of_one_line(tmp_path, name, 
     result = CliRunner().invoke(command, words)
     assert result.exit_code == 1
     assert isinstance(result.exception, SystemExit)
+
+
+@pytest.fixture
+def five_images(tmp_path, monkeypatch):
+    """Write an OBJ file with five materials, each with an image of the greatest size."""
+    monkeypatch.setenv(MAX_IMAGE, "512")
+    folder = tmp_path / "five"
+    folder.mkdir()
+    ball = uv_sphere(6, 6)
+    ids = np.arange(ball.n_faces, dtype=np.int32) % 5
+    write_mesh(
+        ball.replace(face_groups=ids, group_names=tuple(f"m{i}" for i in range(5))),
+        folder / "ball.obj",
+    )
+    text = (folder / "ball.obj").read_text().replace("\ng ", "\nusemtl ")
+    (folder / "ball.obj").write_text("mtllib ball.mtl\n" + text)
+    lines = [f"newmtl m{i}\nmap_Kd {i}.png\n" for i in range(5)]
+    (folder / "ball.mtl").write_text("".join(lines))
+    for i in range(5):
+        (folder / f"{i}.png").write_bytes(bomb(512))
+    return folder / "ball.obj"
+
+
+def no_image_is_decoded(monkeypatch):
+    def decoded(*_, **__):
+        pytest.fail("an image was decoded")
+
+    monkeypatch.setattr("texbake.texture.image._read_with_openimageio", decoded)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["convert", "ball.obj", "out.glb"],
+        ["convert", "ball.obj", "out.obj"],
+        ["lighten", "ball.obj", "-o", "out.glb"],
+        ["bake", "ball.obj", "ball.obj", "--maps", "base-color", "-o", "out.png"],
+    ],
+    ids=["to glTF", "to OBJ", "lighten", "bake"],
+)
+def test_images_of_a_model_that_are_too_large_together_are_refused(five_images, monkeypatch, line):
+    no_image_is_decoded(monkeypatch)
+    monkeypatch.chdir(five_images.parent)
+    result = CliRunner().invoke(command, line)
+    assert result.exit_code == 1, result.output
+    assert "the 5 images of its model have 1,310,720 pixels together, more than" in result.output
+    assert "--max-image 573" in result.output  # 4 x 573 x 573 = 1,313,316
+
+
+def test_images_of_a_model_may_be_larger_together_if_the_user_says_so(five_images, monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "573")
+    monkeypatch.chdir(five_images.parent)
+    result = CliRunner().invoke(command, ["convert", "ball.obj", "out.glb"])
+    assert result.exit_code == 0, result.output
+
+
+def test_images_with_as_much_content_as_photographs_count_as_none(monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "512")
+    require_few_pixels("a.glb", [(512, 512, 512 * 512 // 16)] * 1000)
+    with pytest.raises(FileFormatError, match="the 1,000 images"):
+        require_few_pixels("a.glb", [(512, 512, 512 * 512 // 17)] * 1000)
+
+
+@pytest.fixture
+def with_images(gltf):
+    """Write a glTF file whose triangles have one material for each image of a list."""
+
+    def write(images, views=(), buffers=()):
+        path = gltf("data", "wood.png")
+        document = json.loads(path.read_text())
+        n = len(images)
+        document["images"] = images
+        document["textures"] = [{"source": i} for i in range(n)]
+        document["materials"] = [
+            {"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(n)
+        ]
+        (primitive,) = document["meshes"][0]["primitives"]
+        document["meshes"][0]["primitives"] = [{**primitive, "material": i} for i in range(n)]
+        document["bufferViews"] += views
+        document["buffers"] += buffers
+        path.write_text(json.dumps(document))
+        return path
+
+    return write
+
+
+def test_images_of_a_gltf_scene_that_are_too_large_together_are_refused(with_images, monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "512")
+    path = with_images([{"uri": f"{i}.png"} for i in range(5)])
+    for i in range(5):
+        (path.parent / f"{i}.png").write_bytes(bomb(512))
+    no_image_is_decoded(monkeypatch)
+    with pytest.raises(FileFormatError, match="the 5 images of its model have 1,310,720 pixels"):
+        read_scene(path)
+
+
+def test_one_file_that_many_images_name_is_one_image(with_images):
+    names = ["wood.png", "./wood.png", "../asset/wood.png", "%77ood.png", ".//wood.png"]
+    path = with_images([{"uri": name} for name in names])
+    materials = read_materials(path, read_mesh(path))
+    assert {m.channels["base-color"].image.name for m in materials.materials} == {
+        f"{path}: images[0]"
+    }
+
+
+def test_images_that_share_the_bytes_of_a_buffer_are_refused(with_images):
+    data = bomb(64)
+    uri = "data:;base64," + base64.b64encode(data).decode()
+    views = [{"buffer": 1, "byteLength": len(data)} for _ in range(20)]
+    path = with_images(
+        [{"bufferView": 2 + i} for i in range(20)],
+        views,
+        [{"byteLength": len(data), "uri": uri}],
+    )
+    with pytest.raises(FileFormatError, match=r"images have [\d,]+ bytes, and its buffers only"):
+        read_materials(path, read_mesh(path))

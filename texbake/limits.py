@@ -7,8 +7,9 @@ machine. Each limit is an environment variable, so that worker processes have it
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,6 +22,9 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
 DEFAULT_MAX_IMAGE = 16384
+MOST_IMAGES = 4
+"""Images of the greatest size that a file may hold, or more smaller ones."""
+_PIXELS_PER_BYTE = 16  # that images of photographs never reach
 LONGEST_NAME = 400
 """Characters of a path that a file names."""
 
@@ -77,6 +81,36 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
             f"{path}: it has {width} x {height} pixels of {n_channels} "
             f"channel{'s' * (n_channels != 1)}, more than {side} x {side}; if you trust the file, "
             f"read it with texbake --max-image {needed}"
+        )
+
+
+def require_few_pixels(path: PathLike, images: Iterable[tuple[int, int, int]]) -> None:
+    """Raise `FileFormatError` if the images of a file have too many pixels together.
+
+    They may have as many as four images of the greatest size, or 16 for each byte of their files.
+
+    Parameters
+    ----------
+    path
+        Of the file, or the name of one of its images.
+    images
+        Width, height and bytes of each.
+
+    Raises
+    ------
+    FileFormatError
+        They have more.
+    OptionError
+        The environment variable is not a number of pixels.
+    """
+    sizes = list(images)
+    n_pixels = sum(width * height for width, height, _ in sizes)
+    most = MOST_IMAGES * _max_image() ** 2
+    if n_pixels > max(most, _PIXELS_PER_BYTE * sum(n_bytes for *_, n_bytes in sizes)):
+        needed = math.isqrt(-(-n_pixels // MOST_IMAGES) - 1) + 1
+        raise FileFormatError(
+            f"{path}: the {len(sizes):,} images of its model have {n_pixels:,} pixels together, "
+            f"more than {most:,}; if you trust the file, read it with texbake --max-image {needed}"
         )
 
 

@@ -62,7 +62,7 @@ def test_a_mesh_is_read_once_for_all_nodes(instances, monkeypatch):
 def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
     monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
     path = instances(2000, claimed=MAX_PLACED // 1000)
-    with pytest.raises(FileFormatError, match="60,000 triangles .* until there are 120,000,"):
+    with pytest.raises(FileFormatError, match=r"60,000 triangles .* until there are 120,000,"):
         read(path)
 
 

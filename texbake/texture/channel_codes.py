@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
-from texbake.mesh.materials import ChannelImage
+from texbake.errors import FileFormatError
+from texbake.limits import MOST_IMAGES, require_few_pixels
+from texbake.mesh.materials import ChannelImage, Materials
 from texbake.texture.encoding import encode_srgb
-from texbake.texture.image import FloatImage, decode_image
+from texbake.texture.image import FloatImage, decode_image, image_shape
 
 _ALPHA = 3
+
+
+def require_decodable(materials: Materials) -> None:
+    """Raise `FileFormatError` if the images of materials have too many pixels together.
+
+    Only their headers are read.
+    """
+    images = {
+        source.image.name: source.image.data
+        for material in materials.materials
+        for source in material.channels.values()
+        if source.image is not None
+    }
+    if len(images) <= MOST_IMAGES:
+        return
+    sizes = []
+    for name, data in images.items():
+        with suppress(FileFormatError):  # whoever decodes it says what is wrong
+            width, height, _ = image_shape(data, name)
+            sizes.append((width, height, len(data)))
+    require_few_pixels(next(iter(images)), sizes)
 
 
 def image_codes(

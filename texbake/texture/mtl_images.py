@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     Materials,
     MeshMaterial,
 )
-from texbake.texture.channel_codes import components_of, image_codes
+from texbake.texture.channel_codes import components_of, image_codes, require_decodable
 from texbake.texture.encoding import quantize_unsigned
 from texbake.texture.png_files import png_parts
 
@@ -44,7 +44,13 @@ def mtl_images(
         With the channels of `MTL_CHANNELS`. Images of one channel each, PNG or JPEG.
     lost : tuple of str
         What is not in them, in words.
+
+    Raises
+    ------
+    FileFormatError
+        The images have too many pixels together.
     """
+    require_decodable(materials)
     lost: dict[str, None] = {}
     made: dict[tuple[str, tuple[int, ...]], ChannelImage] = {}
     changed = []

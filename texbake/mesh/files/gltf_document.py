@@ -217,6 +217,17 @@ class Document:
         """Bytes of all buffers together."""
         return sum(len(buffer) for buffer in self.buffers)
 
+    @cached_property
+    def n_image_bytes(self) -> int:
+        """Bytes of the views that hold images, each view once."""
+        views = self.items("bufferViews")
+        held = {image.get("bufferView") for image in self.items("images")}
+        return sum(
+            self.integer(views[index], "byteLength", 0)
+            for index in held
+            if type(index) is int and 0 <= index < len(views)
+        )
+
     def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
         n_bytes = self.integer(buffer, "byteLength")
         uri = buffer.get("uri")

@@ -11,7 +11,9 @@ KHR_texture_transform and EXT_texture_webp.
 from __future__ import annotations
 
 import base64
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,7 @@ from texbake.limits import file_beside
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document
 
+_MOST_TIMES = 4  # that the images of a file may be larger than its buffers: none overlap
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)
@@ -233,12 +236,15 @@ def image_path(document: Document, index: int) -> Path | None:
 
 
 def image_source(document: Document, index: int) -> str | int | None:
-    """Return what an image is read from, its uri or its view: equal for images that are the same.
+    """Return what an image is read from, its file or its view: equal for images that are the same.
 
     A small file could list one large image many times.
     """
     image = document.item("images", index)
     source = image.get("uri", image.get("bufferView"))
+    if isinstance(source, str) and not source.startswith("data:"):
+        with suppress(ValueError, OSError):  # a file of one folder has many paths
+            return os.path.realpath(document.path.parent / unquote(source))
     return source if isinstance(source, str | int) else None
 
 
@@ -258,6 +264,11 @@ def image_bytes(document: Document, index: int) -> bytes:
     image = document.item("images", index)
     uri = image.get("uri")
     if not isinstance(uri, str):
+        if document.n_image_bytes > _MOST_TIMES * document.n_bytes:
+            document.fail(
+                f"its images have {document.n_image_bytes:,} bytes, and its buffers only "
+                f"{document.n_bytes:,}"
+            )
         return document.view_bytes(image.get("bufferView")).tobytes()
     try:
         return base64.b64decode(uri.partition(",")[2])

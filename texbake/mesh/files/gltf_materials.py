@@ -95,7 +95,8 @@ class _MaterialReader:
 
     document: Document
     missing: MissingParts = field(default_factory=MissingParts)
-    _images: dict[str | int | None, bytes | str] = field(default_factory=dict)
+    # Content, or why there is none, and index of the first image that is read from a source.
+    _images: dict[str | int | None, tuple[bytes | str, int | None]] = field(default_factory=dict)
 
     def material(self, index: int | None) -> MeshMaterial:
         """Read the material with an index; None means glTF's default material."""
@@ -170,15 +171,15 @@ class _MaterialReader:
         index = texture.image
         source = None if index is None else image_source(self.document, index)
         if source not in self._images:
-            self._images[source] = self._bytes(index)
-        data = self._images[source]
+            self._images[source] = self._bytes(index), index
+        data, first = self._images[source]
         if isinstance(data, str):
             line = f"{shortened(material)}: {data}; the material keeps its factors"
             self.missing.add(where.name, line, image=self._image_name(index))
             return None
         return ChannelImage(
             data=data,
-            name=f"{self.document.path}: images[{index}]",
+            name=f"{self.document.path}: images[{first}]",
             components=where.components,
             wraps=texture.wraps,
             placing=_placing(texture),

@@ -11,12 +11,14 @@ left with v up, and texture transforms are converted accordingly.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from texbake.errors import FileError
 from texbake.files import require_file
+from texbake.limits import MOST_IMAGES, require_few_pixels
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
     GltfMaterial,
@@ -29,7 +31,7 @@ from texbake.mesh.files.gltf_material_read import (
 )
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
-from texbake.texture.image import Image, decode_image
+from texbake.texture.image import Image, decode_image, image_shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +165,26 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image:
+        if not self._images:
+            self._require_few_pixels()
         source = None if index is None else image_source(self.document, index)
         if (source, color) not in self._images:
             self._images[source, color] = self._opened(index, color)
         return self._images[source, color]
+
+    def _require_few_pixels(self) -> None:
+        """Raise `FileFormatError` if all images of the document have too many pixels together."""
+        indices = range(len(self.document.items("images")))
+        firsts = {image_source(self.document, index): index for index in reversed(indices)}
+        if len(firsts) <= MOST_IMAGES:
+            return
+        sizes = []
+        for index in firsts.values():
+            with suppress(FileError):  # whoever reads it says what is wrong
+                data = image_bytes(self.document, index)
+                width, height, _ = image_shape(data, f"images[{index}]")
+                sizes.append((width, height, len(data)))
+        require_few_pixels(self.document.path, sizes)
 
     def _opened(self, index: int | None, color: bool) -> Path | Image:
         """Return the path of an image beside the file, or the pixels of one in it."""
