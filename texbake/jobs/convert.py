@@ -9,6 +9,7 @@ from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import JobResult, check_mesh
 from texbake.jobs.written import SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.repair import RepairReport, repair
 from texbake.mesh.repair_options import RepairOptions
@@ -46,9 +47,10 @@ def repair_file(
         A warning names what the output cannot hold. Materials are lost if faces were removed.
     """
     check_mesh(output)
-    read = read_mesh(mesh, progress=progress)
+    with parsed_once():
+        read = read_mesh(mesh, progress=progress)
+        materials = SourceMaterials.read(mesh, read)
     repaired, report = repair(read, options)
-    materials = SourceMaterials.read(mesh, read)
     files, warnings = write_with_materials(repaired, output, materials, mtl=mtl)
     return JobResult(files=files, report=report, warnings=warnings)
 
@@ -82,8 +84,9 @@ def transform_file(
         The report is the mesh that was written. A warning names what the output cannot hold.
     """
     check_mesh(output)
-    read = read_mesh(mesh, progress=progress)
+    with parsed_once():
+        read = read_mesh(mesh, progress=progress)
+        materials = SourceMaterials.read(mesh, read)
     moved = transform(read, options)
-    materials = SourceMaterials.read(mesh, read)
     files, warnings = write_with_materials(moved, output, materials, mtl=mtl)
     return JobResult(files=files, report=moved, warnings=warnings)

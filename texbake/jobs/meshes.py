@@ -21,6 +21,7 @@ from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import FileContents, read_contents
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.info import MeshInfo, mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
@@ -99,8 +100,9 @@ def info_file(
         `uv_size` is given, and the mesh has no texture coordinates.
     """
     size = None if uv_size is None else UnwrapOptions(size=uv_size).size
-    read = read_mesh(mesh, progress=progress)
-    contents = read_contents(mesh)
+    with parsed_once():
+        read = read_mesh(mesh, progress=progress)
+        contents = read_contents(mesh)
     images = {} if contents is None else contents.images
     return MeshFileInfo(
         mesh=mesh_info(read),

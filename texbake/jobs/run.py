@@ -44,6 +44,7 @@ from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
@@ -360,11 +361,13 @@ def run_files(
     options = options or RunOptions()
     check_page(html)
     check_folder(folder)
-    mesh = read_mesh(high, progress=progress)
-    materials = model_materials(high, mesh)
+    with parsed_once():
+        mesh = read_mesh(high, progress=progress)
+        materials = model_materials(high, mesh)
+        without = left_out(high)
     result = run(mesh, folder, options, materials=materials, progress=progress)
     missing = (
-        *left_out(high),
+        *without,
         *(() if materials is None else materials.notes(CHANNELS)),
         *compared_without(high, materials),
     )

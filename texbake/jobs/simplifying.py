@@ -16,6 +16,7 @@ from texbake.jobs.outputs import (
 )
 from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
@@ -109,8 +110,9 @@ def simplify_levels(
     for n_faces, output in levels:
         check_target(n_faces, error)
         check_mesh(output)
-    read = read_mesh(mesh, progress=progress)
-    materials = SourceMaterials.read(mesh, read)
+    with parsed_once():
+        read = read_mesh(mesh, progress=progress)
+        materials = SourceMaterials.read(mesh, read)
     high, turned = oriented(read, orientation, threads=threads)
     done = []
     for n_faces, output in levels:

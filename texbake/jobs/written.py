@@ -17,6 +17,7 @@ from texbake.jobs.outputs import BARE_MESH_SUFFIXES, SUFFIXES_OF_UV_SETS, given,
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.texture.gltf_images import gltf_images
@@ -50,14 +51,16 @@ class SourceMaterials:
     def read(cls, path: PathLike, mesh: Mesh) -> SourceMaterials:
         """Read the materials of the file that a mesh was read from."""
         lost: tuple[str, ...] = ()
-        try:
-            materials = read_materials(path, mesh)
-        except TexbakeError:  # it is damaged
-            materials, lost = None, ("materials",)
+        with parsed_once():
+            try:
+                materials = read_materials(path, mesh)
+            except TexbakeError:  # it is damaged
+                materials, lost = None, ("materials",)
+            further = passed_over(path)
         if materials is not None and not any(item.channels for item in materials.materials):
             lost = ("materials",) if materials.missing else ()
             materials = None
-        return cls(path=Path(path), materials=materials, lost=lost, passed_over=passed_over(path))
+        return cls(path=Path(path), materials=materials, lost=lost, passed_over=further)
 
     def fit(self, output: PathLike, *, mtl: bool) -> bool:
         """Whether there are materials, and a file of the format of `output` holds them."""

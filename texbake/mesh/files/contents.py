@@ -134,13 +134,16 @@ def _of_gltf(document: Document) -> FileContents:
     )
 
 
+_OWN_CHANNELS = [
+    where for where in GLTF_CHANNELS if not where.is_extension and where.name != "alpha"
+]
+
+
 def _gltf_channels(
     document: Document, material: dict[str, Any], names: list[str]
 ) -> dict[str, str | None]:
     channels: dict[str, str | None] = {}
-    for where in GLTF_CHANNELS:
-        if where.is_extension or where.name == "alpha":
-            continue
+    for where in _OWN_CHANNELS:
         owner = document.mapping(material, where.owner) if where.owner else material
         if where.texture in owner:
             image = read_texture(document, document.mapping(owner, where.texture)).image

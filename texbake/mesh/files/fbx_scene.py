@@ -18,7 +18,7 @@ from texbake.mesh.files.fbx_ascii import read_ascii
 from texbake.mesh.files.fbx_binary import MAGIC, read_binary
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_transforms import WORLD, geometric, place, scene_axes
-from texbake.mesh.files.source import decode_name, read_array
+from texbake.mesh.files.source import decode_name, parsed, read_array
 from texbake.mesh.mesh import FloatArray
 
 Id = int | str
@@ -95,6 +95,10 @@ def read_scene(path: PathLike) -> FbxScene:
     FileFormatError
         It is not FBX, or it is damaged.
     """
+    return parsed(path, _read_scene)
+
+
+def _read_scene(path: PathLike) -> FbxScene:
     data = read_array(path)
     is_binary = data[: len(MAGIC)].tobytes() == MAGIC
     root = (read_binary if is_binary else read_ascii)(path, data)

@@ -11,7 +11,8 @@ zeros.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -20,9 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError
+from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import is_mirroring, normal_map, signed_tangents, with_alpha
+from texbake.mesh.files.gltf_batches import Wanted, read_primitives
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import (
     INDICES,
@@ -33,6 +35,7 @@ from texbake.mesh.files.gltf_nodes import (
 )
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
+from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet, require_few_sets
 
@@ -56,10 +59,10 @@ def read_gltf(path: PathLike) -> Mesh:
     MeshError
         There are no triangles, or a coordinate is not finite.
     """
-    document = read_document(path)
-    placed = placed_nodes(document)
-    require_placeable(placed)
-    parts = _placed_parts(placed)
+    with parsed_once():
+        placed = placed_nodes(read_document(path))
+        require_placeable(placed)
+        parts = _placed_parts(placed)
     if not parts.nodes:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     return _joined(parts, placed.mesh_matrices(placed.matrices())[parts.nodes], Path(path).name)
@@ -88,6 +91,7 @@ class _Parts:
 def _placed_parts(placed: PlacedNodes) -> _Parts:
     """Read what the nodes of a scene place, each primitive once."""
     reader = _MeshReader(placed.document)
+    reader.read_ahead(node["mesh"] for node in placed.nodes if "mesh" in node)
     parts = _Parts()
     n_corners = 0
     for i, node in enumerate(placed.nodes):
@@ -123,6 +127,24 @@ class _MeshReader:
     _meshes: dict[int, tuple[str, list[_Piece]]] = field(default_factory=dict)
     _primitives: dict[Any, PrimitiveMesh | None] = field(default_factory=dict)
 
+    def read_ahead(self, indices: Iterable[Any]) -> None:
+        """Read those primitives of meshes together that can be; nothing is wrong with the others.
+
+        What is wrong is named where `mesh` comes to it.
+        """
+        wanted: dict[Any, Wanted] = {}
+        with suppress(FileFormatError):
+            for index in dict.fromkeys(index for index in indices if type(index) is int):
+                mesh = self.document.item("meshes", index)
+                for primitive in self.document.objects(mesh, "primitives"):
+                    key = self._key(primitive)
+                    if key is not None and key not in wanted:
+                        further = further_sets(self.document, primitive)
+                        wanted[key] = Wanted(primitive, further=tuple(further))
+        pieces = read_primitives(self.document, list(wanted.values()))
+        found = zip(wanted, pieces, strict=True)
+        self._primitives |= {key: piece for key, piece in found if piece is not None}
+
     def mesh(self, index: Any) -> tuple[str, list[_Piece]]:
         """Name of a mesh, and its primitives that have triangles."""
         if type(index) is int and index in self._meshes:
@@ -142,15 +164,27 @@ class _MeshReader:
         return self._meshes[index]
 
     def _piece(self, primitive: dict[str, Any], further: list[int]) -> PrimitiveMesh | None:
-        attributes = self.document.mapping(primitive, "attributes")
-        numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
-        numbers += attributes.values()
-        if "extensions" in primitive or not all(type(number) is int for number in numbers):
+        key = self._key(primitive)
+        if key is None:
             return read_primitive(self.document, primitive, further=further)
-        key = (*attributes, *numbers)
         if key not in self._primitives:
             self._primitives[key] = read_primitive(self.document, primitive, further=further)
         return self._primitives[key]
+
+    def _key(self, primitive: dict[str, Any]) -> Any:
+        """Return what is equal for primitives that share all arrays; None where that is not known.
+
+        Raises
+        ------
+        FileFormatError
+            Its attributes are no object.
+        """
+        attributes = self.document.mapping(primitive, "attributes")
+        numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
+        numbers += attributes.values()
+        if "extensions" in primitive or set(map(type, numbers)) != {int}:
+            return None
+        return (*attributes, *numbers)
 
 
 def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:

@@ -9,7 +9,6 @@ Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 from __future__ import annotations
 
 import base64
-import gc
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,7 +23,7 @@ from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
-from texbake.mesh.files.source import ByteArray, read_array
+from texbake.mesh.files.source import ByteArray, parsed, parsed_once, read_array
 
 _MAGIC = b"glTF"
 _JSON_CHUNK = 0x4E4F534A
@@ -41,7 +40,7 @@ _READ = (
     "MSFT_texture_dds",
 )
 
-_COMPONENTS: dict[int, np.dtype[Any]] = {
+COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("i1"),
     5121: np.dtype("u1"),
     5122: np.dtype("<i2"),
@@ -49,7 +48,7 @@ _COMPONENTS: dict[int, np.dtype[Any]] = {
     5125: np.dtype("<u4"),
     5126: np.dtype("<f4"),
 }
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class Document:
         values = owner.get(key, [])
         if id(values) in self._checked:
             return values  # type: ignore[no-any-return]
-        if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
+        if not isinstance(values, list) or set(map(type, values)) - {dict}:
             self.fail(f"{quoted(key)} is not a list of objects")
         if key in owner:
             self._checked.add(id(values))
@@ -154,7 +153,7 @@ class Document:
         accessor = self.item("accessors", index)
         count = self.integer(accessor, "count")
         dtype = self._component(accessor)
-        width = _WIDTHS.get(str(accessor.get("type")), 0)
+        width = WIDTHS.get(str(accessor.get("type")), 0)
         if width == 0:
             self.fail(f"accessors[{index}] has the unknown type {quoted(accessor.get('type'))}")
         if "bufferView" in accessor:
@@ -252,9 +251,9 @@ class Document:
 
     def _component(self, owner: dict[str, Any]) -> np.dtype[Any]:
         component = owner.get("componentType")
-        if not isinstance(component, int) or component not in _COMPONENTS:
+        if not isinstance(component, int) or component not in COMPONENTS:
             self.fail(f"the component type {quoted(component)} is not known")
-        return _COMPONENTS[component]
+        return COMPONENTS[component]
 
     def _read(
         self, place: dict[str, Any], count: int, dtype: np.dtype[Any], width: int
@@ -295,13 +294,18 @@ def read_document(path: PathLike) -> Document:
     FileFormatError
         It is not glTF 2.0, it is damaged, or it requires an extension that is not read.
     """
+    return parsed(path, _read_document)
+
+
+def _read_document(path: PathLike) -> Document:
     data = read_array(path)
     binary = data[:0]
     text = data
     if data[:4].tobytes() == _MAGIC:
         text, binary = _chunks(path, data)
     try:
-        content = _parsed(text.tobytes().decode("utf-8-sig"))
+        with parsed_once():  # without looking for cycles
+            content = json.loads(text.tobytes().decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not a glTF file; its JSON does not parse") from error
     if not isinstance(content, dict) or "asset" not in content:
@@ -314,17 +318,6 @@ def read_document(path: PathLike) -> Document:
         if extension not in _READ and not extension.startswith(_HARMLESS):
             document.fail(f"it needs {shortened(extension)}, which is not read")
     return document
-
-
-def _parsed(text: str) -> Any:
-    """Parse JSON, which holds no cycles: looking for them would take longer than the rest."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        return json.loads(text)
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:

@@ -109,10 +109,10 @@ def read_primitive(
         positions=positions[kept],
         faces=vertices[corners],
         corners=corners,
-        uvs=_turned_up(uvs),
+        uvs=turned_up(uvs),
         further_uvs={
             i: rows
-            for i, rows in ((i, _turned_up(o)) for i, o in others.items())
+            for i, rows in ((i, turned_up(o)) for i, o in others.items())
             if rows is not None
         },
         normals=_attribute(document, arrays, "NORMAL", (3,), n),
@@ -125,10 +125,11 @@ def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) ->
     """(n, 2) float64: a set of texture coordinates of a primitive, v turned up; None without it."""
     attributes = document.mapping(primitive, "attributes")
     arrays = _primitive_arrays(document, primitive, attributes)
-    return _turned_up(_attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), None))
+    return turned_up(_attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), None))
 
 
-def _turned_up(uvs: FloatArray | None) -> FloatArray | None:
+def turned_up(uvs: FloatArray | None) -> FloatArray | None:
+    """(n, 2) texture coordinates of the file with v up; None where there are none."""
     return None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
 
 

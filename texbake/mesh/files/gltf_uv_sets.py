@@ -13,7 +13,8 @@ from typing import Any
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.uv_sets import require_few_sets
 
-_DIGITS = re.compile("[0-9]{1,9}")
+_PREFIX = "TEXCOORD_"
+_FURTHER = re.compile(f"{_PREFIX}[0-9]{{1,9}}")
 
 
 def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
@@ -24,11 +25,10 @@ def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
     MeshError
         There are more than a mesh can have.
     """
-    names = (key.partition("_") for key in document.mapping(primitive, "attributes"))
     numbers = sorted(
-        int(number)
-        for kind, _, number in names
-        if kind == "TEXCOORD" and _DIGITS.fullmatch(number) and int(number) > 0
+        int(key[len(_PREFIX) :])
+        for key in document.mapping(primitive, "attributes")
+        if key.startswith(_PREFIX) and _FURTHER.fullmatch(key) and int(key[len(_PREFIX) :]) > 0
     )
     require_few_sets(len(numbers), str(document.path))
     return numbers

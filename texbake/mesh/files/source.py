@@ -1,9 +1,14 @@
-"""The bytes of a mesh file, and lines of text in them."""
+"""The bytes of a mesh file, lines of text in them, and what a file is parsed into, once for all."""
 
 from __future__ import annotations
 
+import gc
 import math
-from typing import NamedTuple
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +17,9 @@ from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, read_bytes
 
 ByteArray = npt.NDArray[np.uint8]
+Parsed = TypeVar("Parsed")
+
+_PARSED: ContextVar[dict[Any, Any] | None] = ContextVar("parsed files", default=None)
 
 
 def read_array(path: PathLike) -> ByteArray:
@@ -21,6 +29,38 @@ def read_array(path: PathLike) -> ByteArray:
     it is not mapped, except by `texbake.mesh.streamed`.
     """
     return np.frombuffer(read_bytes(path), dtype=np.uint8)
+
+
+@contextmanager
+def parsed_once() -> Iterator[None]:
+    """Parse each file once in this block, whatever the readers in it ask for.
+
+    Meanwhile nothing looks for cycles of objects, as Python does in passing. Parsed files have
+    none, and with a million objects that takes longer than parsing.
+    """
+    if _PARSED.get() is not None:
+        yield
+        return
+    token, enabled = _PARSED.set({}), gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        _PARSED.reset(token)
+        if enabled:
+            gc.enable()
+
+
+def parsed(path: PathLike, parse: Callable[[PathLike], Parsed]) -> Parsed:
+    """Return what a function makes of a file; in a block of `parsed_once`, the same each time."""
+    known = _PARSED.get()
+    if known is None:
+        return parse(path)
+    key = parse, os.fspath(path)
+    if key not in known:
+        known[key] = parse(path)
+    found: Parsed = known[key]
+    return found
 
 
 def require_text(path: PathLike, data: ByteArray, kind: str) -> None:

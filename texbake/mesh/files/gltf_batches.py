@@ -1,0 +1,355 @@
+"""Many small primitives of a glTF file, read together instead of one by one.
+
+Files of CAD programs have 100,000 meshes of a few triangles, each with arrays of its own. Here the
+rows of all of them are taken out of the buffers at once. What comes out is bit for bit what
+`read_primitive` gives. Where a primitive is large, is no list of triangles, is stored in another
+way than plainly in a buffer, or anything about it is wrong, it is left to that function, which also
+names what is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import TexbakeError
+from texbake.mesh.files.gltf_document import COMPONENTS, WIDTHS, Document
+from texbake.mesh.files.gltf_nodes import INDICES, TRIANGLES
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, turned_up
+from texbake.mesh.files.source import ByteArray
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import weld_rows
+
+_MOST_ROWS = 1 << 12  # of an array; a call for each array takes less than reading more than these
+_LARGEST = 1 << 48  # of counts and offsets, as in `Document.integer`
+_ATTRIBUTES = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
+_UVS = "TEXCOORD_"
+
+Integers = npt.NDArray[np.int64]
+
+
+class Wanted(NamedTuple):
+    """A primitive, and the numbers of the sets of texture coordinates to read: first, others."""
+
+    primitive: dict[str, Any]
+    uv_set: int = 0
+    further: tuple[int, ...] = ()
+
+
+def read_primitives(
+    document: Document, wanted: Sequence[Wanted], *, keeps_colors: bool = False
+) -> list[PrimitiveMesh | None]:
+    """Triangles of the primitives that can be read together; None for those that are left.
+
+    Parameters
+    ----------
+    document
+    wanted
+        Sound objects of the document or not.
+    keeps_colors
+        As for `read_primitive`.
+    """
+    found: list[PrimitiveMesh | None] = [None] * len(wanted)
+    alike: dict[Any, list[int]] = {}
+    for i, one in enumerate(wanted):
+        names = _arrays_of(one)
+        if names is not None:
+            alike.setdefault((names, one.uv_set, one.further), []).append(i)
+    if all(len(places) < 2 for places in alike.values()):
+        return found
+    with suppress(TexbakeError):  # a buffer is missing
+        accessors = _Accessors.of(document)
+        for (names, uv_set, further), places in alike.items():
+            reader = _BatchReader(document, accessors, names, (uv_set, further), keeps_colors)
+            primitives = [wanted[i].primitive for i in places]
+            for i, piece in reader.read(primitives).items():
+                found[places[i]] = piece
+    return found
+
+
+def _arrays_of(wanted: Wanted) -> tuple[str, ...] | None:
+    """Names of the arrays of a primitive that are read; None if it is not plain."""
+    primitive = wanted.primitive
+    attributes = primitive.get("attributes")
+    if (
+        "extensions" in primitive
+        or not isinstance(attributes, dict)
+        or "POSITION" not in attributes
+        or primitive.get("mode", TRIANGLES) != TRIANGLES
+    ):
+        return None
+    uvs = {f"{_UVS}{number}" for number in (wanted.uv_set, *wanted.further)}
+    names = tuple(name for name in attributes if name in _ATTRIBUTES or name in uvs)
+    return (*names, INDICES) if INDICES in primitive else names
+
+
+@dataclass(frozen=True, eq=False)
+class _Accessors:
+    """Where the values of all accessors are.
+
+    Attributes
+    ----------
+    document
+    kinds : (n,) int64
+        Component type, width, and whether integers are normalized, as one number; -1 for those that
+        are not read here.
+    counts, buffers, starts, strides : (n,) int64
+        Rows, the buffer, its byte where the first row is, and bytes from one row to the next.
+    """
+
+    document: Document
+    kinds: Integers
+    counts: Integers
+    buffers: Integers
+    starts: Integers
+    strides: Integers
+
+    @classmethod
+    def of(cls, document: Document) -> _Accessors:
+        """Look at all accessors and views of a document."""
+        accessors, views = document.items("accessors"), document.items("bufferViews")
+        lengths = np.array([0, *map(len, document.buffers)], np.int64)
+        # The last row is the view of accessors that have none.
+        of_views = [{"buffer": -1}, *views]
+        buffers = _column(of_views, "buffer", -1)
+        buffers[(buffers >= len(lengths) - 1) | [("extensions" in view) for view in of_views]] = -1
+        at, n_bytes, strides = (
+            _column(of_views, key, 0) for key in ("byteOffset", "byteLength", "byteStride")
+        )
+        is_sound = (buffers >= 0) & (at >= 0) & (n_bytes >= 0) & (strides >= 0)
+        is_sound &= at + n_bytes <= lengths[buffers + 1]
+
+        kinds = _kinds(accessors)
+        counts, offsets = _column(accessors, "count", -1), _column(accessors, "byteOffset", 0)
+        numbers = _column(accessors, "bufferView", -1)
+        numbers = np.where((numbers < -1) | (numbers >= len(views)), -1, numbers) + 1
+        steps = np.where(strides[numbers] > 0, strides[numbers], _row_bytes(kinds))
+        needed = offsets + steps * (counts - 1) + _row_bytes(kinds)
+        is_plain = is_sound[numbers] & (counts > 0) & (counts <= _MOST_ROWS) & (offsets >= 0)
+        is_plain &= needed <= n_bytes[numbers]
+        is_plain &= np.array(["sparse" not in accessor for accessor in accessors], bool)
+        kinds[~is_plain] = -1
+        return cls(document, kinds, counts, buffers[numbers], at[numbers] + offsets, steps)
+
+    def rows(self, of: Integers) -> npt.NDArray[Any]:
+        """(n, width) values of accessors of one kind, joined; normalized integers as float64."""
+        dtype, width, is_normalized = _of_kind(int(self.kinds[of[0]]))
+        n_item = dtype.itemsize * width
+        counts = self.counts[of]
+        ends = np.cumsum(counts)
+        places = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
+        starts = np.repeat(self.starts[of], counts) + places * np.repeat(self.strides[of], counts)
+        items = np.empty(len(starts), np.dtype((np.void, n_item)))
+        in_buffers = np.repeat(self.buffers[of], counts)
+        for number in np.unique(in_buffers).tolist():
+            chosen = in_buffers == number
+            items[chosen] = _windows(self.document.buffers[number], n_item)[starts[chosen]]
+        values = items.view(dtype).reshape(-1, width)
+        if is_normalized and dtype.kind in "iu":
+            return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
+        return values
+
+
+def _column(objects: Sequence[dict[str, Any]], key: str, default: int) -> Integers:
+    """(n,) integers that objects hold under a key; -1 where one holds something else."""
+    values = [item.get(key, default) for item in objects]
+    if set(map(type, values)) - {int}:
+        values = [value if type(value) is int else -1 for value in values]
+    try:
+        column = np.array(values, np.int64)
+    except OverflowError:  # integers of JSON have any length
+        column = np.array([value if abs(value) < _LARGEST else -1 for value in values], np.int64)
+    column[column >= _LARGEST] = -1
+    return column
+
+
+def _windows(buffer: ByteArray, n_item: int) -> npt.NDArray[np.void]:
+    """Items of so many bytes that begin at each byte of a buffer."""
+    n = max(len(buffer) - n_item + 1, 0)
+    return np.ndarray((n,), np.dtype((np.void, n_item)), buffer=buffer, strides=(1,))
+
+
+_CODES = list(COMPONENTS)
+_TYPES = list(WIDTHS)
+
+
+def _kinds(accessors: Sequence[dict[str, Any]]) -> Integers:
+    """(n,) numbers that say what the values of accessors are; -1 where that is not known."""
+    names: list[Any] = [item.get("type") for item in accessors]
+    if set(map(type, names)) - {str}:
+        names = [name if isinstance(name, str) else "" for name in names]
+    types = {name: i for i, name in enumerate(_TYPES)}
+    of_names = np.array([types.get(name, -1) for name in names], np.int64)
+    codes = _column(accessors, "componentType", -1)
+    at = np.minimum(np.searchsorted(_CODES, codes), len(_CODES) - 1)
+    are_normalized = np.array([item.get("normalized") is True for item in accessors], np.int64)
+    kinds = 2 * (at * len(_TYPES) + of_names) + are_normalized
+    return np.where((of_names < 0) | (np.array(_CODES)[at] != codes), -1, kinds)
+
+
+def _of_kind(kind: int) -> tuple[np.dtype[Any], int, bool]:
+    number, is_normalized = divmod(kind, 2)
+    code, name = divmod(number, len(_TYPES))
+    return COMPONENTS[_CODES[code]], WIDTHS[_TYPES[name]], bool(is_normalized)
+
+
+def _row_bytes(kinds: Integers) -> Integers:
+    sizes = [_of_kind(kind) for kind in range(2 * len(_CODES) * len(_TYPES))]
+    # The last is that of a kind that is not known, -1.
+    return np.array([*(dtype.itemsize * width for dtype, width, _ in sizes), 1])[kinds]
+
+
+class _BatchReader:
+    """Reads primitives that have arrays of the same names."""
+
+    def __init__(
+        self,
+        document: Document,
+        accessors: _Accessors,
+        names: tuple[str, ...],
+        uv_sets: tuple[int, tuple[int, ...]],
+        keeps_colors: bool,
+    ) -> None:
+        self.accessors = accessors
+        self.names = names
+        self.uv_set, self.further = uv_sets
+        self.keeps_colors = keeps_colors
+
+    def read(self, primitives: list[dict[str, Any]]) -> dict[int, PrimitiveMesh]:
+        """Meshes of those that can be read, by their places in the list."""
+        accessors = self.accessors
+        numbers = np.stack([self._numbers(primitives, name) for name in self.names], axis=1)
+        kinds, counts = accessors.kinds[numbers], accessors.counts[numbers]
+        kinds[numbers < 0] = -1
+        is_plain = (kinds >= 0).all(axis=1)
+        vertices = counts[:, self.names.index("POSITION")]
+        for column, name in enumerate(self.names):
+            if name == INDICES:
+                is_plain &= counts[:, column] % 3 == 0
+            else:
+                is_plain &= counts[:, column] == vertices
+        if INDICES not in self.names:
+            is_plain &= vertices % 3 == 0
+        places = np.flatnonzero(is_plain)
+        found: dict[int, PrimitiveMesh] = {}
+        _, groups = np.unique(kinds[places], axis=0, return_inverse=True)
+        order = np.argsort(groups.ravel(), kind="stable")
+        bounds = np.flatnonzero(np.diff(groups.ravel()[order])) + 1
+        for chosen in np.split(places[order], bounds):
+            if len(chosen) > 1 and self._are_read(kinds[chosen[0]].tolist()):
+                pieces = self._batch(dict(zip(self.names, numbers[chosen].T, strict=True)))
+                found |= dict(zip(chosen.tolist(), pieces, strict=False))
+        return found
+
+    def _numbers(self, primitives: list[dict[str, Any]], name: str) -> Integers:
+        """(n,) accessors of an array; -1 where there is none of that number."""
+        owners = primitives if name == INDICES else [item["attributes"] for item in primitives]
+        numbers = _column(owners, name, -1)
+        numbers[numbers >= len(self.accessors.kinds)] = -1
+        return numbers
+
+    def _are_read(self, kinds: list[int]) -> bool:
+        """Whether arrays of these kinds are what their names ask for."""
+        for name, kind in zip(self.names, kinds, strict=True):
+            dtype, width, is_normalized = _of_kind(kind)
+            if name == INDICES:
+                if width != 1 or dtype.kind != "u" or is_normalized:
+                    return False
+            elif width not in _ATTRIBUTES.get(name, (2,)):
+                return False
+        return True
+
+    def _batch(self, numbers: Mapping[str, Integers]) -> list[PrimitiveMesh]:
+        """Meshes of primitives of one kind; none where a value is not sound."""
+        accessors = self.accessors
+        arrays = {}
+        for name, of in numbers.items():
+            rows = accessors.rows(of)
+            if name != INDICES:
+                if not np.isfinite(rows).all():
+                    return []
+                rows = rows.astype(np.float64)
+            arrays[name] = rows
+        n_vertices = accessors.counts[numbers["POSITION"]]
+        starts = np.cumsum(n_vertices) - n_vertices
+        if INDICES in numbers:
+            n_corners = accessors.counts[numbers[INDICES]]
+            corners = arrays.pop(INDICES)[:, 0].astype(np.int64)
+            if (corners >= np.repeat(n_vertices, n_corners)).any():
+                return []
+        else:
+            n_corners = n_vertices
+            corners = np.arange(len(arrays["POSITION"])) - np.repeat(starts, n_vertices)
+        return self._pieces(arrays, n_vertices, corners, n_corners)
+
+    def _pieces(
+        self,
+        arrays: dict[str, FloatArray],
+        n_vertices: Integers,
+        corners: Integers,
+        n_corners: Integers,
+    ) -> list[PrimitiveMesh]:
+        """Cut joined arrays into the meshes of their primitives, vertices at one place joined."""
+        starts = np.cumsum(n_vertices) - n_vertices
+        positions, colors = arrays["POSITION"], arrays.get("COLOR_0")
+        # Vertices of different primitives stay apart.
+        keys = [positions, np.repeat(np.arange(len(starts), dtype=np.float64), n_vertices)[:, None]]
+        if self.keeps_colors and colors is not None:
+            keys.append(colors)
+        firsts = weld_rows(np.concatenate(keys, axis=1))
+        is_kept = firsts == np.arange(len(firsts))
+        kept_before = np.concatenate([[0], np.cumsum(is_kept)])
+        kept_starts = kept_before[np.append(starts, len(firsts))]
+        welded = kept_before[firsts] - np.repeat(kept_starts[:-1], n_vertices)
+        faces = welded[corners + np.repeat(starts, n_corners)]
+        vertices = np.append(starts, len(firsts)).tolist()
+        kept = _cut(positions[is_kept], kept_starts.tolist())
+        triangles = (np.append(0, np.cumsum(n_corners)) // 3).tolist()
+        of_positions, of_others = (_cut(_triangles(rows), triangles) for rows in (faces, corners))
+        nothing = [None] * len(starts)
+        uvs, normals, tangents = (
+            nothing if rows is None else _cut(rows, vertices)
+            for rows in (
+                turned_up(arrays.get(f"{_UVS}{self.uv_set}")),
+                arrays.get("NORMAL"),
+                arrays.get("TANGENT"),
+            )
+        )
+        further = {
+            number: _cut(rows, vertices)
+            for number in self.further
+            if (rows := turned_up(arrays.get(f"{_UVS}{number}"))) is not None
+        }
+        of_vertices = (
+            nothing
+            if colors is None
+            else _cut(colors[is_kept].astype(np.float32), kept_starts.tolist())
+        )
+        return [
+            PrimitiveMesh(
+                positions=kept[i],
+                faces=of_positions[i],
+                corners=of_others[i],
+                uvs=uvs[i],
+                further_uvs={number: rows[i] for number, rows in further.items()},
+                normals=normals[i],
+                tangents=tangents[i],
+                colors=of_vertices[i],
+            )
+            for i in range(len(starts))
+        ]
+
+
+def _triangles(corners: Integers) -> IntArray:
+    return corners.astype(np.int32).reshape(-1, 3)
+
+
+def _cut(rows: npt.NDArray[Any], bounds: list[int]) -> list[Any]:
+    """Parts of an array between rows."""
+    return [rows[start:stop] for start, stop in pairwise(bounds)]
