@@ -6,7 +6,9 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render
+from texbake.rendering.render import render, render_scene
+from texbake.rendering.results import Results
+from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import Image, read_image, write_image
 
@@ -278,3 +280,18 @@ def test_progress_tells_the_stages():
 
     render(plane(), options=SMALL, progress=Sink())
     assert told == ["place", "rasterize", "prepare light and textures", "shade"]
+
+
+def test_the_results_of_a_pass_are_copied_once_however_many_objects_there_are(monkeypatch):
+    copies = []
+    make = Results.__init__
+    monkeypatch.setattr(
+        Results, "__init__", lambda self, *values: (copies.append(self), make(self, *values))[1]
+    )
+
+    def n_copies(n_objects):
+        copies.clear()
+        render_scene(Scene(objects=(SceneObject(mesh=cube()),) * n_objects), SMALL)
+        return len(copies)
+
+    assert n_copies(20) == n_copies(2) > 0

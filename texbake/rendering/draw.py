@@ -11,7 +11,7 @@ do the work; this module only runs them in order.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -57,10 +57,10 @@ class SceneCache:
     world: World | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def keep(self, result: Result[Any], target: Target, value: Any) -> None:
-        """Add a result; several threads may do so at once."""
+    def keep(self, result: Result[Any], values: Mapping[Target, Any]) -> None:
+        """Add values of a result; several threads may do so at once."""
         with self._lock:
-            self.results = self.results.including(result, target, value)
+            self.results = self.results.or_those_of(Results({result: values}))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -242,29 +242,34 @@ def _run(
     """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
+        wanted = None if seen is None else _targets_in(item, seen)
+        found: dict[Result[Any], dict[Target, Any]] = {}
+        for result in filter(None, (effect.load, effect.prepare)):
+            results, found[result] = state.results.growing(result)
+            state = replace(state, results=results)
         for target in item.targets:
-            if seen is not None and not _is_for_any(item, target, seen):
+            if wanted is not None and target not in wanted:
                 state.costs.skip(effect.name, "not in the picture")
                 continue
             why = effect.unneeded(state, target) if effect.unneeded is not None else None
             if why is not None:
                 state.costs.skip(effect.name, why)
                 continue
-            for result in filter(None, (effect.load, effect.prepare)):
+            for result, values in found.items():
                 compute = partial(_computed, state, prepared, effect, result, target)
                 if result.deferred:
                     state.costs.skip(effect.name, "it reaches no pixel")
-                value = Deferred(compute) if result.deferred else compute()
-                state = state.including(result, target, value)
+                values[target] = Deferred(compute) if result.deferred else compute()
+        if effect.load is not None and not effect.load.deferred:
+            prepared.loaded.keep(effect.load, found[effect.load])
     return state
 
 
-def _is_for_any(item: Pass, target: Target, seen: Collection[int]) -> bool:
-    """Whether one of the objects that a pass is for may be in the picture."""
+def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:
+    """Targets of a pass that it is for if only some objects are in the picture."""
     if item.effect.of == "object":
-        return target in seen
-    askers = [call.asker for call in item.calls if call.target == target]
-    return any(asker is None or asker in seen for asker in askers)
+        return seen
+    return {call.target for call in item.calls if call.asker is None or call.asker in seen}
 
 
 def _computed(
@@ -277,8 +282,8 @@ def _computed(
         if result is effect.load and cache.results.has(result, target):
             return cache.results.get(result, target)
         value = result.compute(state, target)
-        if result is effect.load:
-            cache.keep(result, target, value)
+        if result is effect.load and result.deferred:
+            cache.keep(result, {target: value})
         if effect.load is None or value is not state.results.all(effect.load).get(target):
             state.costs.add(effect.name, 0.0, _n_bytes(value))
         return value

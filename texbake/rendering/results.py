@@ -78,6 +78,14 @@ class Results:
         values = {**self._values.get(result, {}), target: value}
         return Results({**self._values, result: values})
 
+    def growing(self, result: Result[Any]) -> tuple[Results, dict[Target, Any]]:
+        """Return a copy, and the values of a result in it, for values to be added to those.
+
+        Copying them for each value would take time that grows with the square of their number.
+        """
+        values = dict(self._values.get(result, {}))
+        return Results({**self._values, result: values}), values
+
     def without(self, left_out: Iterable[Result[Any]]) -> Results:
         """Return a copy without some results, for all targets."""
         dropped = set(left_out)
