@@ -1,5 +1,8 @@
 """Pairs of triangles are the same triangles, each once."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -73,3 +76,41 @@ def test_an_embree_that_cannot_start_is_no_crash(monkeypatch, number, kind, said
     monkeypatch.setattr(embree, "load_library", Library)
     with pytest.raises(kind, match=said):
         embree.EmbreeScene(np.zeros((4, 3), np.float32), np.zeros((1, 4), np.int32), 1)
+
+
+BUILD = """
+import resource, sys
+from pathlib import Path
+from texbake.mesh.shapes import plane
+from texbake.raycast.embree import EmbreeScene, load_library, pair_faces
+mesh = plane(100, 100)
+quads, _ = pair_faces(mesh.faces)
+load_library()
+status = Path("/proc/self/status").read_text()
+used = int(status.split("VmData:")[1].split()[0]) << 10
+limit = used + (int(sys.argv[1]) << 20)
+resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+try:
+    EmbreeScene(mesh.positions.astype("f4"), quads, 2).close()
+except MemoryError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the data of a process")
+@pytest.mark.parametrize(
+    ("megabytes", "said"),
+    [
+        (4, "embreex: Embree found no memory to build its tree over 10000 quads\n"),
+        # Enough for Embree to begin; it could run out of it, and its threads then wait for ever.
+        (16, "embreex: Embree found no memory to build its tree over 10000 quads\n"),
+        # Less than the cache for subdivision surfaces, which Embree would take by default.
+        (64, ""),
+    ],
+)
+def test_memory_that_is_not_there_is_noticed_before_embree_starts(megabytes, said):
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", BUILD, str(megabytes)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, said), done.stderr

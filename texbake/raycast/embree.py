@@ -31,6 +31,12 @@ _GEOMETRY_QUADS = 1
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _FORMAT_UINT4, _FORMAT_FLOAT3 = 0x5004, 0x9003
 
+# What Embree takes to start, for each thread, and to build its tree: twice what was measured, of
+# grids, scans and loose triangles.
+_START_BYTES, _THREAD_BYTES, _QUAD_BYTES = 24 << 20, 8 << 20, 80
+# Without a cache of 128 MB for subdivision surfaces, which are not used here.
+_CONFIGURATION = "hugepages=1,tessellation_cache_size=0"
+
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcNewDevice": (ctypes.c_void_p, [ctypes.c_char_p]),
     "rtcReleaseDevice": (None, [ctypes.c_void_p]),
@@ -117,11 +123,12 @@ class EmbreeScene:
         self, positions: npt.NDArray[np.float32], quads: npt.NDArray[np.int32], threads: int
     ) -> None:
         self._library = library = load_library()
+        _require_memory(len(quads), threads)
         # The library reads 16 bytes at each vertex of 12 bytes, so the buffer needs some to spare.
         self._vertices = np.zeros((len(positions) + 2, 3), dtype=np.float32)
         self._vertices[: len(positions)] = positions
         self._quads = quads
-        self._device = library.rtcNewDevice(f"threads={threads},hugepages=1".encode())
+        self._device = library.rtcNewDevice(f"threads={threads},{_CONFIGURATION}".encode())
         if not self._device:
             raise _failed(library.rtcGetDeviceError(None), "start")
         self._scene = library.rtcNewScene(self._device)
@@ -158,6 +165,18 @@ class EmbreeScene:
             self._library.rtcReleaseScene(self._scene)
             self._library.rtcReleaseDevice(self._device)
             self._scene = self._device = None
+
+
+def _require_memory(n_quads: int, threads: int) -> None:
+    """Raise `MemoryError` where the system will not give Embree the memory that it takes.
+
+    Its threads wait for one another for ever, or the process is aborted, if memory ends while they
+    build. What is asked for here is given back at once, and never used.
+    """
+    try:
+        np.empty(_START_BYTES + _THREAD_BYTES * threads + _QUAD_BYTES * n_quads, np.uint8)
+    except MemoryError:
+        raise _failed(_OUT_OF_MEMORY, f"build its tree over {n_quads} quads") from None
 
 
 def _failed(error: int, what: str) -> Exception:
