@@ -22,7 +22,7 @@ from texbake import OptionError, TexbakeError, is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable
-from .signals import Terminated, raised_signals
+from .signals import Terminated, line_is_mine, raised_signals
 
 
 class Failure(click.ClickException):
@@ -33,8 +33,9 @@ class Failure(click.ClickException):
         self.exit_code = exit_code  # type: ignore[misc]  # click reads it from the instance
 
     def show(self, file: IO[Any] | None = None) -> None:
-        """Print the line on stderr."""
-        click.echo(printable(self.message), file=file, err=file is None)
+        """Print the line on stderr, once after a signal."""
+        if self.exit_code <= 128 or line_is_mine():
+            click.echo(printable(self.message), file=file, err=file is None)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from types import FrameType
@@ -23,6 +23,12 @@ _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anyth
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
 _HEARD = threading.Event()
 _WORKING = threading.Event()
+_FLAGS = bytearray(2)  # shared with the core
+_IS_HEARD, _SAID = range(2)  # places in it: a signal was heard; the line after it was printed
+_BEGINS = 0  # told like a signal: from now on, the core waits for them
+_LINES = [True]  # that may still be printed: whoever takes it prints it
+_PIPE: list[int] = []  # that signals are told through
+_WATCH: list[Callable[[], object]] = []  # of the core
 _NAMES = "SIGINT", "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
 _ENDS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
 
@@ -41,7 +47,8 @@ def end_cleanly_on_signals() -> None:
 
     Python hears a signal only between its own steps, and a library may take seconds for one. What
     has heard it may wait for threads that have not. So a thread waits beside the work, and ends the
-    process if it goes on after a signal.
+    process if it goes on after a signal. While a command works, it waits in the core, because it
+    could not go on in Python where a library holds the interpreter.
     """
     for number in _ENDS:
         # A process started with `nohup` must keep ignoring the signal.
@@ -56,6 +63,7 @@ def end_cleanly_on_signals() -> None:
         signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
         with suppress(RuntimeError):  # the system gives no more threads
             threading.Thread(target=_end_unheard, args=(told,), daemon=True).start()
+            _PIPE[:] = told, tells
 
 
 @contextmanager
@@ -63,13 +71,43 @@ def raised_signals() -> Iterator[None]:
     """Let signals raise `KeyboardInterrupt` or `Terminated` within the block."""
     try:
         _WORKING.set()
+        _let_core_watch()
         yield
     finally:
         _WORKING.clear()
 
 
-def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
+def _let_core_watch() -> None:
+    """Have the thread that waits for signals wait in the core."""
+    if _PIPE and not _WATCH:
+        import texbake
+
+        # Loaded here: the thread then needs the interpreter only for a moment.
+        with suppress(texbake.DependencyError, OSError):  # OSError: the pipe is full of signals
+            told, tells = _PIPE
+            _WATCH.append(texbake.signal_watch(told, _FLAGS, patience=_PATIENCE, to_end=_TO_END))
+            os.write(tells, bytes([_BEGINS]))
+
+
+def line_is_mine() -> bool:
+    """Whether the caller is the first to print the line that follows a signal."""
+    if not _PIPE:  # nobody else would
+        return True
+    try:
+        _LINES.pop()  # in one step, whatever other threads do
+    except IndexError:
+        return False
+    _FLAGS[_SAID] = 1
+    return True
+
+
+def _hear() -> None:
+    _FLAGS[_IS_HEARD] = 1
     _HEARD.set()
+
+
+def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
+    _hear()
     signal.signal(signal_number, signal.SIG_IGN)  # a second one must not interrupt the cleanup
     if not _WORKING.is_set():
         _end(signal_number)
@@ -77,7 +115,7 @@ def _terminate(signal_number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _interrupt(signal_number: int, frame: FrameType | None) -> NoReturn:
-    _HEARD.set()
+    _hear()
     if not _WORKING.is_set():
         _end(signal_number)
     raise KeyboardInterrupt
@@ -99,7 +137,9 @@ def _end_unheard(told: int) -> NoReturn:
     """End the process at a signal if the work goes on all the same."""
     while True:
         number = os.read(told, 1)[0]
-        if number in _ENDS:
+        if number == _BEGINS:
+            _WATCH[0]()
+        elif number in _ENDS:
             if _HEARD.wait(_PATIENCE):
                 time.sleep(_TO_END)
             _end(number)
@@ -114,9 +154,10 @@ def clear_after_signal() -> None:
 
 def _end(signal_number: int) -> NoReturn:
     """End the process at once, without temporary files."""
-    _HEARD.set()
+    _hear()
     clear_after_signal()
     said = "interrupted" if signal_number == signal.SIGINT else "terminated"
     with suppress(OSError):
-        os.write(2, f"texbake: {said}\n".encode())
+        if line_is_mine():
+            os.write(2, f"texbake: {said}\n".encode())
     os._exit(128 + signal_number)

@@ -256,6 +256,7 @@ def _range(said: Mapping[str, Any]) -> str:
 
 _ROOM_TITLES = {
     "": "Errors and schema",
+    "core": "Signals",
     "mesh": "Meshes",
     "mapping": "Texture coordinates",
     "texture": "Textures and images",

@@ -53,6 +53,7 @@ from .checks.check import (
 from .checks.finding import Finding as Finding
 from .checks.options import SEVERITIES as SEVERITIES, CheckOptions as CheckOptions
 from .checks.report import CheckReport as CheckReport
+from .core.signal_watch import signal_watch as signal_watch
 from .errors import (
     CageError as CageError,
     DependencyError as DependencyError,

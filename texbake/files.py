@@ -10,6 +10,7 @@ import shutil
 import stat
 import tempfile
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -18,7 +19,15 @@ from itertools import chain
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
-from texbake.unfinished import PREFIX, clear_own, scratch_prefix, unfinished_name
+from texbake.unfinished import (
+    ENDING,
+    MOVING,
+    NOTES,
+    PREFIX,
+    clear_own,
+    scratch_prefix,
+    unfinished_name,
+)
 
 PathLike = str | os.PathLike[str]
 
@@ -36,7 +45,7 @@ class _Waiting:
 
 
 _WAITING: ContextVar[_Waiting | None] = ContextVar("waiting files", default=None)
-_MOVING = threading.Lock()  # held while files take their names
+_ONE_MOVES = threading.Lock()  # held while files take their names
 _SCRATCH_FOLDERS: set[Path] = set()
 
 
@@ -214,7 +223,7 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
             raise _unwritable(target, error, "nothing was changed") from error
     moves = map(os.replace, [*map(str, moved.values())], [*map(str, moved)])
     try:
-        with _MOVING:
+        with _moving():
             # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
             deque(chain(moves, map(os.unlink, removed)), maxlen=0)
     except OSError as error:
@@ -222,6 +231,19 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
         raise _unwritable(error.filename2 or error.filename, error, state) from error
     for folder in {target.parent: None for target in waiting}:
         to_disk(folder)
+
+
+@contextmanager
+def _moving() -> Iterator[None]:
+    """Keep the process from being ended while files take their names."""
+    with _ONE_MOVES:
+        try:
+            NOTES[MOVING] = 1
+            while NOTES[ENDING]:  # the process ends in a moment
+                time.sleep(1.0)
+            yield
+        finally:
+            NOTES[MOVING] = 0
 
 
 def written_file(path: PathLike) -> Path:
@@ -240,7 +262,7 @@ def clear_unfinished(patience: float) -> None:
     patience
         Most seconds to wait.
     """
-    _MOVING.acquire(timeout=patience)  # never released: no other files may take their names
+    _ONE_MOVES.acquire(timeout=patience)  # never released: no other files may take their names
     clear_own()
 
 

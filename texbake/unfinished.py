@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import stat
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -20,6 +21,18 @@ PREFIX = ".texbake-"  # of files; folders have none of the dot
 _NAME = re.compile(r"\.?texbake-([0-9a-f]{8})-([0-9]+)-[0-9a-z_]+(\.[^.]*)?")
 _NOWHERE = "0" * 8
 _LOOKED_THROUGH: set[Path] = set()
+
+NOTES = bytearray(1 << 20)
+"""What `core/signal_watch.c` reads to end the process without Python.
+
+Two flags: that files take their names, and that they must not any more; then texts that end in 0:
+the name of the machine, and the folders that temporary files are in. What does not fit any more is
+left to the next process.
+"""
+MOVING, ENDING, _TEXTS = range(3)  # places in it
+
+_noted = _TEXTS  # where the next text begins
+_NOTING = threading.Lock()
 
 
 def unfinished_name(folder: Path, suffix: str = "") -> str:
@@ -44,9 +57,22 @@ def clear_once(folder: Path) -> None:
     whether its process has ended.
     """
     if folder not in _LOOKED_THROUGH:
+        _note(folder)
         _LOOKED_THROUGH.add(folder)
         if _machine() != _NOWHERE:
             _clear(folder, lambda process: not _is_running(process))
+
+
+def _note(folder: Path) -> None:
+    """Add a folder to the notes, if it fits."""
+    global _noted
+    with _NOTING:
+        for text in [_machine()] * (_noted == _TEXTS) + [str(folder)]:
+            added = os.fsencode(text)
+            end = _noted + len(added)
+            if end + 1 < len(NOTES):  # two zeros end them
+                NOTES[_noted:end] = added
+                _noted = end + 1
 
 
 def clear_own() -> None:

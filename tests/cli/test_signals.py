@@ -8,16 +8,23 @@ from pathlib import Path
 
 import pytest
 
-# `deaf` takes minutes without the interpreter, which hears no signal meanwhile.
+# `deaf` takes minutes without the interpreter, which hears no signal meanwhile; `holding` keeps it
+# for ever, as some functions of NumPy do for seconds, so that no other thread has it either.
 PROGRAM = """
-import hashlib, sys, threading
+import collections, hashlib, itertools, subprocess, sys, threading
 from pathlib import Path
 from texbake.parallel import run_bands
-from texbake_cli.signals import end_cleanly_on_signals
+from texbake_cli.signals import end_cleanly_on_signals, raised_signals
 from texbake.files import appearing_together, replacing, scratch_folder
 
 def deaf():
     hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
+
+def holding():
+    with raised_signals():
+        subprocess.Popen("sleep 0.5; echo ready", shell=True)
+        threading.Event().wait(0.2)
+        collections.deque(itertools.repeat(0), maxlen=0)
 
 def work(start, stop):
     if threading.current_thread() is not threading.main_thread():
@@ -28,13 +35,19 @@ def work(start, stop):
 end_cleanly_on_signals()
 with scratch_folder() as scratch, appearing_together():
     (scratch / "copy.bin").write_bytes(b"copy")
+    (scratch / "deep" / "er").mkdir(parents=True)
+    (scratch / "deep" / "er" / "away").symlink_to(Path(sys.argv[1]))
     with replacing(Path(sys.argv[1]) / "map.png") as temporary:
         temporary.write_bytes(b"newer")
     with replacing(Path(sys.argv[1]) / "mesh.obj") as temporary:
-        threading.Timer(0.3, print, ["ready"], {"flush": True}).start()
         {work}
 """
-WORKS = {"nothing": "deaf()", "only the main thread": "run_bands(work, 2, band=1, threads=2)"}
+READY = "threading.Timer(0.3, print, ['ready'], {'flush': True}).start(); "
+WORKS = {
+    "nothing": READY + "deaf()",
+    "only the main thread": READY + "run_bands(work, 2, band=1, threads=2)",
+    "no thread": "holding()",
+}
 
 # A signal while modules are imported, and one while the process ends.
 EARLY = """

@@ -132,7 +132,7 @@ def bound_in_c(name, seen):
     """A function of the core that is checked in C, and calls `seen.append` if Python must look."""
     result = CALLBACK(lambda *arguments: seen.append(arguments))
     return bind(
-        read_prototype(core._prototypes[name]), result, getattr(core._library, f"checked_{name}")
+        read_prototype(core._prototypes[name]), result, getattr(core.library, f"checked_{name}")
     )
 
 
@@ -178,7 +178,7 @@ def test_what_is_wrong_is_refused_in_c(seen, case):
     name, value, error = wrong_fragments()[case]
     given = list((fragments() | {name: value}).values())
     bound_in_c("add_fragments", seen)
-    assert core._library.checked_add_fragments(*given) == REFUSED
+    assert core.library.checked_add_fragments(*given) == REFUSED
     with pytest.raises(error, match=f"add_fragments: {name}: it "):
         core.add_fragments(*given)
 
@@ -201,4 +201,4 @@ def test_an_array_of_a_derived_class_is_passed_after_all():
 
 def test_another_python_checks_in_python(monkeypatch):
     monkeypatch.setattr("sys.implementation.name", "another")
-    assert not tell_array_layout(core._library)
+    assert not tell_array_layout(core.library)

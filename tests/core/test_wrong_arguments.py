@@ -78,7 +78,7 @@ def wrong_values(declaration, array, right):
 @pytest.mark.parametrize("name", WITH_ARRAYS)
 def test_wrong_arrays_are_refused(name):
     declaration = DECLARATIONS[name]
-    checked = getattr(core._library, f"checked_{name}") if declaration.has_check else None
+    checked = getattr(core.library, f"checked_{name}") if declaration.has_check else None
     function = bind(declaration, NeverCalled(), checked)
     sizes = {each.name: SIZE for each in declaration.parameters if not each.dimensions}
     for array in declaration.parameters:

@@ -1002,6 +1002,11 @@ void sign_shell(
     const uint8_t seen[n_slots][512], float field[n_slots][512], bool thin[n_slots][512],
     double thickness, int64_t start, int64_t stop);
 
+/* signal_watch.c */
+int64_t end_after_signals(
+    int64_t descriptor, double patience, double to_end, int64_t n_flags, uint8_t flags[n_flags],
+    int64_t n_notes, uint8_t notes[n_notes]);
+
 /* solid_patterns.c */
 void fill_marble(
     int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,

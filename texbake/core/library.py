@@ -15,7 +15,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from texbake.core.binding import bind, tell_array_layout
 from texbake.core.checks import checksum
 from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
@@ -34,17 +33,26 @@ class Core:
         match = self._prototypes.get(name)
         if match is None:
             raise AttributeError(f"core.h declares no function '{name}'")
+        from texbake.core.binding import bind  # with NumPy, which signals are watched without
+
         declaration = read_prototype(match)
         checked = None
         if declaration.has_check and self._has_checks:
-            checked = getattr(self._library, f"checked_{name}")
-        bound = bind(declaration, getattr(self._library, name), checked)
+            checked = getattr(self.library, f"checked_{name}")
+        bound = bind(declaration, getattr(self.library, name), checked)
         setattr(self, name, bound)
         return bound
 
     def address(self, name: str) -> int:
         """Return the address of a function, for other native code to call it back."""
-        return ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value or 0
+        return ctypes.cast(getattr(self.library, name), ctypes.c_void_p).value or 0
+
+    @cached_property
+    def library(self) -> ctypes.CDLL:
+        """The library itself, for calls without arrays of NumPy."""
+        library = load_library()
+        check_header(library, self._header)
+        return library
 
     @cached_property
     def _prototypes(self) -> dict[str, Any]:
@@ -55,14 +63,10 @@ class Core:
         return (FOLDER / "core.h").read_text(encoding="utf-8")
 
     @cached_property
-    def _library(self) -> ctypes.CDLL:
-        library = load_library()
-        check_header(library, self._header)
-        return library
-
-    @cached_property
     def _has_checks(self) -> bool:
-        return tell_array_layout(self._library)
+        from texbake.core.binding import tell_array_layout
+
+        return tell_array_layout(self.library)
 
 
 def check_header(library: ctypes.CDLL, header: str) -> None:

@@ -1,0 +1,51 @@
+"""Ends the process after a signal that Python cannot hear while a library holds the interpreter.
+
+Kernel: `core/signal_watch.c`. NumPy is not imported here: this begins before the work does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import partial
+
+from texbake.core.library import core
+from texbake.unfinished import NOTES
+
+
+def signal_watch(
+    descriptor: int, flags: bytearray, *, patience: float, to_end: float
+) -> Callable[[], object]:
+    """Return a function that waits for a signal, then ends the process, whatever Python does.
+
+    It removes temporary files and folders, prints one line, and exits with 128 and the number of
+    the signal. For a thread of a program; not for Windows. The function returns only if the pipe
+    is closed.
+
+    Parameters
+    ----------
+    descriptor
+        Reading end of the pipe of `signal.set_wakeup_fd`.
+    flags
+        Two bytes, which the program sets to 1: that Python has heard the signal, and that it has
+        printed the line.
+    patience
+        Seconds in which Python may hear the signal.
+    to_end
+        Seconds in which it may then end the process itself.
+
+    Raises
+    ------
+    DependencyError
+        The core is not there.
+    """
+    watch = core.library.end_after_signals
+    number, seconds, memory = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+    watch.argtypes = [number, seconds, seconds, number, memory, number, memory]
+    watch.restype = number
+    shared = [
+        value
+        for part in (flags, NOTES)
+        for value in (len(part), (ctypes.c_uint8 * len(part)).from_buffer(part))
+    ]
+    return partial(watch, descriptor, patience, to_end, *shared)
