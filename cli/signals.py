@@ -147,9 +147,9 @@ def _end_unheard(told: int) -> NoReturn:
 
 def clear_after_signal() -> None:
     """Remove temporary files that a signal left as they were being made; the process ends then."""
-    files = sys.modules.get("texbake.files")  # not imported: then there are none
-    if _HEARD.is_set() and files is not None:
-        files.clear_unfinished(_PATIENCE)
+    unfinished = sys.modules.get("texbake.unfinished")  # not imported: then there are none
+    if _HEARD.is_set() and unfinished is not None:
+        unfinished.clear_unfinished(_PATIENCE)
 
 
 def _end(signal_number: int) -> NoReturn:

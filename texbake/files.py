@@ -9,8 +9,6 @@ import os
 import shutil
 import stat
 import tempfile
-import threading
-import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,15 +17,7 @@ from itertools import chain
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
-from texbake.unfinished import (
-    ENDING,
-    MOVING,
-    NOTES,
-    PREFIX,
-    clear_own,
-    scratch_prefix,
-    unfinished_name,
-)
+from texbake.unfinished import PREFIX, moving, scratch_prefix, unfinished_name
 
 PathLike = str | os.PathLike[str]
 
@@ -45,7 +35,6 @@ class _Waiting:
 
 
 _WAITING: ContextVar[_Waiting | None] = ContextVar("waiting files", default=None)
-_ONE_MOVES = threading.Lock()  # held while files take their names
 _SCRATCH_FOLDERS: set[Path] = set()
 
 
@@ -223,7 +212,7 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
             raise _unwritable(target, error, "nothing was changed") from error
     moves = map(os.replace, [*map(str, moved.values())], [*map(str, moved)])
     try:
-        with _moving():
+        with moving():
             # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
             deque(chain(moves, map(os.unlink, removed)), maxlen=0)
     except OSError as error:
@@ -233,37 +222,10 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
         to_disk(folder)
 
 
-@contextmanager
-def _moving() -> Iterator[None]:
-    """Keep the process from being ended while files take their names."""
-    with _ONE_MOVES:
-        try:
-            NOTES[MOVING] = 1
-            while NOTES[ENDING]:  # the process ends in a moment
-                time.sleep(1.0)
-            yield
-        finally:
-            NOTES[MOVING] = 0
-
-
 def written_file(path: PathLike) -> Path:
     """Return where the content of a file is: at its temporary path while it waits for others."""
     waiting = _WAITING.get()
     return (waiting.files.get(_target_of(path)) if waiting else None) or Path(path)
-
-
-def clear_unfinished(patience: float) -> None:
-    """Remove all temporary files and folders of this process, which then must end at once.
-
-    For a signal that the work does not hear. Files that take their names just now are waited for.
-
-    Parameters
-    ----------
-    patience
-        Most seconds to wait.
-    """
-    _ONE_MOVES.acquire(timeout=patience)  # never released: no other files may take their names
-    clear_own()
 
 
 def new_scratch_folder() -> Path:

@@ -12,8 +12,9 @@ import re
 import shutil
 import stat
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -33,6 +34,7 @@ MOVING, ENDING, _TEXTS = range(3)  # places in it
 
 _noted = _TEXTS  # where the next text begins
 _NOTING = threading.Lock()
+_ONE_MOVES = threading.Lock()  # held while files take their names
 
 
 def unfinished_name(folder: Path, suffix: str = "") -> str:
@@ -75,8 +77,30 @@ def _note(folder: Path) -> None:
                 _noted = end + 1
 
 
-def clear_own() -> None:
-    """Remove all temporary files and folders of this process, before it ends without a clean-up."""
+@contextmanager
+def moving() -> Iterator[None]:
+    """Keep the process from being ended while files take their names."""
+    with _ONE_MOVES:
+        try:
+            NOTES[MOVING] = 1
+            while NOTES[ENDING]:  # the process ends in a moment
+                time.sleep(1.0)
+            yield
+        finally:
+            NOTES[MOVING] = 0
+
+
+def clear_unfinished(patience: float) -> None:
+    """Remove all temporary files and folders of this process, which then must end at once.
+
+    For a signal that the work does not hear. Files that take their names just now are waited for.
+
+    Parameters
+    ----------
+    patience
+        Most seconds to wait.
+    """
+    _ONE_MOVES.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):
         _clear(folder, lambda process: process == os.getpid())
 
