@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from html import escape
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -107,19 +106,21 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
     upright = np.flatnonzero(~mirrored)
     _, firsts, numbers = np.unique(groups[upright], return_index=True, return_inverse=True)
     paths = []
-    for first, loops in zip(firsts, _outlines(points[upright], numbers), strict=True):
+    ends, outlines = _outlines(points[upright], numbers)
+    for first, loops in zip(firsts, outlines, strict=True):
         face = upright[first]
         color = _hex(colors[face] / 255.0)
         # A stroke of the same color covers the hairlines that renderers leave between neighbors.
         look = f'stroke="{color}"' if heat else f'id="chart-{charts[face]}"'
-        paths.append(f'<path {look} fill="{color}" d="{_data(loops, "z")}"/>\n')
+        paths.append(f'<path {look} fill="{color}" d="{_data(loops, ends, "z")}"/>\n')
     yield _layer("charts", paths, f'stroke-width="{_UNITS // 2}"' if heat else "")
     if mirrored.any():
-        (loops,) = _outlines(points[mirrored], np.zeros(int(mirrored.sum()), dtype=np.int64))
-        yield _layer("mirrored", [f'<path fill="{_hex(MIRRORED)}" d="{_data(loops, "z")}"/>\n'])
+        ends, (loops,) = _outlines(points[mirrored], np.zeros(int(mirrored.sum()), dtype=np.int64))
+        data = _data(loops, ends, "z")
+        yield _layer("mirrored", [f'<path fill="{_hex(MIRRORED)}" d="{data}"/>\n'])
 
 
-def _outlines(points: Points, groups: Ids) -> list[list[Points]]:
+def _outlines(points: Points, groups: Ids) -> tuple[_Ends, list[list[list[int]]]]:
     """Loops around the area that the faces of each group cover, by the nonzero rule.
 
     Faces of a group have the same orientation. An edge that two of them run along in opposite
@@ -133,24 +134,29 @@ def _outlines(points: Points, groups: Ids) -> list[list[Points]]:
     edges = np.flatnonzero(turns)
     edges = np.repeat(edges, np.abs(turns[edges]))
     edges = edges[np.argsort(owners[edges], kind="stable")]
-    starts = np.searchsorted(owners[edges], np.arange(int(groups.max(initial=-1)) + 2))
     along = (turns[edges] > 0) == (tails[edges] < heads[edges])
-    tails, heads = (
-        np.where(along, tails[edges], heads[edges]),
-        np.where(along, heads[edges], tails[edges]),
-    )
-    return [
-        [ids[walk] for walk in _walks(tails[start:stop], heads[start:stop], directed=True)]
-        for start, stop in pairwise(starts.tolist())
-    ]
+    # Numbered for each group apart, the loops of all groups are found together.
+    numbers = owners[edges].astype(np.int64) * len(ids)
+    loops: list[list[list[int]]] = [[] for _ in range(int(groups.max(initial=-1)) + 1)]
+    for walk in _walks(
+        numbers + np.where(along, tails[edges], heads[edges]),
+        numbers + np.where(along, heads[edges], tails[edges]),
+        directed=True,
+    ):
+        group = walk[0] // len(ids)
+        before = group * len(ids)
+        loops[group].append([number - before for number in walk])
+    return _Ends.of(ids), loops
 
 
 def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
     """Layer of lines between pairs of points, each drawn once."""
     ids, tails, heads = _ends(ends)
-    pairs = np.unique(np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], 1), axis=0)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    data = _data((ids[walk] for walk in _walks(*pairs.T, directed=False)), "")
+    keys = np.unique(np.minimum(tails, heads) * len(ids) + np.maximum(tails, heads))
+    lows, highs = np.divmod(keys, max(len(ids), 1))
+    apart = lows != highs
+    walks = _walks(lows[apart], highs[apart], directed=False)
+    data = _data(walks, _Ends.of(ids), "")
     look = (
         f'fill="none" stroke="{_hex(INK)}" stroke-opacity="{darkness:.2g}" '
         f'stroke-width="{width * _UNITS:.3g}" stroke-linejoin="round" stroke-linecap="round"'
@@ -204,13 +210,29 @@ def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int
             yield walk
 
 
-def _data(walks: Iterable[Points], end: str) -> str:
+class _Ends(NamedTuple):
+    """Coordinates of points by their numbers; most walks are too short for arrays."""
+
+    xs: list[int]
+    ys: list[int]
+
+    @classmethod
+    def of(cls, points: Points) -> _Ends:
+        return cls(points[:, 0].tolist(), points[:, 1].tolist())
+
+
+def _data(walks: Iterable[list[int]], points: _Ends, end: str) -> str:
     """Path data of walks through points; "z" for `end` closes each of them."""
+    xs, ys = points
     parts = []
     for walk in walks:
-        steps = np.diff(walk[:-1] if end else walk, axis=0)  # "z" draws the last step
-        numbers = " ".join(map(str, steps.ravel().tolist())).replace(" -", "-")
-        parts.append(f"M{walk[0][0]} {walk[0][1]}l{numbers}{end}")
+        x, y = xs[walk[0]], ys[walk[0]]
+        parts.append(f"M{x} {y}l")
+        steps = []
+        for at in walk[1:-1] if end else walk[1:]:  # "z" draws the last step
+            steps.append(f"{xs[at] - x} {ys[at] - y}")
+            x, y = xs[at], ys[at]
+        parts.append(" ".join(steps).replace(" -", "-") + end)
     return "".join(parts)
 
 

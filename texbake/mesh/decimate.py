@@ -223,11 +223,15 @@ def _rows_of_vertices(
     return rows.astype(np.int32), np.ascontiguousarray(values[ids])
 
 
-def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
+def without_small_parts(
+    stream: VertexStream, n_faces: int, *, is_least: bool = False
+) -> Iterator[VertexStream]:
     """Yield the stream without its smallest parts, with ever more of them.
 
     Those that stay, each at the fewest faces that its topology allows, take up at most one of
     `_PARTS_SHARES` of `n_faces`, so that the rest is left for their shapes.
+
+    With `is_least`, none of the edges can be collapsed.
     """
     corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
@@ -235,7 +239,8 @@ def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexSt
         return
     part_of = np.zeros(len(stream.points), dtype=np.intp)
     part_of[stream.faces] = parts[:, None]
-    fewest = np.bincount(part_of[collapse_stream(stream, 0)[:, 0]], minlength=n_parts)
+    least = stream.faces if is_least else collapse_stream(stream, 0)
+    fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     for corner in range(3):
         np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])

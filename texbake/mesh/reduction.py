@@ -178,11 +178,11 @@ def _attempts(
     """
     notes: tuple[str, ...] = ()
     while True:
-        collapse = partial(collapse_stream, stream)
         if boundary_fits(stream, n_faces):
-            yield stream, partial(collapse, lock_boundary=True), _COLLAPSES, notes
+            yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
+        collapse = _Collapse(stream)
         yield stream, collapse, _COLLAPSES, notes
-        for large in without_small_parts(stream, n_faces):
+        for large in without_small_parts(stream, n_faces, is_least=collapse.is_stuck):
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
         if not given_up.has_seams:
@@ -196,6 +196,19 @@ def _attempts(
     if edges.non_manifold.any() and not stream.has_seams:
         yield stream, partial(cluster_stream, stream), _CLUSTERS, (*notes, _JOINED)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
+
+
+class _Collapse:
+    """Collapses the edges of a stream, and notes that none can be."""
+
+    def __init__(self, stream: VertexStream) -> None:
+        self.stream = stream
+        self.is_stuck = False
+
+    def __call__(self, n_faces: int) -> IntArray:
+        faces = collapse_stream(self.stream, n_faces)
+        self.is_stuck |= len(faces) == len(self.stream.faces) > n_faces
+        return faces
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:

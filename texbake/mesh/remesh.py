@@ -40,7 +40,7 @@ from texbake.progress import ProgressSink, Stages
 # Voxels between the mesh and the border of the grid, besides the radius of the ball: the width of
 # the band, and a point that is outside in any case.
 _MARGIN = 4
-_MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
+_MOST_FACES_SUMMED = 5e7  # for winding numbers in all rooms
 
 
 @dataclass(frozen=True, kw_only=True)
