@@ -9,6 +9,7 @@ from texbake.core import core
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.overlap import find_overlaps
+from texbake.mesh import decimate, distance
 from texbake.mesh.copies import later_copies, without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -199,6 +200,47 @@ def test_distances_to_a_stack_are_measured_once(monkeypatch):
     assert (found.distances == expected.distances).all()
 
 
+def crossing(n):
+    """Triangles as large as the cube that they lie in."""
+    corners = np.random.default_rng(7).random((3 * n, 3))
+    return Mesh(positions=corners, faces=np.arange(3 * n, dtype=np.int32).reshape(-1, 3))
+
+
+def test_triangles_that_fill_the_voxels_many_times_are_refused_at_once(monkeypatch):
+    mesh = crossing(300)
+    monkeypatch.setattr(band, "_MOST_POINTS", 1e6)
+    monkeypatch.setattr(band, "_MOST_WALLS", 1.0)
+    monkeypatch.setattr(core, "mark_band_blocks", None)  # it would begin the work
+    with pytest.raises(texbake.MeshError, match=r"use a `resolution` of [0-9]+,") as raised:
+        texbake.remesh(mesh, texbake.RemeshOptions(resolution=128))
+    monkeypatch.undo()
+    monkeypatch.setattr(band, "_MOST_POINTS", 1e6)
+    lower = int(str(raised.value).split("`resolution` of ")[1].split(",")[0])
+    assert 8 <= lower < 128
+    texbake.remesh(mesh, texbake.RemeshOptions(resolution=lower))
+
+
+def test_searches_among_triangles_that_overlap_are_bounded(monkeypatch):
+    mesh, ball = crossing(3000), icosphere()
+    many = TriangleTree.build(mesh.positions, mesh.faces).boxes_at_a_point()
+    assert 200.0 < many < 3000.0
+    assert TriangleTree.build(ball.positions, ball.faces).boxes_at_a_point() < 30.0
+    searched = []
+    search = TriangleTree.closest_points
+
+    def spy(tree, points, **options):
+        searched.append(len(points))
+        return search(tree, points, **options)
+
+    monkeypatch.setattr(TriangleTree, "closest_points", spy)
+    monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1000.0 * many)
+    found = distance.surface_distance(ball, mesh, n_samples=5000)
+    assert searched[0] == 1000 and searched[2] == 5000
+    monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1e99)
+    expected = distance.surface_distance(ball, mesh, n_samples=5000)
+    np.testing.assert_allclose(found.a_to_b.mean, expected.a_to_b.mean, rtol=0.1)
+
+
 def test_of_many_rooms_the_first_are_measured():
     mesh = icosphere()
     points = np.random.default_rng(6).random((500, 3)) * 3.0 - 1.5
@@ -220,3 +262,20 @@ def test_simplification_begins_without_the_copies_of_a_stack():
     turned = Mesh(positions=mesh.positions, faces=np.concatenate([mesh.faces, [[0, 2, 1]]]))
     assert len(weld_corners(turned).faces) == 2
     assert len(weld_corners(icosphere()).faces) == icosphere().n_faces
+
+
+def test_edges_that_cannot_collapse_are_not_tried_twice(monkeypatch):
+    tried = []
+
+    class Spy:
+        def __getattr__(self, name):
+            return getattr(core, name)
+
+        def collapse_edges(self, *arguments):
+            tried.append(len(arguments[2]))
+            return core.collapse_edges(*arguments)
+
+    monkeypatch.setattr(decimate, "core", Spy())
+    low = texbake.simplify(loose(), 500)
+    assert 0 < low.n_faces <= 500
+    assert tried.count(N) == 1

@@ -24,6 +24,9 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
 _DEFAULT_SAMPLES = 100_000
+# Boxes that the searches of one surface may look at. It leaves fewer samples of triangles that lie
+# across one another by the ten thousand, where each search looks at most of them.
+_BOXES_ALLOWED = 2e8
 
 # 1 / g and 1 / g² for g³ = g + 1: Roberts's sequence in two dimensions.
 _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
@@ -108,7 +111,8 @@ def surface_distance(
         In one space.
     n_samples
         Points on each surface, at equal steps of area, for the mean. For the maximum as many of its
-        vertices are added, at equal steps of their list where it has more.
+        vertices are added, at equal steps of their list where it has more. Fewer where so many
+        triangles lie across one another that each search would look at thousands of them.
     seed
         Moves the samples.
     threads
@@ -141,10 +145,12 @@ def surface_distance(
         positions: FloatArray, faces: IntArray, to_positions: FloatArray, to_faces: IntArray
     ) -> OneSidedDistance:
         tree = TriangleTree.build(to_positions, to_faces, threads=threads)
-        face_ids, barycentrics = _spread_samples(positions, faces, n_samples, seed, threads)
+        allowed = max(int(_BOXES_ALLOWED / tree.boxes_at_a_point()), 1)
+        n = min(n_samples, allowed)
+        face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
         samples = _points_on(positions, faces, face_ids, barycentrics)
         of_samples, _, _ = tree.closest_points(samples, threads=threads)
-        vertices = _some_vertices(positions, faces, n_samples)
+        vertices = _some_vertices(positions, faces, n)
         of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
         figures = (
             max(of_samples.max(), of_vertices.max()),

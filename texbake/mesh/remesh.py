@@ -25,8 +25,8 @@ from texbake.mesh.distance import OneSidedDistance, surface_distance
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.remesh_options import RemeshOptions
-from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band
+from texbake.mesh.remesh_options import MIN_RESOLUTION, RemeshOptions
+from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band, CrowdedGridError
 from texbake.mesh.remeshing.flood import MAX_RADIUS, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
 from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
@@ -139,7 +139,7 @@ def remesh(
     OptionError
         The gaps to close are too wide for the resolution.
     MeshError
-        The mesh has no extent.
+        The mesh has no extent, or its triangles fill the voxels hundreds of times over.
 
     Examples
     --------
@@ -236,6 +236,14 @@ class _Counts:
     thin_share: float
 
 
+def _too_crowded(mesh: Mesh, options: RemeshOptions, error: CrowdedGridError) -> MeshError:
+    lower = max(int(error.share * options.resolution), MIN_RESOLUTION)
+    return MeshError(
+        f"{mesh.name}: its triangles lie across one another so often that they fill the voxels "
+        f"{error.times:,.0f} times over; use a `resolution` of {lower}, or wrap parts of it"
+    )
+
+
 def _remeshed(
     mesh: Mesh, options: RemeshOptions, stages: Stages, threads: int | None
 ) -> tuple[Mesh, _Grid, _Counts]:
@@ -250,7 +258,10 @@ def _remeshed(
         return np.abs(found) < 0.5
 
     with stages.stage("measure voxels"):
-        band = Band.around(points, mesh.faces, grid.shape, threads=threads)
+        try:
+            band = Band.around(points, mesh.faces, grid.shape, threads=threads)
+        except CrowdedGridError as error:
+            raise _too_crowded(mesh, options, error) from error
         labels = band.labels(threads=threads)
     with stages.stage("find outside"):
         n_cavities = flood_outside(

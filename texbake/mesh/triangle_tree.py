@@ -17,6 +17,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13
+_THIN = 1e-3  # extent of a flat box, as a share of the size of the whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,17 @@ class TriangleTree:
         nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
         n_nodes = core.build_triangle_tree(positions, faces, ids, codes, boxes, nodes)
         return cls(positions, faces, ids, boxes[:n_nodes].copy(), nodes[:n_nodes].copy())
+
+    def boxes_at_a_point(self) -> float:
+        """Mean number of boxes that hold a point of the whole: of nodes, and of faces in leaves.
+
+        A search looks at these at least. Of a surface they are a few dozen; of triangles that all
+        lie across one another, a large share of all.
+        """
+        extents = (self.boxes[:, 3:] - self.boxes[:, :3]).astype(np.float64)
+        thin = max(_THIN * float(extents[0].max()), 1e-300)
+        shares = np.prod((extents + thin) / (extents[0] + thin), axis=1)
+        return float((shares * (1 + self.nodes[:, 1])).sum())
 
     def closest_points(
         self,

@@ -29,6 +29,27 @@ SHELL_DEPTH = 0.9
 _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 
 
+# Points that all faces together may be near: of an ordinary mesh this many, or as many as this many
+# walls through the whole grid.
+_MOST_POINTS, _MOST_WALLS = 2.5e8, 100.0
+
+
+class CrowdedGridError(Exception):
+    """The faces are so large and so many that measuring them would take hours.
+
+    Attributes
+    ----------
+    times : float
+        How often they fill the whole grid.
+    share : float
+        Resolution at which they could be measured, as a share of this one.
+    """
+
+    def __init__(self, times: float, share: float) -> None:
+        super().__init__()
+        self.times, self.share = times, share
+
+
 @dataclass(frozen=True, eq=False)
 class Band:
     """Distances to a surface at the points near it, in units of a voxel.
@@ -73,6 +94,10 @@ class Band:
             Blocks along each axis.
         threads
             None for every processor.
+
+        Raises
+        ------
+        CrowdedGridError
         """
         listed, starts = _faces_of_layers(positions, faces, shape[0])
         if len(listed) > _MOST_LAYERS_A_FACE * len(faces):
@@ -80,6 +105,7 @@ class Band:
             if np.count_nonzero(copies) > _STACK:
                 faces = faces[~copies]
                 listed, starts = _faces_of_layers(positions, faces, shape[0])
+        _require_room(positions, faces, shape)
         mesh = (positions, faces, listed, starts)
         active = np.zeros(shape, dtype=np.bool_)
 
@@ -107,6 +133,17 @@ class Band:
 
         run_bands(work, self.slots.shape[0], band=1, threads=threads)
         return labels
+
+
+def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int, int]) -> None:
+    a, b, c = (positions[faces[:, corner]] for corner in range(3))
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    n_points = 2.0 * BAND_WIDTH * float(areas.sum())
+    wall = 2.0 * BAND_WIDTH * float(BLOCK_SIDE * max(shape)) ** 2
+    allowed = max(_MOST_POINTS, _MOST_WALLS * wall)
+    if n_points > allowed:
+        whole = float(np.prod(shape)) * BLOCK_POINTS
+        raise CrowdedGridError(n_points / whole, float(np.sqrt(allowed / n_points)))
 
 
 def _faces_of_layers(
