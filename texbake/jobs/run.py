@@ -366,11 +366,8 @@ def run_files(
         materials = model_materials(high, mesh)
         without = left_out(high)
     result = run(mesh, folder, options, materials=materials, progress=progress)
-    missing = (
-        *without,
-        *(() if materials is None else materials.notes(CHANNELS)),
-        *compared_without(high, materials),
-    )
+    notes = () if materials is None else materials.notes(CHANNELS)
+    missing = (*without, *notes, *compared_without(high, materials))
     result = replace(result, missing=missing)
     return result if html is None else with_page(result, html, options, command=command)
 
