@@ -157,6 +157,18 @@ def file_beside(path: PathLike, name: str) -> Path:
     return place
 
 
+def real_path(path: PathLike, name: str) -> str:
+    """Return a path that is equal for all names by which a file names another one.
+
+    A small file could name a large one as `a.png`, `./a.png` and so on, to have it read each time.
+    """
+    place = Path(path).parent / name
+    try:
+        return os.path.realpath(place)
+    except (OSError, ValueError):  # no file can have such a name
+        return str(place)
+
+
 def is_within(folder: PathLike, place: PathLike) -> bool:
     """Whether a path lies in a folder or below, by their names."""
     inside, outside = (os.path.abspath(path) for path in (place, folder))  # noqa: PTH100

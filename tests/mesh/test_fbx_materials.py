@@ -290,3 +290,17 @@ def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     assert "blue" in found.notes(["base-color"])[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
     assert read(texture).sources("base-color")[1].image.data == b"inside"
+
+
+def test_an_image_that_many_textures_name_is_read_once(tmp_path):
+    kinds = ("DiffuseColor", "EmissiveColor", "NormalMap")
+    path = textured_file(tmp_path, {kind: {} for kind in kinds}, form="ascii", content=b"")
+    text = path.read_text()
+    for i in range(3):
+        text = text.replace('Content: ""', f'RelativeFilename: "{"./" * i}b.png"', 1)
+    path.write_text(text)
+    (tmp_path / "b.png").write_bytes(b"picture")
+    found = read_materials(path, read_mesh(path))
+    images = [source.image for source in found.materials[0].channels.values() if source.image]
+    assert len(images) == 3
+    assert len({id(image.data) for image in images}) == 1

@@ -1,4 +1,5 @@
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.ply_tables import read_header
 from texbake.mesh.mesh import Mesh
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)]
@@ -309,3 +311,20 @@ def test_other_programs_read_written_files(tmp_path):
     np.testing.assert_array_equal(other.faces, mesh.faces)
     # trimesh normalizes again, in the last bits.
     np.testing.assert_allclose(other.vertex_normals, mesh.normals, atol=1e-15)
+
+
+def test_the_time_for_a_header_grows_with_its_properties():
+    def seconds(n):
+        lines = "".join(f"property int p{i}\n" for i in range(n))
+        text = f"ply\nformat ascii 1.0\nelement vertex 0\n{lines}end_header\n"
+        data = np.frombuffer(text.encode(), np.uint8)
+        times = []
+        for _ in range(3):
+            start = time.process_time()
+            header = read_header("a.ply", data)
+            times.append(time.process_time() - start)
+        assert len(header.elements[0].properties) == n
+        return min(times)
+
+    # 16 times as many take as many times as long, and not 256 times.
+    assert seconds(32_000) < 50 * seconds(2_000)

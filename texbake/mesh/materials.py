@@ -296,18 +296,18 @@ class MissingParts:
     ----------
     lines : list of (str, str)
         As `Materials.missing`.
-    images : list of str
-        As `Materials.missing_images`.
+    images : dict of str to None
+        As `Materials.missing_images`, each once.
     """
 
     lines: list[tuple[str, str]] = field(default_factory=list)
-    images: list[str] = field(default_factory=list)
+    images: dict[str, None] = field(default_factory=dict)
 
     def add(self, channel: str, line: str, *, image: str | None = None) -> None:
         """Add a line about a channel, and the name of an image that is not there."""
         self.lines.append((channel, line))
-        if image is not None and image not in self.images:
-            self.images.append(image)
+        if image is not None:
+            self.images[image] = None
 
 
 _READERS = {

@@ -173,7 +173,7 @@ def _of_obj(path: Path) -> FileContents:
     data = read_bytes(path)
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for library in _allowed(path, dict.fromkeys(library_names(path, data))):
+    for library in _allowed(path, library_names(path, data)):
         if is_file(library):
             for match in _STATEMENT.finditer(read_bytes(library)):
                 _add_statement(library, match[1], match[2], materials, images)

@@ -7,7 +7,7 @@ may show. Before, objects are known by class and name, and a model holds its geo
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import numpy as np
@@ -57,6 +57,8 @@ class FbxScene:
         Size of the file.
     creator : str
         What the file says of the program that wrote it.
+    images : dict of str to bytes
+        Contents of images that have been read, by their names; many textures may name one.
     """
 
     path: PathLike
@@ -66,6 +68,7 @@ class FbxScene:
     defaults: dict[str, list[Any]]
     n_bytes: int
     creator: str = ""
+    images: dict[str, bytes] = field(default_factory=dict, repr=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError`."""

@@ -41,7 +41,11 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
         content = holder.node.child("Content")
         value = content.values[0] if content is not None and content.values else None
         if isinstance(value, bytes) and value:
-            yield _unwrapped(value), f"{scene.path}: {holder.name}"
+            label = f"{scene.path}: {holder.name}"
+            key = f"{label} {holder.key}"
+            if key not in scene.images:
+                scene.images[key] = _unwrapped(value)
+            yield scene.images[key], label
     folder = Path(scene.path).resolve().parent
     for holder in holders:
         for entry in _FILES:
@@ -52,7 +56,10 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
                 except (OSError, ValueError):
                     continue
                 if is_there:
-                    yield read_bytes(place), str(place)
+                    real = str(place.resolve())
+                    if real not in scene.images:
+                        scene.images[real] = read_bytes(place)
+                    yield scene.images[real], str(place)
 
 
 def fbx_image_name(scene: FbxScene, texture: FbxObject) -> str | None:

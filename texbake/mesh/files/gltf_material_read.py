@@ -11,9 +11,7 @@ KHR_texture_transform and EXT_texture_webp.
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from urllib.parse import unquote
 
 from texbake.errors import quoted
 from texbake.files import read_bytes
-from texbake.limits import file_beside
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document
 
@@ -243,8 +241,7 @@ def image_source(document: Document, index: int) -> str | int | None:
     image = document.item("images", index)
     source = image.get("uri", image.get("bufferView"))
     if isinstance(source, str) and not source.startswith("data:"):
-        with suppress(ValueError, OSError):  # a file of one folder has many paths
-            return os.path.realpath(document.path.parent / unquote(source))
+        return real_path(document.path, unquote(source))
     return source if isinstance(source, str | int) else None
 
 

@@ -13,7 +13,6 @@ Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1, and "MTL m
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from texbake.errors import FileError, FileFormatError, quoted, shortened
 from texbake.files import PathLike, is_file, read_bytes
-from texbake.limits import file_beside
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
 from texbake.mesh.files.source import decode_name, read_array
@@ -37,6 +36,7 @@ from texbake.mesh.mesh import Mesh
 
 _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
+_MOST_LIBRARIES = 1000
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 # Channels by the statements of their values, and by those of their images.
 VALUES = {
@@ -52,6 +52,10 @@ _OPTION_WORDS = {
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
+
+
+# Content and name of each image that has been read, by its real path.
+Images = dict[str, tuple[bytes, str]]
 
 
 def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -102,10 +106,12 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict[str, MeshMaterial]:
     """Materials by their names; the first library that has a name counts."""
     known: dict[str, MeshMaterial] = {}
-    images: dict[Path, bytes] = {}
-    for library in dict.fromkeys(library_names(path, data)):
+    images: Images = {}
+    for library in library_names(path, data):
         try:
-            known = {**_read_library(file_beside(path, library), missing, images), **known}
+            found = _read_library(file_beside(path, library), missing, images)
+            for name, material in found.items():
+                known.setdefault(name, material)
         except FileFormatError:
             raise
         except FileError as error:
@@ -113,18 +119,29 @@ def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict
     return known
 
 
-def library_names(path: Path, data: bytes | memoryview) -> Iterator[str]:
-    """Yield the names of the .mtl files that an OBJ file needs."""
-    for match in _LIBRARY.finditer(data):
-        name = decode_name(match[1].strip())
+def library_names(path: Path, data: bytes | memoryview) -> list[str]:
+    """Return the names of the .mtl files that an OBJ file needs, one for each file.
+
+    Raises
+    ------
+    FileFormatError
+        There are more than a file of its kind has.
+    """
+    names: dict[str, str] = {}
+    for statement in dict.fromkeys(match[1].strip() for match in _LIBRARY.finditer(data)):
+        name = decode_name(statement)
         # One name with spaces in it, or several without.
-        names = [name] if is_file(path.parent / name) else name.split()
-        yield from names
+        for each in [name] if is_file(path.parent / name) else name.split():
+            names.setdefault(real_path(path, each), each)
+            if len(names) > _MOST_LIBRARIES:
+                raise FileFormatError(
+                    f"{path}: it names more than {_MOST_LIBRARIES:,} material libraries (mtllib); "
+                    "join them in one"
+                )
+    return list(names.values())
 
 
-def _read_library(
-    path: Path, missing: MissingParts, images: dict[Path, bytes]
-) -> dict[str, MeshMaterial]:
+def _read_library(path: Path, missing: MissingParts, images: Images) -> dict[str, MeshMaterial]:
     known: dict[str, MeshMaterial] = {}
     name = "default"
     for match in _STATEMENT.finditer(read_bytes(path)):
@@ -144,9 +161,9 @@ def _with_statement(
     statement: str,
     words: str,
     missing: MissingParts,
-    images: dict[Path, bytes],
+    images: Images,
 ) -> MeshMaterial:
-    """Return a material with what a statement says of it; each of its `images` is read once."""
+    """Return a material with what a statement says of it."""
     channels = dict(material.channels)
     if statement.lower() in IMAGES:
         channel = IMAGES[statement.lower()]
@@ -182,16 +199,18 @@ def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float,
     return tuple(numbers * width if len(numbers) == 1 else numbers)
 
 
-def _mapped(path: Path, channel: str, words: str, images: dict[Path, bytes]) -> ChannelSource:
-    """Read the image that a statement names."""
+def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSource:
+    """Read the image that a statement names, if it has not been read."""
     name, wrap = map_name(words)
     file = file_beside(path, name)
-    if file not in images:
-        images[file] = read_bytes(file)
+    key = real_path(path, name)
+    if key not in images:
+        images[key] = read_bytes(file), str(file)
+    data, label = images[key]
     kind = CHANNELS[channel]
     image = ChannelImage(
-        data=images[file],
-        name=str(file),
+        data=data,
+        name=label,
         components=_RED if len(kind.default) == 1 else (0, 1, 2),
         wraps=(wrap, wrap),
     )

@@ -99,7 +99,7 @@ def read_header(path: PathLike, data: ByteArray) -> Header:
 
 def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tuple[Element, ...]]:
     order = None
-    elements: list[Element] = []
+    elements: list[tuple[str, int, list[Property]]] = []
     for number, line in enumerate(lines, start=2):
         match line.split():
             case [] | ["comment" | "obj_info", *_]:
@@ -107,23 +107,18 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
             case ["format", name, _] if name in _ORDERS:
                 order = _ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
-                elements.append(Element(name, int(count), ()))
+                elements.append((name, int(count), []))
             case ["property", "list", count_type, value_type, name] if (
                 elements and TYPES.get(count_type, "f")[0] in "iu" and value_type in TYPES
             ):
-                _append(elements, Property(name, TYPES[value_type], TYPES[count_type]))
+                elements[-1][2].append(Property(name, TYPES[value_type], TYPES[count_type]))
             case ["property", value_type, name] if elements and value_type in TYPES:
-                _append(elements, Property(name, TYPES[value_type]))
+                elements[-1][2].append(Property(name, TYPES[value_type]))
             case _:
                 raise FileFormatError(
                     f"{path}: line {number}: {quoted(line)} is not a statement of a PLY header"
                 )
-    return order, tuple(elements)
-
-
-def _append(elements: list[Element], prop: Property) -> None:
-    last = elements[-1]
-    elements[-1] = Element(last.name, last.n_rows, (*last.properties, prop))
+    return order, tuple(Element(name, count, tuple(found)) for name, count, found in elements)
 
 
 @dataclass(frozen=True)

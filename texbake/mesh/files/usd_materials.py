@@ -234,7 +234,7 @@ class _MaterialReader:
             )
         named, resolved, data = _image_file(shader)
         if data is None:
-            self.missing.images.append(named)
+            self.missing.images[named] = None
             return f"its image {quoted(named)} is missing"
         u, v = (
             _WRAPS.get(str(_value(shader.GetInput(axis))), "repeat") for axis in ("wrapS", "wrapT")
