@@ -180,14 +180,8 @@ class Mesh:
             return None
         try:
             array = np.asarray(value)
-            if np.issubdtype(dtype, np.integer) and array.size and array.dtype.kind not in "iu":
-                raise MeshError(f"{self.name}: {field} must be integers, not {array.dtype}")
-            if np.issubdtype(dtype, np.integer) and array.dtype.itemsize >= 4 and array.size:
-                limits = np.iinfo(dtype)
-                if array.max() > limits.max or array.min() < limits.min:
-                    raise MeshError(f"{self.name}: {field} has an index out of range")
-            with np.errstate(over="ignore"):  # what float32 does not hold is found not finite
-                array = np.ascontiguousarray(array, dtype=dtype)
+            if array.dtype != dtype or not array.flags.c_contiguous or array.ndim == 0:
+                array = self._converted(field, array, dtype)
         except (TypeError, ValueError) as error:
             if isinstance(error, MeshError):
                 raise
@@ -201,6 +195,17 @@ class Mesh:
             )
         object.__setattr__(self, field, frozen(array))
         return array
+
+    def _converted(self, field: str, array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
+        """Return a contiguous array of the given type; integers stay what they are."""
+        if np.issubdtype(dtype, np.integer) and array.size:
+            if array.dtype.kind not in "iu":
+                raise MeshError(f"{self.name}: {field} must be integers, not {array.dtype}")
+            limits = np.iinfo(dtype)
+            if array.dtype.itemsize >= 4 and (array.max() > limits.max or array.min() < limits.min):
+                raise MeshError(f"{self.name}: {field} has an index out of range")
+        with np.errstate(over="ignore"):  # what float32 does not hold is found not finite
+            return np.ascontiguousarray(array, dtype=dtype)
 
     def _check_pair(self, values: str, corners: str, width: int, noun: str) -> None:
         if (getattr(self, values) is None) != (getattr(self, corners) is None):
