@@ -18,6 +18,8 @@ from functools import cache, partial
 from types import FrameType
 from typing import NoReturn
 
+from texbake import is_out_of_memory
+
 _PATIENCE = 0.5  # seconds in which the work hears a signal
 _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anything
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
@@ -122,9 +124,14 @@ def _interrupt(signal_number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _raise_again(unraisable: sys.UnraisableHookArgs) -> None:
-    """Send a signal once more that came where Python drops exceptions, such as in a finalizer."""
+    """Send a signal once more that came where Python drops exceptions, such as in a finalizer.
+
+    Where memory was lacking, nothing is printed: the command ends with a line of its own.
+    """
     if not issubclass(unraisable.exc_type, KeyboardInterrupt):
-        sys.__unraisablehook__(unraisable)
+        error = unraisable.exc_value or unraisable.exc_type()
+        if not is_out_of_memory(error):
+            sys.__unraisablehook__(unraisable)
         return
     number = getattr(unraisable.exc_value, "signal_number", int(signal.SIGINT))
     signal.signal(number, _interrupt if number == signal.SIGINT else _terminate)

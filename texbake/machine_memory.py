@@ -40,6 +40,10 @@ def limit_own_memory() -> None:
         return
     import resource
 
+    if _process_limits("RLIMIT_AS") or _process_limits("RLIMIT_DATA"):
+        # OpenBLAS, which NumPy loads, takes 30 MB for each thread, prints five lines and interrupts
+        # the process if it does not get them.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if soft == resource.RLIM_INFINITY:
         with suppress(OSError, ValueError):  # above the hard limit

@@ -6,8 +6,8 @@ parallel, and the order in which they finish cannot change a byte of the result.
 
 from __future__ import annotations
 
+import _thread
 import os
-import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -57,38 +57,47 @@ def run_bands(
     starts = range(0, n_items, band)
     n_helpers = min(resolve_threads(threads), len(starts)) - 1
     waiting, finished, errors = deque(starts), deque[int](), deque[BaseException]()
+    n_done = 0
 
-    def help_out() -> None:
-        try:
-            while waiting:
-                finished.append(_run_next(work, waiting, band, n_items))
-        except BaseException as error:
-            waiting.clear()
-            errors.append(error)
+    def help_out(at_work: _thread.LockType) -> None:
+        with at_work:
+            try:
+                while waiting:
+                    finished.append(_run_next(work, waiting, band, n_items))
+            except BaseException as error:
+                waiting.clear()
+                errors.append(error)
 
     def report() -> None:
-        while finished and advance is not None:
-            advance(finished.popleft())
+        nonlocal n_done
+        while finished:
+            n = finished.popleft()
+            n_done += n
+            if advance is not None:
+                advance(n)
 
-    helpers = [
-        threading.Thread(target=help_out, name=f"texbake {i}") for i in range(1, n_helpers + 1)
-    ]
+    # A thread for which there is no memory may end before its first line. `threading.Thread.start`
+    # would wait for that line for ever; here only those that have begun are waited for. One that
+    # begins later finds nothing to do.
+    helpers = [_thread.allocate_lock() for _ in range(n_helpers)]
     try:  # an interrupt may come at any line, also before all helpers have started
-        with suppress(RuntimeError):  # the system gives no more threads: fewer do the same work
-            for helper in helpers:
-                helper.start()
+        with suppress(RuntimeError, MemoryError):  # the system gives fewer threads for the work
+            for at_work in helpers:
+                _thread.start_new_thread(help_out, (at_work,))
         # The calling thread works like the others.
         while waiting:
             finished.append(_run_next(work, waiting, band, n_items))
             report()
     finally:
         waiting.clear()
-        for helper in helpers:
-            if helper.ident is not None:
-                helper.join()
+        for at_work in helpers:
+            with at_work:
+                pass
     if errors:
         raise errors[0]
     report()
+    if n_done != n_items:  # a thread had no memory even to keep its error
+        raise MemoryError("a thread ended before its work")
 
 
 def _run_next(

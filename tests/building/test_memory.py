@@ -53,6 +53,21 @@ def test_ulimit_is_a_limit_of_memory(kind: int) -> None:
     assert int(done.stdout) == min(GB, machine_memory())
 
 
+@pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA])
+def test_a_limited_process_starts_no_threads_that_it_may_have_no_memory_for(kind: int) -> None:
+    """Those of NumPy's library of linear algebra, which end the process if they do not start."""
+    code = (
+        "from texbake import limit_own_memory; limit_own_memory(); import numpy; "
+        "from pathlib import Path; print(len(list(Path('/proc/self/task').iterdir())))"
+    )
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        preexec_fn=limited(GB, kind), env=environment, capture_output=True, check=True,
+    )  # fmt: skip
+    assert int(done.stdout) == 1
+
+
 def test_advice_says_whether_fewer_jobs_would_help() -> None:
     values: dict[str, Any] = {
         "asset": "a", "step": "s", "kind": "make", "settings": {}, "inputs": {}, "outputs": {},

@@ -6,6 +6,7 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -227,3 +228,28 @@ def test_a_process_that_read_an_image_says_nothing_at_its_end(run: Run, tmp_path
     done = run("height-to-normal height.png -o slopes.png", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+SILENT = """
+import sys, _thread, time
+sys.argv = ["texbake", "--version"]
+def fail(error):
+    raise error
+class Fails:
+    def __init__(self, error): self.error = error
+    def __del__(self): fail(self.error)
+from texbake_cli.main import main
+try:
+    main()
+except SystemExit:
+    Fails(MemoryError())
+    Fails(ValueError("a bug"))
+"""
+
+
+def test_what_had_no_memory_in_passing_prints_no_traceback() -> None:
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", SILENT], capture_output=True, text=True, timeout=60
+    )
+    assert "a bug" in done.stderr
+    assert "MemoryError" not in done.stderr
