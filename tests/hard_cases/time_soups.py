@@ -35,7 +35,8 @@ from texbake.mesh.shapes import uv_sphere
 
 PROGRAM = "from texbake_cli.main import main; main()"
 # SOUP has no texture coordinates, MAPPED a cell for each triangle, and PILED one place for all.
-# BALL is a sphere around the soup, with texture coordinates.
+# BALL is a sphere around the soup, with texture coordinates. ROOM is a scene of MAPPED with static
+# lights, and PIPELINE bakes SOUP. What a command needs beside these is made by one before a ";".
 COMMANDS = {
     "info": "info SOUP",
     "info --uv": "info MAPPED --uv",
@@ -73,10 +74,13 @@ COMMANDS = {
     "cage as high": "cage SOUP BALL -o OUT/a.ply",
     "cage as low": "cage BALL MAPPED -o OUT/a.ply",
     "bake as high": "bake SOUP BALL -o OUT --maps normal,displacement,curvature",
-    "bake as low": "bake BALL MAPPED -o OUT --maps normal,displacement,curvature",
+    "bake as low": "bake BALL MAPPED -o OUT --maps normal,displacement --orientation keep",
     "bake piled": "bake BALL PILED -o OUT",
     "bake rays": "bake SOUP BALL -o OUT --maps ao,thickness --size 512 --secondary-rays 16",
     "bake closest": "bake SOUP BALL -o OUT --on-miss closest --hit-back-faces --size 512",
+    "bake budget": "bake-normals SOUP BALL -o OUT/n.png --time-budget 5 --size 512",
+    "bake-lightmap": "bake-lightmap ROOM -o OUT --size 512",
+    "remap": "bake SOUP BALL -o OUT --hits HITS ; remap HITS -o OUT --maps normal,displacement",
     "bake-normals": "bake-normals SOUP BALL -o OUT/n.png --samples adaptive --size 512",
     "bake-texture": "bake-texture MAPPED -o OUT/t.png --procedure marble",
     "preview": "preview SOUP -o OUT/p.png",
@@ -86,6 +90,9 @@ COMMANDS = {
     "export": "export MAPPED --to unreal -o OUT/e",
     "export compressed": "export MAPPED --to threejs --compress -o OUT/e",
     "run": "run SOUP -o OUT/r --faces 500 --size 512",
+    "build": "build PIPELINE -o OUT",
+    "study": "study SOUP BALL -o OUT --quick --knob map-kind --repeats 1",
+    "bench": "bench SOUP BALL -o OUT --task preview --program texbake --size 512 --repeats 1",
     "lighten": "lighten MODEL -o OUT/l.glb --faces 5000 --size 512",
 }
 
@@ -156,8 +163,31 @@ FILES = {
     "PILED": "piled.ply",
     "MODEL": "model.glb",
     "BALL": "ball.ply",
+    "ROOM": "room.toml",
+    "PIPELINE": "pipeline.toml",
+    "HITS": "hits.npz",
     "OUT": "out",
 }
+ROOM = """
+[[lights]]
+kind = "directional"
+direction = [0.2, 0.1, -1.0]
+
+[[objects]]
+name = "soup"
+mesh = "mapped.ply"
+material = { shading = "lambert" }
+"""
+PIPELINE = """
+[[assets]]
+name = "soup"
+
+[steps.maps]
+do = "bake"
+high = "soup.ply"
+low = "ball.ply"
+output = "{asset}_{output}.{ext}"
+"""
 
 
 def write_soup(name: str, n: int, folder: Path) -> None:
@@ -171,6 +201,8 @@ def write_soup(name: str, n: int, folder: Path) -> None:
     meshes = {"SOUP": soup, "MAPPED": mapped, "PILED": with_stacked_uvs(soup), "MODEL": mapped}
     for word, mesh in (meshes | {"BALL": ball}).items():
         write_mesh(mesh, folder / FILES[word])
+    (folder / FILES["ROOM"]).write_text(ROOM, encoding="utf-8")
+    (folder / FILES["PIPELINE"]).write_text(PIPELINE, encoding="utf-8")
 
 
 def rows(arguments: argparse.Namespace, folder: Path) -> Iterator[bool]:
@@ -187,6 +219,9 @@ def rows(arguments: argparse.Namespace, folder: Path) -> Iterator[bool]:
             line = COMMANDS[name]
             for word, file in FILES.items():
                 line = line.replace(word, str(folder / file))
+            *before, line = line.split(" ; ")
+            for made_before in before:
+                run_command(made_before.split(), folder / "out", arguments.patience)
             run = run_command(line.split(), folder / "out", arguments.patience)
             good = run.code in (0, 1, 2) and not run.last.startswith("Traceback")
             good &= min(run.clock, run.processor) <= arguments.limit
