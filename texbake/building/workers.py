@@ -32,6 +32,7 @@ from texbake.building.task import (
     memory_advice,
     run_task,
 )
+from texbake.core.signal_watch import end_with_parent
 from texbake.files import new_scratch_folder
 from texbake.machine_memory import limit_own_memory
 
@@ -249,6 +250,7 @@ def main() -> None:
     # Ctrl-C reaches all processes of a terminal; the build decides what happens to workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     limit_own_memory()
+    end_with_parent()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()

@@ -1003,6 +1003,7 @@ void sign_shell(
     double thickness, int64_t start, int64_t stop);
 
 /* signal_watch.c */
+int64_t end_with_pipe(int64_t descriptor);
 int64_t end_after_signals(
     int64_t descriptor, double patience, double to_end, int64_t n_flags, uint8_t flags[n_flags],
     int64_t n_notes, uint8_t notes[n_notes]);

@@ -5,6 +5,8 @@
    it reads the numbers of signals from the pipe that `signal.set_wakeup_fd` writes to. If the work
    goes on after one, it removes the temporary files of the process, prints one line and ends it.
 
+   Child processes end in the same way, when the pipe from their parent is closed.
+
    Python shares two pieces of memory: `flags`, and `notes` of what `texbake/unfinished.py` knows:
    whether files take their names, and where temporary files are.
 
@@ -15,6 +17,12 @@
 #include "core.h"
 
 #if defined(_WIN32)
+
+int64_t end_with_pipe(int64_t descriptor)
+{
+    (void)descriptor;
+    return 0;
+}
 
 int64_t end_after_signals(int64_t descriptor, double patience, double to_end, int64_t n_flags,
     uint8_t flags[n_flags], int64_t n_notes, uint8_t notes[n_notes])
@@ -32,6 +40,7 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -172,6 +181,19 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
     else
         print_line(number == SIGINT ? "texbake: interrupted\n" : "texbake: terminated\n");
     _exit(128 + number);
+}
+
+/* End the process when the other end of a pipe that it reads is closed, as by the end of a parent. */
+int64_t end_with_pipe(int64_t descriptor)
+{
+    struct pollfd pipe = {.fd = (int)descriptor}; /* a closed end is told without asking for it */
+    for (;;) {
+        const int n = poll(&pipe, 1, -1);
+        if (n > 0 && (pipe.revents & (POLLHUP | POLLERR)) != 0)
+            _exit(1);
+        if ((n > 0 && (pipe.revents & POLLNVAL) != 0) || (n < 0 && errno != EINTR && errno != EAGAIN))
+            return 0;
+    }
 }
 
 #endif

@@ -1,4 +1,6 @@
-"""Ends the process after a signal that Python cannot hear while a library holds the interpreter.
+"""Ends the process after a signal, or with its parent, while a library holds the interpreter.
+
+Python can do neither then.
 
 Kernel: `core/signal_watch.c`. NumPy is not imported here: this begins before the work does.
 """
@@ -6,7 +8,10 @@ Kernel: `core/signal_watch.c`. NumPy is not imported here: this begins before th
 from __future__ import annotations
 
 import ctypes
+import os
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 
 from texbake.core.library import core
@@ -49,3 +54,20 @@ def signal_watch(
         for value in (len(part), (ctypes.c_uint8 * len(part)).from_buffer(part))
     ]
     return partial(watch, descriptor, patience, to_end, *shared)
+
+
+def end_with_parent(descriptor: int = 0) -> None:
+    """Let this process end as soon as the other end of a pipe is closed, whatever Python does.
+
+    For child processes. Not on Windows.
+
+    Parameters
+    ----------
+    descriptor
+        Reading end of the pipe; by default stdin.
+    """
+    if os.name != "nt":
+        wait = core.library.end_with_pipe
+        wait.argtypes, wait.restype = [ctypes.c_int64], ctypes.c_int64
+        with suppress(RuntimeError):  # the system gives no more threads
+            threading.Thread(target=wait, args=(descriptor,), daemon=True).start()

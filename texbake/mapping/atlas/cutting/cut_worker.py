@@ -1,7 +1,7 @@
 """The child process that runs xatlas: it reads meshes from stdin and writes their charts to stdout.
 
-`xatlas_charts.py` runs it as a script, which loads nothing of texbake, so that it starts in little
-more time than numpy takes to load.
+`xatlas_charts.py` runs it as a script, which loads next to nothing of texbake, so that it starts in
+little more time than numpy takes to load.
 
 In: V and F, uint64; points (V, 3) float32; faces (F, 3) uint32.
 Out: T and F, uint64; coordinates (T, 2) float32, in texels of xatlas' own atlas; chart ids (T,)
@@ -21,6 +21,8 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
+
+from texbake.core.signal_watch import end_with_parent  # noqa: E402
 
 try:
     import xatlas
@@ -83,6 +85,7 @@ def _answer(requests: BinaryIO, answers: BinaryIO) -> bool:
 
 def main() -> None:
     """Answer requests until there are no more."""
+    end_with_parent()  # xatlas can hang
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get into an answer
     while _answer(sys.stdin.buffer, answers):
