@@ -59,6 +59,13 @@ def main() -> None:
     _open_closed_streams()
     try:
         texbake(prog_name="texbake")
+    except OSError as error:  # while click prints help; commands have lines of their own
+        if error.filename is not None:
+            raise
+        from .terminal import complain
+
+        complain(f"standard output: cannot be written: {error.strerror}")
+        sys.exit(1)
     finally:
         clear_after_signal()
         _close_stdout()

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 import pytest
 
 from texbake import OptionError, option_field, option_fields
@@ -64,6 +65,17 @@ def test_values_that_cannot_be(values: dict[str, Any], message: str) -> None:
         Choices(**values)
     assert str(caught.value) == message
     assert caught.value.parameters == tuple(values)
+
+
+def test_numbers_of_numpy_become_those_of_python() -> None:
+    options = Choices(
+        count=np.int64(8), size=(np.int32(2), np.uint8(1)), axis=(np.float32(0.5), 1, np.int8(0)),
+        angle=np.float64(0.1),
+    )  # fmt: skip
+    assert options == Choices(count=8, size=(2, 1), axis=(0.5, 1, 0), angle=0.1)
+    assert type(options.count) is int
+    assert type(options.size) is tuple and {*map(type, options.size)} == {int}
+    assert [*map(type, options.axis)] == [float, int, int]
 
 
 def test_a_field_becomes_json_schema() -> None:

@@ -192,11 +192,27 @@ class CheckedOptions:
     """Base of option classes, whose values are checked when they are created."""
 
     def __post_init__(self) -> None:
-        """Check every value against its type, range and choices."""
+        """Check every value against its type, range and choices.
+
+        Numbers of NumPy become those of Python, so that the rest need not know of both.
+        """
         kind: Any = type(self)
         for item in option_fields(kind):
             if item.checked:
-                item.check(getattr(self, item.name))
+                value = getattr(self, item.name)
+                item.check(value)
+                object.__setattr__(self, item.name, _of_python(value))
+
+
+def _of_python(value: Any) -> Any:
+    """Return a number, or a tuple of numbers, without the types of NumPy."""
+    if isinstance(value, tuple):
+        return tuple(map(_of_python, value))
+    if isinstance(value, int | float | str):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if isinstance(value, Real) else value
 
 
 def check_fields(instance: Any, prefix: str = "") -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake import BakeOptions, FileFormatError, OptionError
+from texbake import BakeOptions, FileFormatError, MeshError, OptionError
 from texbake.mesh.shapes import uv_sphere
 
 OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, samples=1)
@@ -92,3 +92,11 @@ def test_no_output_replaces_an_input_or_another_output(
         job()
     assert Path("ball.obj").read_bytes() == before
     assert sorted(path.name for path in folder.iterdir()) == ["ball.obj", "bare.ply"]
+
+
+@pytest.mark.parametrize("radius", [1e-320, 1e308])
+def test_a_shape_that_cannot_be_measured_is_not_written(folder: Path, radius: float) -> None:
+    output = folder / "ball.ply"
+    with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
+        texbake.make_file("sphere", output, texbake.MakeOptions(radius=radius))
+    assert not output.exists()

@@ -23,3 +23,23 @@ def test_a_mesh_checks_its_face_count(monkeypatch):
     Mesh(positions=np.eye(3), faces=faces)
     with pytest.raises(MeshError, match="it has 2 triangles; 1 are the most"):
         Mesh(positions=np.eye(3), faces=np.repeat(faces, 2, axis=0))
+
+
+@pytest.mark.parametrize(
+    "positions",
+    [
+        np.eye(3).astype(str), np.eye(3).astype(complex), np.eye(3).astype(object),
+        np.eye(3).astype("datetime64[s]"), [["a", "b", "c"]] * 3, [[0.0, 1.0], [2.0]],
+    ],
+)  # fmt: skip
+def test_positions_are_numbers(positions):
+    with pytest.raises(MeshError, match=r"^mesh: positions is not an array of numbers$"):
+        Mesh(positions=positions, faces=[[0, 1, 2]])
+
+
+def test_masked_numbers_are_not_taken_for_numbers():
+    positions = np.ma.masked_array(np.eye(3), mask=np.eye(3) > 0.5)
+    with pytest.raises(MeshError, match="positions has masked numbers"):
+        Mesh(positions=positions, faces=[[0, 1, 2]])
+    whole = np.ma.masked_array(np.eye(3), mask=False)
+    np.testing.assert_array_equal(Mesh(positions=whole, faces=[[0, 1, 2]]).positions, np.eye(3))

@@ -692,3 +692,10 @@ def test_best_beats_fast_on_real_meshes(data_dir, name, n_faces):
         rms[quality] = surface_distance(mesh, low, n_samples=20_000).rms_relative
     assert rms["best"] < 0.65 * rms["fast"]
     assert rms["fast"] < 0.0015
+
+
+@pytest.mark.parametrize("n_faces", ["50", 20.9, float("nan"), True, [4]])
+def test_a_number_of_faces_is_whole(n_faces):
+    with pytest.raises(OptionError, match=r"^n_faces: .* is not a whole number$"):
+        simplify(icosphere(1), n_faces)
+    assert simplify(icosphere(1), np.int64(20)).n_faces == 20

@@ -19,6 +19,7 @@ from texbake.rendering.scene.lights import (
     Shadow,
 )
 from texbake.rendering.scene.material import (
+    BumpMap,
     Material,
     NormalMap,
     Reflection,
@@ -338,6 +339,10 @@ def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
+        (
+            lambda: BumpMap(texture=ImageTexture(image=TEXELS), height=1e308),
+            r"1e\+308 is out of range; it must be",
+        ),
         (lambda: Refraction(ior=0.0), "ior: 0.0 is out of range; it must be above 0"),
         (lambda: Refraction(environment="sky"), "environment: sky is not one of"),
         (lambda: Reflection(size=0), "size: 0 is out of range; it must be 1 to 4096"),

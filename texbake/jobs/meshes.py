@@ -17,6 +17,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.mapping.areas import check_measurable
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import read_mesh, write_mesh
@@ -170,6 +171,11 @@ def make_file(
     -------
     JobResult of Mesh
         The report is the mesh itself.
+
+    Raises
+    ------
+    MeshError
+        Areas of the mesh, or their squares, would leave the range of float64.
     """
     options = options or MakeOptions()
     if shape != ORANGE:
@@ -186,6 +192,7 @@ def make_file(
         mesh = make(shape, options)
     if relief is not None:
         mesh = _raised(mesh, relief, threads)
+    check_measurable(mesh)
     write_mesh(mesh, output)
     return JobResult(files=given(output), report=mesh)
 

@@ -179,7 +179,11 @@ class Mesh:
         if value is None:
             return None
         try:
+            if np.ma.is_masked(value):
+                raise MeshError(f"{self.name}: {field} has masked numbers; leave them out")
             array = np.asarray(value)
+            if array.dtype.kind not in "biuf":
+                raise TypeError(array.dtype)
             if array.dtype != dtype or not array.flags.c_contiguous or array.ndim == 0:
                 array = self._converted(field, array, dtype)
         except (TypeError, ValueError) as error:

@@ -16,8 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
@@ -91,10 +93,8 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
     """Place a light in world space; `camera` is needed only for a light that follows it."""
     follows = light.follows_camera and camera is not None
     axes = camera.axes.T if follows and camera is not None else np.eye(3)
-    position, direction, up = (
-        axes @ np.asarray(vector, np.float64)
-        for vector in (light.position, light.direction, light.up)
-    )
+    position = axes @ np.asarray(light.position, np.float64)
+    direction, up = (axes @ _of_unit_size(vector) for vector in (light.direction, light.up))
     if follows and camera is not None:
         position = position + camera.eye
     length = float(np.linalg.norm(direction))
@@ -108,6 +108,12 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
         cosines=_cosines(light) if is_spot else (-1.0, -1.0),
         decay=float(light.decay),
     )
+
+
+def _of_unit_size(direction: npt.ArrayLike) -> FloatArray:
+    """(3,) float64: a direction times a power of two, so that no square is beyond float64."""
+    vector = np.asarray(direction, np.float64)
+    return vector * unit_scale(float(np.abs(vector).max()))
 
 
 def _cosines(light: Light) -> tuple[float, float]:

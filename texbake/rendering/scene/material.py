@@ -92,7 +92,11 @@ class BumpMap:
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights.")]
-    height: Annotated[float, Option("Height of value 1 in units of the object.")] = 0.05
+    height: Annotated[
+        float,
+        # Slopes beyond these are beyond float64.
+        Option("Height of value 1 in units of the object.", low=-1e100, high=1e100),
+    ] = 0.05
     form: Annotated[
         str,
         Option(
