@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from texbake.limits import (
     is_within,
     require_few_pixels,
     require_image_size,
+    toml_content,
 )
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
@@ -365,3 +367,24 @@ def test_images_that_share_the_bytes_of_a_buffer_are_refused(with_images):
     )
     with pytest.raises(FileFormatError, match=r"images have [\d,]+ bytes, and its buffers only"):
         read_materials(path, read_mesh(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("x = 1\n" * 700_000, "4,200,000 characters, more than 4,000,000; divide it"),
+        (".".join(["a"] * 30_000) + " = 1", "a key has more than 64 parts"),
+        ("[" + " . ".join(["'a'", '"b"', "c"] * 30) + "]", "a key has more than 64 parts"),
+        ("x = " + "[" * 100_000, "it is not TOML: maximum recursion depth"),
+        ("x = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
+    ],
+    ids=["long", "dotted", "quoted", "nested", "number"],
+)
+def test_toml_that_would_take_long_is_refused(text, complaint):
+    with pytest.raises(FileFormatError, match=re.escape(complaint)):
+        toml_content("a.toml", text)
+
+
+def test_toml_that_is_unusual_is_read():
+    text = "x" * 1_000_000 + " = '" + "a" * 1_000_000 + "'\n" + ".".join(["a"] * 64) + " = 1\r\n"
+    assert len(toml_content("a.toml", text + "b = '" + "1.2 " * 99 + "'")) == 3

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike
@@ -25,6 +27,11 @@ DEFAULT_MAX_IMAGE = 16384
 MOST_IMAGES = 4
 """Images of the greatest size that a file may hold, or more smaller ones."""
 _PIXELS_PER_BYTE = 16  # that images of photographs never reach
+_LONGEST_TOML = 4_000_000  # characters; 30,000 assets of a pipeline
+# Not backtracking, and beginning with a word, so that each character is looked at once or twice.
+_LONG_KEY = re.compile(
+    r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII
+)
 LONGEST_NAME = 400
 """Characters of a path that a file names."""
 
@@ -167,6 +174,30 @@ def real_path(path: PathLike, name: str) -> str:
         return os.path.realpath(place)
     except (OSError, ValueError):  # no file can have such a name
         return str(place)
+
+
+def toml_content(path: PathLike, text: str) -> dict[str, Any]:
+    """Parse a file in TOML.
+
+    Raises
+    ------
+    FileFormatError
+        It is not TOML, it is larger than a file that people write, or one of its keys has so many
+        parts that the parser, which looks each of them up from the first, would take minutes.
+    """
+    import tomllib
+
+    if len(text) > _LONGEST_TOML:
+        raise FileFormatError(
+            f"{path}: it has {len(text):,} characters, more than {_LONGEST_TOML:,}; divide it into "
+            "several files"
+        )
+    if _LONG_KEY.search(text):
+        raise FileFormatError(f"{path}: it is not TOML: a key has more than 64 parts; shorten it")
+    try:
+        return tomllib.loads(text.replace("\r\n", "\n"))
+    except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
+        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
 
 
 def is_within(folder: PathLike, place: PathLike) -> bool:

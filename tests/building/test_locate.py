@@ -2,8 +2,10 @@
 
 import tomllib
 
+import pytest
 from hypothesis import given, strategies as st
 
+from texbake.building import locate
 from texbake.building.locate import key_lines, line_of
 
 TEXT = '''# a comment = 1
@@ -75,3 +77,17 @@ def test_keys_are_where_they_were_put(parts: list[tuple[str, str]]) -> None:
         text += f"key{number} = {value}\n"
     lines = key_lines(text)
     assert {key: lines[key] for key in expected} == expected
+
+
+def test_a_statement_of_thousands_of_lines_is_given_up():
+    parsed = 0
+
+    def loads(text):
+        nonlocal parsed
+        parsed += len(text)
+        raise tomllib.TOMLDecodeError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(locate.tomllib, "loads", loads)
+        assert locate.key_lines("x = [\n" + "1,\n" * 100_000 + "]\n") == {}
+    assert parsed < 4_000_000

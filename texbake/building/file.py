@@ -6,7 +6,6 @@ where their inputs come from.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,7 @@ from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
-from texbake.limits import file_beside
+from texbake.limits import file_beside, toml_content
 from texbake.rendering.scene.file.faults import (
     fault,
     first_fault,
@@ -199,11 +198,9 @@ def read_pipeline(path: PathLike) -> Pipeline:
     data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")
-        content = tomllib.loads(text.replace("\r\n", "\n"))
+        content = toml_content(path, text)
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not a pipeline file: it is not UTF-8 text") from error
-    except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
-        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
         found = PipelineTable.model_validate(content)
     except ValidationError as error:

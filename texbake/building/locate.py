@@ -12,6 +12,8 @@ from typing import Any
 from texbake.rendering.scene.file.faults import place_of
 
 Steps = list[int | str]
+# Characters to parse, of which each line of a statement takes all before it again.
+_MOST_WORK, _COST_OF_A_LINE = 4_000_000, 50
 
 
 def key_lines(text: str) -> dict[str, int]:
@@ -20,15 +22,20 @@ def key_lines(text: str) -> dict[str, int]:
     >>> key_lines('name = "x"\n[[assets]]\nsize.high = 3\n')
     {'name': 1, 'assets[0]': 2, 'assets': 2, 'assets[0].size': 3, 'assets[0].size.high': 3}
 
-    All keys of a table or list that spans several lines are at its first line.
+    All keys of a table or list that spans several lines are at its first line. Lines that come
+    late in a long file, or after statements of thousands of lines, are left out.
     """
     lines: dict[str, int] = {}
     tables: dict[str, int] = {}  # number of tables in each list of tables so far
     prefix: Steps = []
     statement, start = "", 1
+    work = 0
     for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
         start = start if statement else number
         statement += line + "\n"
+        work += len(statement) + _COST_OF_A_LINE
+        if work > _MOST_WORK:
+            break
         try:
             content = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texture.photo_mappings import PhotoLookups
-from texbake.errors import FileError, FileFormatError, OptionError, quoted
-from texbake.files import PathLike
+from texbake.errors import FileFormatError, OptionError, quoted
+from texbake.files import PathLike, read_bytes
+from texbake.limits import toml_content
 from texbake.mapping.classical.projector import read_matrix
 from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
 from texbake.mesh.frame import LocalFrame, unit_scale
@@ -126,13 +126,10 @@ def read_camera(path: PathLike) -> PhotoCamera | Matrix:
     if Path(path).suffix.lower() != ".toml":
         return read_matrix(path)
     try:
-        with Path(path).open("rb") as file:
-            keys = tomllib.load(file)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = read_bytes(path).decode("utf-8")
+    except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
-    return _camera_of(path, keys)
+    return _camera_of(path, toml_content(path, text))
 
 
 def _camera_of(path: PathLike, keys: Mapping[str, Any]) -> PhotoCamera:

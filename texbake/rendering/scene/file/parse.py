@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from pydantic import ValidationError
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
+from texbake.limits import toml_content
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.file.faults import at, first_fault
 from texbake.rendering.scene.file.objects import ObjectMaker
@@ -39,11 +39,9 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
     """
     place = Place(Path(path).parent)
     try:
-        content = tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n"))
+        content = toml_content(path, text.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not a scene file; it is not text in UTF-8") from error
-    except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
-        raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     try:
         found: Any = SceneTable.model_validate(content, context=place)
     except ValidationError as error:
