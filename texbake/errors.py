@@ -105,6 +105,7 @@ _NO_MEMORY = (
     "failed to map segment",
     "cannot allocate memory",
     "cannot create shared object descriptor",
+    "error return without exception set",  # there was no memory for the exception
 )
 
 
@@ -118,7 +119,7 @@ def is_out_of_memory(error: BaseException) -> bool:
     """
     if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
         return True
-    if isinstance(error, RuntimeError | ImportError | OSError) and any(
+    if isinstance(error, RuntimeError | ImportError | OSError | SystemError) and any(
         words in str(error).lower() for words in _NO_MEMORY
     ):
         return True

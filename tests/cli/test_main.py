@@ -118,6 +118,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
         (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
         (RuntimeError("can't start new thread"), 1, "texbake: out of memory; try"),
+        (SystemError("error return without exception set"), 1, "texbake: out of memory; try"),
         (ImportError("a.so: failed to map segment"), 1, "texbake: out of memory; try"),
         (OSError("a.so: cannot create shared object descriptor"), 1, "texbake: out of memory; try"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
