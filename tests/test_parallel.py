@@ -1,6 +1,8 @@
 """Bands of work: all of it once, in any number of threads, and an error that stops it."""
 
 import _thread
+import errno
+import sys
 import threading
 
 import numpy as np
@@ -147,3 +149,21 @@ def test_work_that_a_thread_has_lost_is_an_error(monkeypatch):
     monkeypatch.setattr(parallel, "_run_next", losing)
     with pytest.raises(MemoryError, match="a thread ended before its work"):
         run_bands(lambda start, stop: None, 100, band=1, threads=2)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there is memory asked for")
+def test_no_thread_is_started_without_memory_for_its_stack(monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    started = []
+    monkeypatch.setattr(parallel, "mmap", refuse)
+    monkeypatch.setattr(_thread, "start_new_thread", lambda *call: started.append(call))
+    done = np.zeros(100, dtype=int)
+
+    def work(start, stop):
+        done[start:stop] += 1
+
+    run_bands(work, 100, band=3, threads=4)
+    assert (done == 1).all()
+    assert not started

@@ -8,11 +8,17 @@ from __future__ import annotations
 
 import _thread
 import os
+import sys
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
 from texbake.errors import OptionError
+
+if sys.platform == "linux":
+    from mmap import MAP_ANONYMOUS, MAP_PRIVATE, mmap
+
+_THREAD_BYTES = 16 << 20  # twice the stack that Linux gives a thread
 
 
 def default_threads() -> int:
@@ -83,6 +89,7 @@ def run_bands(
     try:  # an interrupt may come at any line, also before all helpers have started
         with suppress(RuntimeError, MemoryError):  # the system gives fewer threads for the work
             for at_work in helpers:
+                _require_memory()
                 _thread.start_new_thread(help_out, (at_work,))
         # The calling thread works like the others.
         while waiting:
@@ -98,6 +105,18 @@ def run_bands(
     report()
     if n_done != n_items:  # a thread had no memory even to keep its error
         raise MemoryError("a thread ended before its work")
+
+
+def _require_memory() -> None:
+    """Raise `MemoryError` where a thread would have none for its stack and its first objects.
+
+    It would print a traceback that nothing can catch. Only where a limit on memory is noticed.
+    """
+    if sys.platform == "linux":
+        try:
+            mmap(-1, _THREAD_BYTES, flags=MAP_PRIVATE | MAP_ANONYMOUS).close()
+        except OSError as error:
+            raise MemoryError from error
 
 
 def _run_next(
