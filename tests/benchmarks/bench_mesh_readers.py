@@ -5,8 +5,9 @@
 Every reading happens in a process of its own that has read the file once before, so that imports
 and compiling are not measured. Time is the least of the rounds; memory is how far the resident size
 rose above what it was before (Linux only). Large files are written from the largest real scan, in
-each format. Broken files are made from a good one: an error of one line is what a reader should
-give; "silent" means that it returned a mesh all the same. Prints two tables in Markdown.
+each format, and a mesh of 20,000 parts, as CAD programs write them. Broken files are made from a
+good one: an error of one line is what a reader should give; "silent" means that it returned a mesh
+all the same. Prints two tables in Markdown.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.shapes import plane, uv_sphere
 
 DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 REAL = (
@@ -30,6 +31,7 @@ REAL = (
     "meshes/ADIS16480.STL", "meshes/VH_F_Skin.glb", "gltf/GlamVelvetSofa.glb",
 )  # fmt: skip
 SCAN = "meshes/mri_skin.ply"
+N_PARTS = 20_000
 FORMATS = (".obj", ".ply", ".stl", ".off", ".glb")
 CHILD = """
 import json, sys, time, warnings
@@ -109,6 +111,15 @@ def broken_files(good: Path) -> dict[str, Path]:
     return paths
 
 
+def write_parts(path: Path) -> Path:
+    """Write a mesh of many small groups: in a GLB file, each is a node with arrays of its own."""
+    sheet = plane(100, N_PARTS // 100)
+    quads = np.arange(sheet.n_faces) // 2
+    names = tuple(f"part {i}" for i in range(N_PARTS))
+    texbake.write_mesh(sheet.replace(face_groups=quads, group_names=names), path)
+    return path
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -124,6 +135,7 @@ def main() -> None:
             bare = sphere.replace(uvs=None, uv_faces=None)
             texbake.write_mesh(bare if suffix == ".ply" else sphere, path)
         files = [DATA / file for file in REAL]
+        files += [write_parts(folder / f"parts{suffix}") for suffix in (".glb", ".obj")]
         if not arguments.small:
             scan = texbake.read_mesh(DATA / SCAN)
             for suffix in FORMATS:
