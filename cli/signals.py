@@ -20,7 +20,7 @@ from typing import NoReturn
 
 from texbake import is_out_of_memory
 
-_PATIENCE = 0.5  # seconds in which the work hears a signal
+_PATIENCE = 0.4  # seconds in which the work hears a signal
 _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anything
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
 _HEARD = threading.Event()

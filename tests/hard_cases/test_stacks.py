@@ -45,6 +45,15 @@ def stacks(n=N, n_different=20):
     return Mesh(positions=corners[np.arange(n) % n_different].reshape(-1, 3), faces=faces)
 
 
+def star(n):
+    """Triangles in all directions that share one vertex and no edge."""
+    ends = np.random.default_rng(8).normal(size=(n, 2, 3))
+    ends[:, 1] = ends[:, 0] + 0.01 * ends[:, 1]
+    ring = np.arange(1, 2 * n + 1, dtype=np.int32).reshape(-1, 2)
+    faces = np.concatenate([np.zeros((n, 1), dtype=np.int32), ring], axis=1)
+    return Mesh(positions=np.concatenate([np.zeros((1, 3)), ends.reshape(-1, 3)]), faces=faces)
+
+
 def nearly_equal(mesh):
     """The mesh with each coordinate moved by up to four units in the last place of 1."""
     moves = np.random.default_rng(4).integers(-4, 5, mesh.positions.shape) * 2.0**-52
@@ -279,3 +288,21 @@ def test_edges_that_cannot_collapse_are_not_tried_twice(monkeypatch):
     low = texbake.simplify(loose(), 500)
     assert 0 < low.n_faces <= 500
     assert tried.count(N) == 1
+
+
+def test_a_vertex_of_thousands_of_faces_is_simplified_in_small_pieces(monkeypatch):
+    sizes = []
+
+    class Spy:
+        def __getattr__(self, name):
+            return getattr(core, name)
+
+        def log_collapses(self, *arguments):
+            sizes.append(arguments[5] - arguments[4])
+            return core.log_collapses(*arguments)
+
+    monkeypatch.setattr(decimate, "core", Spy())
+    low = texbake.simplify(star(10_000), 500)
+    assert 0 < low.n_faces <= 500
+    assert max(sizes) == 1024
+    assert not decimate._is_crowded(weld_corners(icosphere()))

@@ -30,6 +30,10 @@ _START_FACES = 50_000
 _START_TIMES = 4
 
 _PIECE = 1 << 14  # faces that a processor's cache holds with all that belongs to them
+# A collapse into a vertex looks at all of its faces in the piece. Where one has this many, pieces
+# are smaller, and more is done in pieces.
+_CROWD, _CROWDED_PIECE = 1 << 12, 1 << 10
+_CROWDED_START, _CROWDED_START_TIMES = 1 << 12, 1.1
 _ROUND_TIMES = 8  # what a round in pieces reduces a mesh by, at most
 # Each piece may go down to this share of what it would keep if all were reduced alike.
 _PIECE_SHARE = 0.25
@@ -51,6 +55,8 @@ def bring_down(stream: VertexStream, n_faces: int, *, threads: int | None = None
     Restarting the quadrics there also brings the result a little closer to the surface.
     """
     n_start = max(_START_FACES, _START_TIMES * n_faces)
+    if _is_crowded(stream):
+        n_start = max(_CROWDED_START, int(_CROWDED_START_TIMES * n_faces))
     if len(stream.faces) <= 1.25 * n_start:
         return stream
     lock_boundary = boundary_fits(stream, n_faces)
@@ -73,8 +79,9 @@ def _reduce_pieces(
     faces = faces[_order_in_space(stream.points, faces, number, threads)]
     vertex_of, points = stream.vertices
     n = len(faces)
+    piece = _CROWDED_PIECE if _is_crowded(stream) else _PIECE
     is_shared = np.zeros(len(points), dtype=bool)
-    core.mark_shared_vertices(vertex_of, faces, _PIECE, is_shared)
+    core.mark_shared_vertices(vertex_of, faces, piece, is_shared)
     gone, kept = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     errors, n_gone = np.full(n, np.inf, dtype=np.float32), np.zeros(n, dtype=np.uint8)
 
@@ -85,10 +92,16 @@ def _reduce_pieces(
             lock_boundary, gone, kept, errors, n_gone,
         )  # fmt: skip
 
-    run_bands(work, n, band=_PIECE, threads=threads)
+    run_bands(work, n, band=piece, threads=threads)
     limit = _error_limit(errors, n_gone, n - n_wanted)
     n_left = core.apply_collapses(vertex_of, gone, kept, errors, limit, faces)
     return stream.restricted(faces[:n_left])
+
+
+def _is_crowded(stream: VertexStream) -> bool:
+    """Whether thousands of faces share a vertex."""
+    n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
+    return bool(n_around.max() >= _CROWD)
 
 
 def _order_in_space(
