@@ -26,7 +26,7 @@ from texbake.parallel import run_bands
 _DEFAULT_SAMPLES = 100_000
 # Boxes that the searches of one surface may look at. It leaves fewer samples of triangles that lie
 # across one another by the ten thousand, where each search looks at most of them.
-_BOXES_ALLOWED = 2e8
+_BOXES_ALLOWED = 4e7
 
 # 1 / g and 1 / g² for g³ = g + 1: Roberts's sequence in two dimensions.
 _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
