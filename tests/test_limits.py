@@ -1,6 +1,7 @@
 """What a file may make texbake do: images by their headers, and files outside its folder."""
 
 import base64
+import io
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import sys
 import zlib
 
 import numpy as np
+import PIL.Image
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake as command
@@ -388,3 +390,37 @@ def test_toml_that_would_take_long_is_refused(text, complaint):
 def test_toml_that_is_unusual_is_read():
     text = "x" * 1_000_000 + " = '" + "a" * 1_000_000 + "'\n" + ".".join(["a"] * 64) + " = 1\r\n"
     assert len(toml_content("a.toml", text + "b = '" + "1.2 " * 99 + "'")) == 3
+
+
+def test_a_jpeg_file_of_many_scans_is_refused(tmp_path):
+    buffer = io.BytesIO()
+    PIL.Image.new("L", (64, 64), 128).save(buffer, "JPEG", progressive=True)
+    data = buffer.getvalue()
+    scan = data[data.rindex(b"\xff\xda") : -2]
+    path = tmp_path / "a.jpg"
+    path.write_bytes(data)
+    assert read_header(path).width == 64
+    path.write_bytes(data[:-2] + 100 * scan + data[-2:])
+    for read in (read_header, lambda path: read_image(path, color=True)):
+        with pytest.raises(FileFormatError, match=r"a\.jpg: it has 10\d scans, more than 64"):
+            read(path)
+
+
+def test_tiles_count_as_much_as_the_image(tmp_path):
+    tile, n = 1 << 15, 64
+    tags = [(256, 8), (257, 8), (258, 8), (259, 1), (262, 1), (277, 1), (322, tile), (323, tile)]
+    tags += [(324, 200), (325, n)]
+    path = tmp_path / "a.tif"
+
+    def write():
+        rows = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+        head = struct.pack("<2sHIH", b"II", 42, 8, len(tags)) + rows + bytes(4)
+        path.write_bytes(head.ljust(200, b"\0") + bytes(n))
+
+    write()
+    with pytest.raises(FileFormatError, match=r"a\.tif: it has 32768 x 32768 pixels"):
+        read_header(path)
+    tags[6:8] = [(322, 16), (323, 16)]
+    tags[-1], n = (325, 256), 256
+    write()
+    assert read_image(path, color=False).pixels.shape == (8, 8, 1)
