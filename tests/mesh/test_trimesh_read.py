@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -226,3 +227,24 @@ def test_a_node_of_collada_that_places_itself_is_one_error(tmp_path: Path) -> No
     path.write_text(text, "utf-8")
     with pytest.raises(FileFormatError, match="Node #level1 not found"):
         texbake.read_mesh(path)
+
+
+@pytest.mark.parametrize("suffix", [".3mf", ".zae"])
+def test_a_part_that_is_larger_than_its_archive_says_is_refused_piece_by_piece(
+    tmp_path, monkeypatch, suffix
+):
+    path = tmp_path / f"a{suffix}"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model" if suffix == ".3mf" else "a.dae", bytes(30_000_000))
+    data = bytearray(path.read_bytes())
+    for signature, at in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
+        place = data.index(signature) + at
+        data[place : place + 4] = (1000).to_bytes(4, "little")
+    path.write_bytes(data)
+    monkeypatch.setattr(trimesh, "load_scene", lambda *_, **__: pytest.fail("it was unpacked"))
+    tracemalloc.start()
+    with pytest.raises(FileFormatError, match=r"a part of its archive is damaged .*CRC"):
+        texbake.read_mesh(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 8_000_000

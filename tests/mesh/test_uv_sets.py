@@ -2,6 +2,7 @@
 
 import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -224,3 +225,16 @@ def test_a_file_beside_an_obj_file_with_many_sets_is_refused(mesh, tmp_path):
     write_arrays(tmp_path / "a.uvs.npz", {**arrays, "names": np.array(names)})
     with pytest.raises(MeshError, match="it has 65 sets"):
         read_mesh(path)
+
+
+def test_a_damaged_file_beside_an_obj_file_is_an_error_of_one_line(mesh, tmp_path):
+    path = tmp_path / "a.obj"
+    write_mesh(mesh, path)
+    text = b"{'descr': '<f8', 'fortran_order': False, 'shape': " + b"(" * 20_000
+    with zipfile.ZipFile(tmp_path / "a.uvs.npz", "w") as archive:
+        head = b"\x93NUMPY\1\0" + struct.pack("<H", len(text))
+        archive.writestr("names.npy", head + text)
+    with pytest.raises(FileFormatError, match=r"a\.uvs\.npz: it is not a file of UV sets") as found:
+        read_mesh(path)
+    assert "\n" not in str(found.value)
+    assert len(str(found.value)) < 400

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import importlib.util
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
-from texbake.errors import DependencyError, FileFormatError
+from texbake.errors import DependencyError, FileFormatError, shortened
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import read_array
@@ -28,6 +29,7 @@ from texbake.mesh.weld import weld_rows
 # Bytes that the parts of an archive may have; trees of XML take 30 times as many in memory.
 _LEAST_UNPACKED = 1 << 26
 _MOST_TIMES = 20
+_PIECE = 1 << 20  # bytes unpacked at once
 # Packages without which trimesh does not know a format.
 _NEEDED = {
     ".dae": ("collada",),
@@ -71,14 +73,29 @@ def read_with_trimesh(path: PathLike) -> Mesh:
 def _require_small_archive(path: PathLike) -> None:
     """Raise `FileFormatError` if what an archive holds is far larger than the archive.
 
-    The sizes are those of its directory; a part that is larger than it says there is an error of
-    the library that unpacks it.
+    The sizes are those of its directory. Each part is then unpacked a piece at a time, because one
+    that is larger than it says there would be unpacked whole before that shows.
     """
     try:
         with ZipFile(path) as archive:
-            n_bytes = sum(part.file_size for part in archive.infolist())
-    except (BadZipFile, OSError, ValueError, NotImplementedError):
-        return  # no archive, or a damaged one, which trimesh names
+            parts = archive.infolist()
+            _require_few_bytes(path, sum(part.file_size for part in parts))
+            for part in parts:
+                with archive.open(part) as content:
+                    while content.read(_PIECE):
+                        pass
+    except FileFormatError:
+        raise
+    except (BadZipFile, OSError, ValueError, RuntimeError, EOFError, zlib.error) as error:
+        if not is_zipfile(path):
+            return  # trimesh says what is wrong with it
+        raise FileFormatError(
+            f"{path}: a part of its archive is damaged or cannot be unpacked: "
+            f"{shortened(' '.join(str(error).split()), 200)}; export it again"
+        ) from error
+
+
+def _require_few_bytes(path: PathLike, n_bytes: int) -> None:
     most = max(_LEAST_UNPACKED, _MOST_TIMES * Path(path).stat().st_size)
     if n_bytes > most:
         raise FileFormatError(
