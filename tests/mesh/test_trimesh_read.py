@@ -1,5 +1,6 @@
 """Formats that are read through trimesh, and Draco and strips, which our own readers know."""
 
+import io
 import re
 import sys
 import tracemalloc
@@ -205,6 +206,14 @@ def test_nodes_of_collada_that_place_nodes_without_measure_are_refused(
             archive.write(tmp_path / "nested.dae", "nested.dae")
     with pytest.raises(FileFormatError, match=r"its nodes place 1\d,\d{3},\d{3},\d{3} nodes"):
         texbake.read_mesh(path)
+
+
+def test_counts_of_deep_collada_nodes_stay_small(tmp_path: Path) -> None:
+    # Uncapped, the count of level 300 has 301 digits, and that of level 100,000 has 100,001.
+    with nested(tmp_path, 300, 10).open("rb") as file:
+        graph = collada_instances._Graph(io.BytesIO(file.read()))
+    # Each of the two nodes of the scene may count that much.
+    assert all(10**12 <= count <= 2 * 10**12 for count in graph.placed())
 
 
 def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from texbake.files import PathLike, read_bytes
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
 _CHARACTERS = 6  # of the three indices of a triangle, at least
+# Larger counts stay this one: each level of nodes may add digits, up to gigabytes of them.
+_COUNTLESS = 10**12
 
 
 def require_few_instances(path: PathLike) -> None:
@@ -45,11 +47,11 @@ def require_few_instances(path: PathLike) -> None:
 
 
 def _about(number: int) -> str:
-    return f"{number:,}" if number < 10**12 else "more than 1,000,000,000,000"
+    return f"{number:,}" if number < _COUNTLESS else f"at least {_COUNTLESS:,}"
 
 
 def _documents(path: PathLike) -> Iterator[IO[bytes]]:
-    """The documents of an archive, or the file itself."""
+    """Yield the documents of an archive, or the file itself."""
     if not zipfile.is_zipfile(path):
         yield io.BytesIO(read_bytes(path))
         return
@@ -115,7 +117,7 @@ class _Graph:
         inside.append(index)
 
     def placed(self) -> tuple[int, int]:
-        """Nodes and, at most, triangles that the scenes of the file place."""
+        """Return the nodes and, at most, the triangles that the scenes of the file place."""
         totals: dict[int, tuple[int, int]] = {}
         open_nodes: set[int] = set()
         waiting = list(self._roots)
@@ -132,7 +134,9 @@ class _Graph:
             if index not in totals:
                 known = [totals.get(i, (0, 0)) for i in below]  # a circle counts as nothing
                 own = sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
-                totals[index] = 1 + sum(n for n, _ in known), own + sum(t for _, t in known)
+                n_nodes = 1 + sum(n for n, _ in known)
+                n_triangles = own + sum(t for _, t in known)
+                totals[index] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
         found = [totals[i] for i in self._roots]
         return sum(n for n, _ in found), sum(t for _, t in found)
 
