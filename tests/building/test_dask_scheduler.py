@@ -1,6 +1,7 @@
 """A real scheduler and real workers on the loopback address."""
 
 import os
+import queue
 import signal
 import socket
 import subprocess
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -30,6 +32,7 @@ from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent
 from texbake.building.store import Store
+from texbake.building.task import DONE, TaskOutcome
 
 pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 
@@ -190,6 +193,28 @@ def test_a_cluster_whose_workers_all_go(
     assert kept
     _, steps = run(write(ASSETS), folder=tmp_path / "there")
     assert len(steps) == 18 - len(kept)
+
+
+def test_workers_that_come_back_have_a_minute_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr(dask_scheduler.time, "monotonic", lambda: now[0])
+    client = SimpleNamespace(status="running", scheduler_info=lambda n_workers: {"workers": {}})
+    workers = object.__new__(dask_scheduler.DaskWorkers)
+    notes: list[str] = []
+    vars(workers).update(
+        _address="tcp://here:1", _client=client, _outcomes=queue.SimpleQueue(), _gone=None,
+        _looked=0.0, _tasks={0: None}, _futures={}, _tell=notes.append,
+    )  # fmt: skip
+    workers.finished(0)  # there are none
+    now[0] += 50
+    workers._outcomes.put((0, TaskOutcome(status=DONE)))
+    assert len(workers.finished(0)) == 1
+    now[0] += 50
+    workers.finished(0)  # none again, for the first time
+    assert len(notes) == 2
+    now[0] += 61
+    with pytest.raises(dask_scheduler.SchedulerLostError):
+        workers.finished(0)
 
 
 def test_a_step_that_ends_its_workers(

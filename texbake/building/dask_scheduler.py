@@ -228,7 +228,9 @@ class DaskWorkers:
                 found.append(self._outcomes.get_nowait())
         if self._client.status != "running":
             raise self._lost()
-        if not found and time.monotonic() > self._looked + _LOOK_SECONDS:
+        if found:
+            self._gone = None  # a worker was there
+        elif time.monotonic() > self._looked + _LOOK_SECONDS:
             self._look_for_workers()
         return [(number, ended) for number, ended in found if not self._tried_again(number, ended)]
 
