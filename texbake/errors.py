@@ -123,5 +123,5 @@ def is_out_of_memory(error: BaseException) -> bool:
         words in str(error).lower() for words in _NO_MEMORY
     ):
         return True
-    cause = error.__cause__ or error.__context__
+    cause = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     return cause is not None and is_out_of_memory(cause)

@@ -98,7 +98,8 @@ def require_placeable(placed: PlacedNodes) -> None:
     if n_placed > MAX_PLACED and n_placed > document.n_bytes:
         document.fail(
             f"its nodes and UV sets repeat {sum(counts.values()):,} triangles or vertices until "
-            f"there are {n_placed:,}; more than {MAX_PLACED:,} are not read"
+            f"there are {n_placed:,}; more than {MAX_PLACED:,} are not read; "
+            "join them in the program that made the file"
         )
 
 
