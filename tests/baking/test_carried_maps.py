@@ -1,6 +1,9 @@
 """A model's own maps, baked onto the model itself, come back."""
 
+import io
+
 import numpy as np
+import PIL.Image
 import pytest
 
 from texbake.baking.bake import bake
@@ -214,3 +217,16 @@ def test_one_image_is_for_one_channel(tmp_path):
     with pytest.raises(OptionError, match="is the image of one map, and base-color, rough"):
         bake_files(tmp_path / "a.obj", tmp_path / "a.obj", files, high_texture=tmp_path / "a.png")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj", "a.png"]
+
+
+def test_the_nearest_texel_of_places_beyond_float64_is_no_fault():
+    """A texture transform of 1e308 takes the places to infinity once they count texels."""
+    pixels = io.BytesIO()
+    PIL.Image.new("RGB", (8, 8), (255, 255, 255)).save(pixels, "PNG")
+    image = ChannelImage(
+        pixels.getvalue(), placing=((1e308, 0.0, 0.0), (0.0, 1e308, 0.0)), is_nearest=True
+    )
+    mesh = plane(4, 4)
+    color = ChannelSource((1.0, 1.0, 1.0), image)
+    values = baked(mesh, material_of(mesh, base_color=color), "base-color")
+    assert np.isfinite(values.maps["base-color"].values).all()

@@ -9,7 +9,8 @@ import pytest
 
 from texbake import read_mesh, write_image
 from texbake.baking.rays import RayField
-from texbake.baking.texture.coverage import TextureCoverage
+from texbake.baking.texels import SampleGrid
+from texbake.baking.texture.coverage import TextureCoverage, sample_steps
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo, PhotoCamera
 from texbake.baking.texture.photos import bake_photos
@@ -442,3 +443,11 @@ def test_a_mesh_of_any_size_takes_the_same_colors_from_a_mesh_unwrapped_onto_a_p
         for scale in (1.0, 2.0**900)
     )
     np.testing.assert_array_equal(small, large)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_coordinates_beyond_what_areas_can_hold_give_no_steps(scale: float) -> None:
+    mesh = plane()
+    huge = mesh.replace(uvs=mesh.uvs * scale)
+    steps = sample_steps(huge, huge.positions[huge.faces], SampleGrid(8, 8, 1))
+    assert (steps == 0.0).all()

@@ -79,19 +79,20 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
     -------
     (F, K, 2) float64
         Change per sample to the right and per sample down; 0 for a face without area in the
-        texture.
+        texture, or with one beyond float64.
     """
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
     aside = corner_values[:, 2] - corner_values[:, 0]
     a, b = texels[:, 1] - texels[:, 0], texels[:, 2] - texels[:, 0]
-    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    flat = area == 0.0
-    area[flat] = 1.0
-    right = (along * b[:, 1:] - aside * a[:, 1:]) / area[:, None]
-    down = (aside * a[:, :1] - along * b[:, :1]) / area[:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        flat = area == 0.0
+        area[flat] = 1.0
+        right = (along * b[:, 1:] - aside * a[:, 1:]) / area[:, None]
+        down = (aside * a[:, :1] - along * b[:, :1]) / area[:, None]
     steps = np.stack([right, down], axis=2)
-    steps[flat] = 0.0
+    steps[flat | ~np.isfinite(steps).all(axis=(1, 2))] = 0.0
     return steps
 
 
