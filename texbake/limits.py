@@ -164,6 +164,24 @@ def file_beside(path: PathLike, name: str) -> Path:
     return place
 
 
+def folder_beside(path: PathLike, name: str) -> Path:
+    """Return the path of a folder that a file names, to write into.
+
+    Raises
+    ------
+    FileError
+        It lies outside the folder of the file, or symbolic links lead there, and that is not
+        allowed.
+    """
+    place = file_beside(path, name)
+    if not is_within(real_path(path, ""), real_path(path, name)) and not _allows_outside():
+        raise FileError(
+            f"{path}: links lead from {quoted(str(name))} out of its folder; if you trust the "
+            "file, read it with texbake --allow-outside"
+        )
+    return place
+
+
 def real_path(path: PathLike, name: str) -> str:
     """Return a path that is equal for all names by which a file names another one.
 

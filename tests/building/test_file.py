@@ -11,6 +11,7 @@ from texbake import FileError, FileFormatError, OptionError
 from texbake.building.build import plan_build
 from texbake.building.file import read_pipeline
 from texbake.building.options import BuildOptions
+from texbake.limits import ALLOW_OUTSIDE
 
 Write = Callable[..., Path]
 ASSET = '[[assets]]\nname = "a"\n'
@@ -209,3 +210,18 @@ def test_chosen_steps_of_an_asset_bring_their_inputs(write: Write) -> None:
 def test_a_file_that_cannot_be_read_is_one_error() -> None:
     with pytest.raises(FileError, match="cannot be read"):
         read_pipeline("/proc/self/mem")
+
+
+def test_a_folder_that_links_lead_to_is_outside(write, tmp_path, monkeypatch):
+    monkeypatch.delenv(ALLOW_OUTSIDE, raising=False)
+    elsewhere, inner = tmp_path / "elsewhere", tmp_path / "inner"
+    elsewhere.mkdir()
+    inner.mkdir()
+    (inner / "link").symlink_to(elsewhere)
+    path = write(ASSET, MAKE, 'folder = "link/x"\n').rename(inner / "p.toml")
+    with pytest.raises(FileError, match=r"links lead from 'link/x' out of its folder; .*outside"):
+        plan_build(path)
+    assert not list(elsewhere.iterdir())
+    plan_build(path, BuildOptions(folder=tmp_path / "named"))
+    monkeypatch.setenv(ALLOW_OUTSIDE, "1")
+    plan_build(path)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
-from texbake.limits import file_beside, toml_content
+from texbake.limits import folder_beside, toml_content
 from texbake.rendering.scene.file.faults import (
     fault,
     first_fault,
@@ -99,8 +100,6 @@ class Pipeline:
     ----------
     path : Path
         Absolute.
-    folder : Path
-        Folder of the build: the lock, the store, and the outputs.
     store, outputs : str or None
         Other folders or URLs for stored results and for outputs.
     rules : tuple of AssetRule
@@ -113,7 +112,7 @@ class Pipeline:
         self._called = path
         self._text = text
         self._checked: dict[tuple[str, int], StepTable] = {}
-        self.folder = file_beside(self.path, found.folder or FOLDER)
+        self._folder: str = found.folder or FOLDER
         self.store: str | None = found.store
         self.outputs: str | None = found.outputs
         self.steps: dict[str, dict[str, Any]] = found.steps
@@ -127,6 +126,11 @@ class Pipeline:
             )
             for index, rule in enumerate(found.assets)
         )
+
+    @cached_property
+    def folder(self) -> Path:
+        """Folder of the build; raises `FileError` where it is not in that of the file."""
+        return folder_beside(self.path, self._folder)
 
     def fault(self, steps: tuple[int | str, ...], what: str) -> FileFormatError:
         """Return an error with file, line and key: `a.toml:12: steps.low.size: what`."""
