@@ -22,7 +22,7 @@ from texbake import OptionError, TexbakeError, is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable
-from .signals import Terminated, line_is_mine, raised_signals
+from .signals import Terminated, line_is_mine, line_is_printed, raised_signals
 
 
 class Failure(click.ClickException):
@@ -34,8 +34,13 @@ class Failure(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the line on stderr, once after a signal."""
-        if self.exit_code <= 128 or line_is_mine():
+        if self.exit_code <= 128:
             click.echo(printable(self.message), file=file, err=file is None)
+        elif line_is_mine():
+            try:
+                click.echo(printable(self.message), file=file, err=file is None)
+            finally:
+                line_is_printed()
 
 
 @contextmanager

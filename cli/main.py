@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 import click
@@ -11,6 +10,7 @@ from texbake import __version__, limit_own_memory, raised_limits
 
 from .lazy import LazyGroup
 from .signals import clear_after_signal, end_cleanly_on_signals
+from .streams import close_stdout, is_of_click, open_closed_streams
 
 
 @click.group(
@@ -54,43 +54,18 @@ def texbake(ctx: click.Context, max_image: int | None, allow_outside: bool) -> N
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
+    open_closed_streams()
     end_cleanly_on_signals()
     limit_own_memory()
-    _open_closed_streams()
     try:
         texbake(prog_name="texbake")
-    except OSError as error:  # while click prints help; commands have lines of their own
-        if error.filename is not None:
+    except OSError as error:
+        if not is_of_click(error):
             raise
         from .terminal import complain
 
-        complain(f"standard output: cannot be written: {error.strerror}")
+        complain(f"standard output: cannot be written: {error.strerror or error}")
         sys.exit(1)
     finally:
         clear_after_signal()
-        _close_stdout()
-
-
-def _open_closed_streams() -> None:
-    """Give closed standard streams the null device.
-
-    Otherwise the next file that is opened takes the number of stderr, and messages go into it.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            # The null device takes the lowest number that is free, which is this one.
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
-    if sys.stderr is None:
-        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-
-
-def _close_stdout() -> None:
-    """Discard text that cannot be printed; Python would report the error once more at exit."""
-    if sys.stdout is None:  # closed before the process began
-        return
-    try:
-        sys.stdout.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        close_stdout()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import _thread
 import os
+import select
 import signal
 import sys
 import threading
@@ -25,11 +26,12 @@ _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anyth
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
 _HEARD = threading.Event()
 _WORKING = threading.Event()
-_FLAGS = bytearray(2)  # shared with the core
-_IS_HEARD, _SAID = range(2)  # places in it: a signal was heard; the line after it was printed
-_BEGINS = 0  # told like a signal: from now on, the core waits for them
-_LINES = [True]  # that may still be printed: whoever takes it prints it
-_PIPE: list[int] = []  # that signals are told through
+_FLAGS = bytearray(3)  # shared with the core
+# Places in it: a signal was heard; somebody prints the line after it; Python has printed it.
+_IS_HEARD, _SAID, _PRINTED = range(3)
+_BEGINS = 0  # written to the pipe like a signal: the core waits from now on
+_LINES = [True]  # one item until somebody prints the line: whoever pops it prints it
+_PIPE: list[int] = []  # reading and writing end: Python writes the numbers of signals to it
 _WATCH: list[Callable[[], object]] = []  # of the core
 _NAMES = "SIGINT", "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
 _ENDS = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
@@ -92,15 +94,22 @@ def _let_core_watch() -> None:
 
 
 def line_is_mine() -> bool:
-    """Whether the caller is the first to print the line that follows a signal."""
+    """Whether the caller is to print the line that follows a signal; `line_is_printed` ends it."""
     if not _PIPE:  # nobody else would
         return True
+    if _FLAGS[_SAID]:
+        return False
     try:
         _LINES.pop()  # in one step, whatever other threads do
     except IndexError:
         return False
     _FLAGS[_SAID] = 1
     return True
+
+
+def line_is_printed() -> None:
+    """Tell the core that it need not wait for the line."""
+    _FLAGS[_PRINTED] = 1
 
 
 def _hear() -> None:
@@ -159,12 +168,19 @@ def clear_after_signal() -> None:
         unfinished.clear_unfinished(_PATIENCE)
 
 
+def _takes_text(descriptor: int) -> bool:
+    """Whether a stream takes text within a moment, unlike a paused terminal."""
+    return os.name == "nt" or bool(select.select([], [descriptor], [], _PATIENCE)[1])
+
+
 def _end(signal_number: int) -> NoReturn:
     """End the process at once, without temporary files."""
     _hear()
     clear_after_signal()
     said = "interrupted" if signal_number == signal.SIGINT else "terminated"
-    with suppress(OSError):
-        if line_is_mine():
-            os.write(2, f"texbake: {said}\n".encode())
+    with suppress(OSError, ValueError):
+        if line_is_mine() and _takes_text(2):
+            shown = b"\x1b[?25h\n" if os.isatty(2) else b""  # progress bars hide the cursor
+            os.write(2, shown + f"texbake: {said}\n".encode())
+    line_is_printed()
     os._exit(128 + signal_number)

@@ -73,7 +73,7 @@ def _note(folder: Path) -> None:
             added = os.fsencode(text)
             end = _noted + len(added)
             if end + 1 < len(NOTES):  # two zeros end them
-                NOTES[_noted:end] = added
+                NOTES[_noted : end + 1] = added + b"\0"
                 _noted = end + 1
 
 
@@ -83,8 +83,10 @@ def moving() -> Iterator[None]:
     with _ONE_MOVES:
         try:
             NOTES[MOVING] = 1
-            while NOTES[ENDING]:  # the process ends in a moment
-                time.sleep(1.0)
+            if NOTES[ENDING]:
+                NOTES[MOVING] = 0  # the end must not wait for this thread
+                while True:  # the process ends in a moment
+                    time.sleep(1.0)
             yield
         finally:
             NOTES[MOVING] = 0

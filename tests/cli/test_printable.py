@@ -53,6 +53,12 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
     assert texbake.read_mesh(tmp_path / "ball_uv.obj").uvs is not None
 
 
+@pytest.mark.parametrize("closed", ["2>&-", "<&- 2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_change_no_exit_code(tmp_path, script, closed):
+    done = subprocess.run(["sh", "-c", f'"{script}" frob {closed}'], cwd=tmp_path, timeout=60)
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -5,10 +5,10 @@
    it reads the numbers of signals from the pipe that `signal.set_wakeup_fd` writes to. If the work
    goes on after one, it removes the temporary files of the process, prints one line and ends it.
 
-   Child processes end in the same way, when the pipe from their parent is closed.
+   A child process ends at once, without cleaning up, when the pipe from its parent is closed.
 
-   Python shares two pieces of memory: `flags`, and `notes` of what `texbake/unfinished.py` knows:
-   whether files take their names, and where temporary files are.
+   Python shares two pieces of memory: `flags`, and the `notes` of `texbake/unfinished.py`, which say
+   whether files are taking their names, and where temporary files are.
 
    Called from texbake/core/signal_watch.py. */
 
@@ -49,7 +49,7 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
 #include <unistd.h>
 
 /* Of `flags`. */
-enum { HEARD, SAID, N_FLAGS };
+enum { HEARD, SAID, PRINTED, N_FLAGS };
 /* Of `notes`: two flags, then texts that end in 0: the name of the machine, and folders. */
 enum { MOVING, ENDING, TEXTS };
 
@@ -69,7 +69,7 @@ static void pause_for(double seconds)
         continue;
 }
 
-/* Wait until a flag has a value, or some seconds are over; tell which. */
+/* Wait until a flag has a value, for some seconds at most; return whether it has. */
 static bool wait_for(const uint8_t *flag, bool value, double seconds)
 {
     for (double waited = 0.0; waited < seconds; waited += A_MOMENT) {
@@ -153,8 +153,17 @@ static int next_signal(int descriptor)
     }
 }
 
-static void print_line(const char *line)
+/* Print a line on stderr, unless that takes nothing for some seconds, like a paused terminal. */
+static void print_line(const char *line, double patience)
 {
+    struct pollfd to = {.fd = 2, .events = POLLOUT};
+    if (poll(&to, 1, (int)(patience * 1000.0)) != 1 || (to.revents & POLLOUT) == 0)
+        return;
+    if (isatty(2)) { /* progress bars hide the cursor */
+        static const char SHOWN[] = "\x1b[?25h\n";
+        if (write(2, SHOWN, sizeof SHOWN - 1) < 0)
+            return;
+    }
     if (write(2, line, strlen(line)) < 0)
         return; /* nobody reads it */
 }
@@ -176,10 +185,11 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
     pause_for(A_MOMENT);
     wait_for(&notes[MOVING], false, patience);
     clear_own((const char *)&notes[TEXTS], (const char *)&notes[n_notes]);
-    if (is_set(&flags[SAID]))
-        pause_for(A_MOMENT); /* the line is being printed */
+    if (__atomic_exchange_n(&flags[SAID], 1, __ATOMIC_SEQ_CST) != 0)
+        wait_for(&flags[PRINTED], true, patience); /* Python prints the line */
     else
-        print_line(number == SIGINT ? "texbake: interrupted\n" : "texbake: terminated\n");
+        print_line(
+            number == SIGINT ? "texbake: interrupted\n" : "texbake: terminated\n", patience);
     _exit(128 + number);
 }
 
@@ -187,12 +197,16 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
 int64_t end_with_pipe(int64_t descriptor)
 {
     struct pollfd pipe = {.fd = (int)descriptor}; /* a closed end is told without asking for it */
+#if defined(__APPLE__)
+    pipe.events = POLLRDNORM; /* macOS tells it only to whoever asks for data as well */
+#endif
     for (;;) {
         const int n = poll(&pipe, 1, -1);
         if (n > 0 && (pipe.revents & (POLLHUP | POLLERR)) != 0)
             _exit(1);
         if ((n > 0 && (pipe.revents & POLLNVAL) != 0) || (n < 0 && errno != EINTR && errno != EAGAIN))
             return 0;
+        pause_for(1.0); /* there are data that nobody has read yet */
     }
 }
 

@@ -32,8 +32,9 @@ def signal_watch(
     descriptor
         Reading end of the pipe of `signal.set_wakeup_fd`.
     flags
-        Two bytes, which the program sets to 1: that Python has heard the signal, and that it has
-        printed the line.
+        Three bytes, which the program sets to 1: that Python has heard the signal, that it takes
+        the printing of the line upon itself, and that it has printed it. The second is set by the
+        function, too, before it prints the line.
     patience
         Seconds in which Python may hear the signal.
     to_end
