@@ -26,9 +26,9 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 DEFAULT_MAX_IMAGE = 16384
 MOST_IMAGES = 4
 """Images of the greatest size that a file may hold, or more smaller ones."""
-_PIXELS_PER_BYTE = 16  # that images of photographs never reach
+_PIXELS_PER_BYTE = 16  # photographs never have so many
 _LONGEST_TOML = 4_000_000  # characters; 30,000 assets of a pipeline
-# Not backtracking, and beginning with a word, so that each character is looked at once or twice.
+# Not backtracking, and beginning with a word, so that each character is looked at 64 times at most.
 _LONG_KEY = re.compile(
     r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII
 )
@@ -207,11 +207,13 @@ def toml_content(path: PathLike, text: str) -> dict[str, Any]:
 
     if len(text) > _LONGEST_TOML:
         raise FileFormatError(
-            f"{path}: it has {len(text):,} characters, more than {_LONGEST_TOML:,}; divide it into "
-            "several files"
+            f"{path}: it has {len(text):,} characters, more than {_LONGEST_TOML:,}; divide a "
+            "pipeline into several, and put objects of a scene together into a .glb file"
         )
     if _LONG_KEY.search(text):
-        raise FileFormatError(f"{path}: it is not TOML: a key has more than 64 parts; shorten it")
+        raise FileFormatError(
+            f"{path}: a name with more than 64 parts joined by dots is not read; shorten it"
+        )
     try:
         return tomllib.loads(text.replace("\r\n", "\n"))
     except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits

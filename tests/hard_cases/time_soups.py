@@ -220,11 +220,15 @@ def rows(arguments: argparse.Namespace, folder: Path) -> Iterator[bool]:
             for word, file in FILES.items():
                 line = line.replace(word, str(folder / file))
             *before, line = line.split(" ; ")
-            for made_before in before:
+            (folder / FILES["HITS"]).unlink(missing_ok=True)  # of another soup
+            prepared = [
                 run_command(made_before.split(), folder / "out", arguments.patience)
+                for made_before in before
+            ]
             run = run_command(line.split(), folder / "out", arguments.patience)
             good = run.code in (0, 1, 2) and not run.last.startswith("Traceback")
             good &= min(run.clock, run.processor) <= arguments.limit
+            good &= all(each.code == 0 and not each.late for each in prepared)
             ends = [
                 run_command(
                     line.split(), folder / "out", arguments.patience, random.uniform(0.0, run.clock)

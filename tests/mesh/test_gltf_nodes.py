@@ -62,7 +62,7 @@ def test_a_mesh_is_read_once_for_all_nodes(instances, monkeypatch):
 def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
     monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
     path = instances(2000, claimed=MAX_PLACED // 1000)
-    with pytest.raises(FileFormatError, match=r"60,000 triangles .* until there are 120,000,"):
+    with pytest.raises(FileFormatError, match=r"20,000 triangles .* would be 40,000,000, more"):
         read(path)
 
 
@@ -72,7 +72,7 @@ def test_primitives_that_share_one_accessor_are_a_bomb_as_well(instances, monkey
     document = json.loads(path.read_text())
     document["meshes"][0]["primitives"] *= 2000
     path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match="until there are 120,000,000"):
+    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
         read_mesh(path)
 
 
@@ -83,7 +83,7 @@ def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
     document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
     document["meshes"][0]["primitives"][0]["indices"] = 1
     path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match="until there are 120,000,000"):
+    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
         read_mesh(path)
 
 
@@ -94,7 +94,7 @@ def test_each_uv_set_counts_as_the_triangles_do(instances, monkeypatch):
     attributes = document["meshes"][0]["primitives"][0]["attributes"]
     attributes |= {f"TEXCOORD_{i}": 0 for i in range(20)}
     path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match="until there are 120,000,000"):
+    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
         read_mesh(path)
 
 

@@ -238,6 +238,17 @@ def test_a_node_of_collada_that_places_itself_is_one_error(tmp_path: Path) -> No
         texbake.read_mesh(path)
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_a_part_that_cannot_be_unpacked_a_piece_at_a_time_is_refused(tmp_path, method):
+    path = tmp_path / "a.3mf"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("3D/3dmodel.model", bytes(1000))
+    data = path.read_bytes()
+    path.write_bytes(data.replace(data[60:70], bytes(10)))
+    with pytest.raises(FileFormatError, match="neither stored nor deflated; export it again"):
+        texbake.read_mesh(path)
+
+
 @pytest.mark.parametrize("suffix", [".3mf", ".zae"])
 def test_a_part_that_is_larger_than_its_archive_says_is_refused_piece_by_piece(
     tmp_path, monkeypatch, suffix

@@ -1,6 +1,6 @@
-"""Ends the process after a signal, or with its parent, while a library holds the interpreter.
+"""Ends the process after a signal, or with its parent, also where Python itself cannot.
 
-Python can do neither then.
+It cannot while a library holds the interpreter.
 
 Kernel: `core/signal_watch.c`. NumPy is not imported here: this begins before the work does.
 """

@@ -30,9 +30,9 @@ _START_FACES = 50_000
 _START_TIMES = 4
 
 _PIECE = 1 << 14  # faces that a processor's cache holds with all that belongs to them
-# A collapse into a vertex looks at all of its faces in the piece. Where one has this many, pieces
-# are smaller, and more is done in pieces.
-_CROWD, _CROWDED_PIECE = 1 << 12, 1 << 10
+# A collapse into a vertex looks at all of its faces in the piece, so that vertices of thousands of
+# faces cost the squares of these. Where that is much, pieces are smaller, and more is done in them.
+_CROWD, _MOST_LOOKS, _CROWDED_PIECE = 1 << 12, 2e8, 1 << 10
 _CROWDED_START, _CROWDED_START_TIMES = 1 << 12, 1.1
 _ROUND_TIMES = 8  # what a round in pieces reduces a mesh by, at most
 # Each piece may go down to this share of what it would keep if all were reduced alike.
@@ -99,9 +99,10 @@ def _reduce_pieces(
 
 
 def _is_crowded(stream: VertexStream) -> bool:
-    """Whether thousands of faces share a vertex."""
+    """Whether so many faces share vertices that collapsing their edges would take long."""
     n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
-    return bool(n_around.max() >= _CROWD)
+    crowds = n_around[n_around >= _CROWD].astype(np.float64)
+    return bool(crowds @ crowds > _MOST_LOOKS)
 
 
 def _order_in_space(

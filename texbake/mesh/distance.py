@@ -24,9 +24,10 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
 _DEFAULT_SAMPLES = 100_000
-# Boxes that the searches of one surface may look at. It leaves fewer samples of triangles that lie
-# across one another by the ten thousand, where each search looks at most of them.
-_BOXES_ALLOWED = 4e7
+# Boxes that the searches of one surface may look at; at a point this many are always allowed. Where
+# triangles lie across one another by the ten thousand, so that each search looks at most of them,
+# fewer samples are taken.
+_BOXES_ALLOWED, _BOXES_AT_A_POINT = 4e7, 400.0
 
 # 1 / g and 1 / g² for g³ = g + 1: Roberts's sequence in two dimensions.
 _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
@@ -145,8 +146,8 @@ def surface_distance(
         positions: FloatArray, faces: IntArray, to_positions: FloatArray, to_faces: IntArray
     ) -> OneSidedDistance:
         tree = TriangleTree.build(to_positions, to_faces, threads=threads)
-        allowed = max(int(_BOXES_ALLOWED / tree.boxes_at_a_point()), 1)
-        n = min(n_samples, allowed)
+        boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
+        n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
         face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
         samples = _points_on(positions, faces, face_ids, barycentrics)
         of_samples, _, _ = tree.closest_points(samples, threads=threads)

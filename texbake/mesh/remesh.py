@@ -40,7 +40,7 @@ from texbake.progress import ProgressSink, Stages
 # Voxels between the mesh and the border of the grid, besides the radius of the ball: the width of
 # the band, and a point that is outside in any case.
 _MARGIN = 4
-_MOST_FACES_SUMMED = 5e7  # for winding numbers in all rooms
+_MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +139,7 @@ def remesh(
     OptionError
         The gaps to close are too wide for the resolution.
     MeshError
-        The mesh has no extent, or its triangles fill the voxels hundreds of times over.
+        The mesh has no extent, or its triangles fill the grid many times over.
 
     Examples
     --------
@@ -237,10 +237,11 @@ class _Counts:
 
 
 def _too_crowded(mesh: Mesh, options: RemeshOptions, error: CrowdedGridError) -> MeshError:
-    lower = max(int(error.share * options.resolution), MIN_RESOLUTION)
+    lower = int(error.share * options.resolution)
+    lower_too = f"use a `resolution` of {lower}, or " if lower >= MIN_RESOLUTION else ""
     return MeshError(
-        f"{mesh.name}: its triangles lie across one another so often that they fill the voxels "
-        f"{error.times:,.0f} times over; use a `resolution` of {lower}, or wrap parts of it"
+        f"{mesh.name}: its triangles are so many and so large that measuring the voxels around "
+        f"them would take very long; {lower_too}wrap parts of it"
     )
 
 

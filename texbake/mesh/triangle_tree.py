@@ -17,7 +17,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13
-_THIN = 1e-3  # extent of a flat box, as a share of the size of the whole
+_THIN = 1e-3  # extent of a flat box, as a share of that of the whole along its axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class TriangleTree:
         lie across one another, a large share of all.
         """
         extents = (self.boxes[:, 3:] - self.boxes[:, :3]).astype(np.float64)
-        thin = max(_THIN * float(extents[0].max()), 1e-300)
+        thin = np.maximum(_THIN * extents[0], 1e-300)
         shares = np.prod((extents + thin) / (extents[0] + thin), axis=1)
         return float((shares * (1 + self.nodes[:, 1])).sum())
 

@@ -33,6 +33,7 @@ from texbake.texture.encoding import (
     quantize_unsigned,
 )
 from texbake.texture.image_formats import PNG, check_image_format, format_of, holds_floats
+from texbake.texture.jpeg import require_few_scans
 from texbake.texture.png_files import write_png
 
 # (H, W) or (H, W, C), row 0 at the top.
@@ -41,8 +42,6 @@ FloatImage = npt.NDArray[np.float32]
 # Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
 _GREATEST_HALF = 65504.0
-_JPEG, _SCAN = b"\xff\xd8", b"\xff\xda"
-_MOST_SCANS = 64  # programs write some 10, and as many for a preview
 
 
 @dataclass(frozen=True)
@@ -266,7 +265,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     try:
         # Checked before libpng sees it, which would print its complaints.
         description = png_description(path) if is_png(path) else ""
-        _require_few_scans(path)
+        require_few_scans(path)
     except FileFormatError:
         raise
     except OSError as error:
@@ -281,20 +280,6 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
     require_image_size(path, width, height, spec.nchannels)
     return source, description
-
-
-def _require_few_scans(path: PathLike) -> None:
-    """Raise `FileFormatError` for a JPEG file of many scans, each of which goes over all pixels.
-
-    Within the data of a scan, a marker's first byte is never followed by that of another.
-    """
-    with Path(path).open("rb") as file:
-        if file.read(2) == _JPEG:
-            n_scans = file.read().count(_SCAN)
-            if n_scans > _MOST_SCANS:
-                raise FileFormatError(
-                    f"{path}: it has {n_scans:,} scans, more than {_MOST_SCANS}; save it again"
-                )
 
 
 def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:

@@ -105,7 +105,7 @@ def _ray_points(
     # A ray that hits a front face starts outside the high-poly mesh and meets another part of it.
     hit = hit[np.einsum("nx,nx->n", facing, outward[hit]) > 0.0]
     distances = hits.distances[hit]
-    # Where the normals of corners all but cancel, no distance along them would do.
+    # Where the normals at the corners nearly cancel, no distance along them is meaningful.
     exact = lengths[hit] >= _FOLDED
     return OuterPoints(
         origins[hit] + distances[:, None] * outward[hit],

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import MeshError, TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.compose import is_mirroring, normal_map, signed_tangents, with_alpha
 from texbake.mesh.files.gltf_batches import Wanted, read_primitives
@@ -128,12 +128,12 @@ class _MeshReader:
     _primitives: dict[Any, PrimitiveMesh | None] = field(default_factory=dict)
 
     def read_ahead(self, indices: Iterable[Any]) -> None:
-        """Read those primitives of meshes together that can be; nothing is wrong with the others.
+        """Read together those primitives of meshes that can be.
 
-        What is wrong is named where `mesh` comes to it.
+        `mesh` reads the others, and says what is wrong with them.
         """
         wanted: dict[Any, Wanted] = {}
-        with suppress(FileFormatError):
+        with suppress(TexbakeError):
             for index in dict.fromkeys(index for index in indices if type(index) is int):
                 mesh = self.document.item("meshes", index)
                 for primitive in self.document.objects(mesh, "primitives"):

@@ -44,10 +44,11 @@ class Accessors:
         """Look at all accessors and views of a document."""
         accessors, views = document.items("accessors"), document.items("bufferViews")
         lengths = np.array([0, *map(len, document.buffers)], np.int64)
-        # The last row is the view of accessors that have none.
+        # The first stands for accessors without a view.
         of_views = [{"buffer": -1}, *views]
         buffers = column_of(of_views, "buffer", -1)
-        buffers[(buffers >= len(lengths) - 1) | [("extensions" in view) for view in of_views]] = -1
+        is_read = (buffers >= 0) & (buffers < len(lengths) - 1)
+        buffers[~is_read | [("extensions" in view) for view in of_views]] = -1
         at, n_bytes, strides = (
             column_of(of_views, key, 0) for key in ("byteOffset", "byteLength", "byteStride")
         )

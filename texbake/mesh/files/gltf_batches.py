@@ -27,6 +27,7 @@ from texbake.mesh.weld import weld_rows
 
 _ATTRIBUTES = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 _UVS = "TEXCOORD_"
+_ROWS_AT_ONCE = 1 << 18  # of arrays; more take more memory, and longer
 
 
 class Wanted(NamedTuple):
@@ -46,7 +47,7 @@ def read_primitives(
     ----------
     document
     wanted
-        Sound objects of the document or not.
+        Objects of the document, which may be damaged.
     keeps_colors
         As for `read_primitive`.
     """
@@ -120,17 +121,19 @@ class _BatchReader:
         _, groups = np.unique(kinds[places], axis=0, return_inverse=True)
         order = np.argsort(groups.ravel(), kind="stable")
         bounds = np.flatnonzero(np.diff(groups.ravel()[order])) + 1
-        for chosen in np.split(places[order], bounds):
-            if len(chosen) > 1 and self._are_read(kinds[chosen[0]].tolist()):
-                pieces = self._batch(dict(zip(self.names, numbers[chosen].T, strict=True)))
-                found |= dict(zip(chosen.tolist(), pieces, strict=False))
+        for alike in np.split(places[order], bounds):
+            rows = np.cumsum(counts[alike].max(axis=1))
+            for chosen in np.split(alike, np.flatnonzero(np.diff(rows // _ROWS_AT_ONCE)) + 1):
+                if len(chosen) > 1 and self._are_read(kinds[chosen[0]].tolist()):
+                    pieces = self._batch(dict(zip(self.names, numbers[chosen].T, strict=True)))
+                    found |= dict(zip(chosen.tolist(), pieces, strict=False))
         return found
 
     def _numbers(self, primitives: list[dict[str, Any]], name: str) -> Integers:
         """(n,) accessors of an array; -1 where there is none of that number."""
         owners = primitives if name == INDICES else [item["attributes"] for item in primitives]
         numbers = column_of(owners, name, -1)
-        numbers[numbers >= len(self.accessors.kinds)] = -1
+        numbers[(numbers < 0) | (numbers >= len(self.accessors.kinds))] = -1
         return numbers
 
     def _are_read(self, kinds: list[int]) -> bool:

@@ -220,12 +220,8 @@ class Document:
     def n_image_bytes(self) -> int:
         """Bytes of the views that hold images, each view once."""
         views = self.items("bufferViews")
-        held = {image.get("bufferView") for image in self.items("images")}
-        return sum(
-            self.integer(views[index], "byteLength", 0)
-            for index in held
-            if type(index) is int and 0 <= index < len(views)
-        )
+        held = {i for image in self.items("images") if type(i := image.get("bufferView")) is int}
+        return sum(self.integer(views[i], "byteLength", 0) for i in held if 0 <= i < len(views))
 
     def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
         n_bytes = self.integer(buffer, "byteLength")

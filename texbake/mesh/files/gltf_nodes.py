@@ -24,7 +24,10 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""
 INDICES = "indices"
 MAX_PLACED = 20_000_000
-"""Triangles, or vertices, that a file may place if its buffers have fewer bytes: some 1 GB."""
+"""Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
+
+They take some 1 GB, and 2 GB where no two triangles share a vertex.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +100,20 @@ def require_placeable(placed: PlacedNodes) -> None:
     # A triangle takes more than a byte, unless it is there several times.
     if n_placed > MAX_PLACED and n_placed > document.n_bytes:
         document.fail(
-            f"its nodes and UV sets repeat {sum(counts.values()):,} triangles or vertices until "
-            f"there are {n_placed:,}; more than {MAX_PLACED:,} are not read; "
-            "join them in the program that made the file"
+            f"its {sum(counts.values()):,} triangles are placed so often that there would be "
+            f"{n_placed:,}, more than {MAX_PLACED:,} with their vertices and UV sets; export fewer "
+            "copies, or parts of the scene"
         )
 
 
 def _size(document: Document, primitive: dict[str, Any]) -> int:
-    """Triangles of a primitive, or vertices where these are more, once for each of its UV sets."""
+    """Triangles of a primitive, or a third of its vertices, once for each of its UV sets."""
     n_triangles = triangle_count(document, primitive)
     if n_triangles == 0:
         return 0
     position = document.mapping(primitive, "attributes")["POSITION"]
     n_vertices = document.integer(document.item("accessors", position), "count", 0)
-    return max(n_triangles, n_vertices) * (1 + len(further_sets(document, primitive)))
+    return max(n_triangles, n_vertices // 3) * (1 + len(further_sets(document, primitive)))
 
 
 def placed_nodes(document: Document) -> PlacedNodes:

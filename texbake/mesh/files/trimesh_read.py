@@ -14,7 +14,7 @@ import warnings
 import zlib
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile, is_zipfile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
@@ -79,6 +79,11 @@ def _require_small_archive(path: PathLike) -> None:
     try:
         with ZipFile(path) as archive:
             parts = archive.infolist()
+            # Others, which none of these formats needs, cannot be unpacked a piece at a time.
+            if any(part.compress_type not in (ZIP_STORED, ZIP_DEFLATED) for part in parts):
+                raise FileFormatError(
+                    f"{path}: a part of its archive is neither stored nor deflated; export it again"
+                )
             _require_few_bytes(path, sum(part.file_size for part in parts))
             for part in parts:
                 with archive.open(part) as content:

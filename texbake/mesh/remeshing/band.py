@@ -29,25 +29,23 @@ SHELL_DEPTH = 0.9
 _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 
 
-# Points that all faces together may be near: of an ordinary mesh this many, or as many as this many
-# walls through the whole grid.
-_MOST_POINTS, _MOST_WALLS = 2.5e8, 100.0
+# Points that all faces together may be near: this many, or as often all points of the grid. And
+# blocks that the bounding boxes of all faces together may take up, which each face looks at.
+_MOST_POINTS, _MOST_FILLS, _MOST_BLOCKS = 2.5e9, 8.0, 5e9
 
 
 class CrowdedGridError(Exception):
-    """The faces are so large and so many that measuring them would take hours.
+    """The faces are so large and so many that measuring them would take very long.
 
     Attributes
     ----------
-    times : float
-        How often they fill the whole grid.
     share : float
         Resolution at which they could be measured, as a share of this one.
     """
 
-    def __init__(self, times: float, share: float) -> None:
+    def __init__(self, share: float) -> None:
         super().__init__()
-        self.times, self.share = times, share
+        self.share = share
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +137,13 @@ def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int,
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     n_points = 2.0 * BAND_WIDTH * float(areas.sum())
-    wall = 2.0 * BAND_WIDTH * float(BLOCK_SIDE * max(shape)) ** 2
-    allowed = max(_MOST_POINTS, _MOST_WALLS * wall)
-    if n_points > allowed:
-        whole = float(np.prod(shape)) * BLOCK_POINTS
-        raise CrowdedGridError(n_points / whole, float(np.sqrt(allowed / n_points)))
+    sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+    n_blocks = float(np.prod(sizes / BLOCK_SIDE + 1.0, axis=1).sum())
+    whole = float(np.prod(shape)) * BLOCK_POINTS
+    if n_points > max(_MOST_POINTS, _MOST_FILLS * whole) or n_blocks > _MOST_BLOCKS:
+        # Areas fall with the square of the resolution, boxes with its cube.
+        shares = (_MOST_POINTS / n_points) ** (1.0 / 2.0), (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0)
+        raise CrowdedGridError(min(shares))
 
 
 def _faces_of_layers(
