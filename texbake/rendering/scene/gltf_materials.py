@@ -31,7 +31,7 @@ from texbake.mesh.files.gltf_material_read import (
 )
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
-from texbake.texture.image import Image, decode_image, image_shape
+from texbake.texture.image import Image, decode_image, image_shape, read_header
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,10 +181,18 @@ class MaterialReader:
         sizes = []
         for index in firsts.values():
             with suppress(FileError):  # whoever reads it says what is wrong
-                data = image_bytes(self.document, index)
-                width, height, _ = image_shape(data, f"images[{index}]")
-                sizes.append((width, height, len(data)))
+                sizes.append(self._size(index))
         require_few_pixels(self.document.path, sizes)
+
+    def _size(self, index: int) -> tuple[int, int, int]:
+        """Width, height and bytes of an image; of one beside the file, only the header is read."""
+        path = image_path(self.document, index)
+        if path is not None:
+            header = read_header(path)
+            return header.width, header.height, path.stat().st_size
+        data = image_bytes(self.document, index)
+        width, height, _ = image_shape(data, f"images[{index}]")
+        return width, height, len(data)
 
     def _opened(self, index: int | None, color: bool) -> Path | Image:
         """Return the path of an image beside the file, or the pixels of one in it."""
