@@ -50,6 +50,22 @@ def test_factors_and_images_in_the_file(read):
     assert found.sources("base-color")[1].image.data == b"picture"
 
 
+def test_images_of_one_name_are_two(tmp_path):
+    nodes = rich_scene(7400)
+    objects, connections = nodes[1][2], nodes[2][2]
+    for i, (material, content) in enumerate(((50, b"picture"), (51, b"other"))):
+        texture = [("Content", [content], [])]
+        objects.append(("Texture", [60 + i, "paint\0\1Texture", ""], texture))
+        connections.append(("C", ["OP", 60 + i, material, "DiffuseColor"], []))
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes))
+    images = [
+        each.image for each in read_materials(path, read_mesh(path)).sources("base-color") if each
+    ]
+    assert [image.data for image in images] == [b"picture", b"other"]
+    assert [image.name for image in images] == [f"{path}: paint", f"{path}: paint (61)"]
+
+
 # Content of images: a PNG with alpha, one without.
 RGBA, RGB = (b"\x89PNG\r\n\x1a\n" + bytes(17) + bytes([kind]) for kind in (6, 2))
 

@@ -59,6 +59,8 @@ class FbxScene:
         What the file says of the program that wrote it.
     images : dict of str to bytes
         Contents of images that have been read, by their names; many textures may name one.
+    named : dict of str to id
+        The first object of each name whose image has been read.
     """
 
     path: PathLike
@@ -69,6 +71,7 @@ class FbxScene:
     n_bytes: int
     creator: str = ""
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
+    named: dict[str, Id] = field(default_factory=dict, repr=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError`."""

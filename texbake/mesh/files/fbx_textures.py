@@ -42,10 +42,11 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
         value = content.values[0] if content is not None and content.values else None
         if isinstance(value, bytes) and value:
             label = f"{scene.path}: {holder.name}"
-            key = f"{label} {holder.key}"
-            if key not in scene.images:
-                scene.images[key] = _unwrapped(value)
-            yield scene.images[key], label
+            if scene.named.setdefault(label, holder.key) != holder.key:
+                label += f" ({holder.key})"  # objects may have equal names
+            if label not in scene.images:
+                scene.images[label] = _unwrapped(value)
+            yield scene.images[label], label
     folder = Path(scene.path).resolve().parent
     for holder in holders:
         for entry in _FILES:
