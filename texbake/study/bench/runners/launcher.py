@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 
 
 def main(timeout, *command):
@@ -33,7 +34,7 @@ def main(timeout, *command):
 
         def end():
             late.set()
-            process.kill()
+            kill(process)
 
         timer = threading.Timer(float(timeout), end)
         timer.start()
@@ -66,7 +67,16 @@ def end_with_stdin(process):
     """
     while os.read(0, 1):
         pass
-    process.kill()
+    kill(process)
+
+
+def kill(process):
+    """Kill a process without waiting for it; `Popen.kill` may take the figures of its end away."""
+    if not hasattr(os, "wait4"):
+        process.kill()
+    elif process.returncode is None:
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGKILL)
 
 
 def wait_for(process):
