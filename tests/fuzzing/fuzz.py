@@ -193,14 +193,14 @@ def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
         while n_ended < MAX_FAULTS and len(faults_of(name, options.findings)) < MAX_FAULTS:
             left = start + options.seconds - time.monotonic() if options.seconds else 86400.0
             inputs = options.inputs - n_read(home) if options.inputs else -1
-            if left < 1.0 or inputs == 0 or (options.inputs and inputs < 0):
+            if inputs == 0 or (options.inputs and inputs < 0) or (left < 1.0 and n_read(home)):
                 break
             known = [str(made), str(folder_of(name))] if folder_of(name).is_dir() else [str(made)]
             flags = [
-                *known, f"-max_total_time={int(left)}", f"-runs={inputs}", f"-timeout={STUCK}",
-                "-rss_limit_mb=4096", f"-artifact_prefix={home}/", "-print_final_stats=1",
-                f"-max_len={max(4096, 2 * len(seed))}", "-len_control=0", "-verbosity=0",
-                "-reload=0", f"-seed={options.seed + n_ended}",
+                *known, f"-max_total_time={max(1, int(left))}", f"-runs={inputs}",
+                f"-timeout={STUCK}", "-rss_limit_mb=4096", f"-artifact_prefix={home}/",
+                "-print_final_stats=1", f"-max_len={max(4096, 2 * len(seed))}", "-len_control=0",
+                "-verbosity=0", "-reload=0", f"-seed={options.seed + n_ended}",
             ]  # fmt: skip
             code = child(name, home, options, flags)
             if code == 0:
@@ -209,12 +209,13 @@ def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
             tail = (home / "log").read_text(errors="replace")[-2000:]
             if not take_artifacts(name, home, options, code):
                 raise RuntimeError(f"{name}: the child ended with {code}:\n{tail}")
+        nothing = [] if n_read(home) else ["no input was read"]
         return {
             "format": name,
             "inputs": n_read(home),
             "seconds": round(time.monotonic() - start),
             "corpus": len(list(made.iterdir())),
-            "faults": faults_of(name, options.findings),
+            "faults": faults_of(name, options.findings) + nothing,
         }
 
 
