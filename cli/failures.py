@@ -34,9 +34,7 @@ class Failure(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the line on stderr, once after a signal."""
-        if self.exit_code <= 128:
-            click.echo(printable(self.message), file=file, err=file is None)
-        elif line_is_mine():
+        if self.exit_code <= 128 or line_is_mine():
             try:
                 click.echo(printable(self.message), file=file, err=file is None)
             finally:

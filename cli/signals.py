@@ -19,8 +19,6 @@ from functools import cache, partial
 from types import FrameType
 from typing import NoReturn
 
-from texbake import is_out_of_memory
-
 _PATIENCE = 0.4  # seconds in which the work hears a signal
 _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anything
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
@@ -62,12 +60,12 @@ def end_cleanly_on_signals() -> None:
         signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = _raise_again
     if os.name != "nt":  # where only sockets can tell a thread of signals
-        told, tells = os.pipe()
-        os.set_blocking(tells, False)
-        signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
         with suppress(RuntimeError):  # the system gives no more threads
-            threading.Thread(target=_end_unheard, args=(told,), daemon=True).start()
-            _PIPE[:] = told, tells
+            threading.Thread(target=_end_unheard, args=(reader,), daemon=True).start()
+            _PIPE[:] = reader, writer
 
 
 @contextmanager
@@ -88,9 +86,9 @@ def _let_core_watch() -> None:
 
         # Loaded here: the thread then needs the interpreter only for a moment.
         with suppress(texbake.DependencyError, OSError):  # OSError: the pipe is full of signals
-            told, tells = _PIPE
-            _WATCH.append(texbake.signal_watch(told, _FLAGS, patience=_PATIENCE, to_end=_TO_END))
-            os.write(tells, bytes([_BEGINS]))
+            reader, writer = _PIPE
+            _WATCH.append(texbake.signal_watch(reader, _FLAGS, patience=_PATIENCE, to_end=_TO_END))
+            os.write(writer, bytes([_BEGINS]))
 
 
 def line_is_mine() -> bool:
@@ -138,6 +136,8 @@ def _raise_again(unraisable: sys.UnraisableHookArgs) -> None:
     Where memory was lacking, nothing is printed: the command ends with a line of its own.
     """
     if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        from texbake import is_out_of_memory  # not before signals are heard
+
         error = unraisable.exc_value or unraisable.exc_type()
         if not is_out_of_memory(error):
             sys.__unraisablehook__(unraisable)
@@ -149,10 +149,10 @@ def _raise_again(unraisable: sys.UnraisableHookArgs) -> None:
     threading.Timer(_AGAIN, send, [number]).start()
 
 
-def _end_unheard(told: int) -> NoReturn:
+def _end_unheard(reader: int) -> NoReturn:
     """End the process at a signal if the work goes on all the same."""
     while True:
-        number = os.read(told, 1)[0]
+        number = os.read(reader, 1)[0]
         if number == _BEGINS:
             _WATCH[0]()
         elif number in _ENDS:

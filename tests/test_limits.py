@@ -312,9 +312,9 @@ def test_images_of_a_model_may_be_larger_together_if_the_user_says_so(five_image
 
 def test_images_with_as_much_content_as_photographs_count_as_none(monkeypatch):
     monkeypatch.setenv(MAX_IMAGE, "512")
-    require_few_pixels("a.glb", [(512, 512, 512 * 512 // 16)] * 1000)
+    require_few_pixels("a.glb", [lambda: (512, 512, 512 * 512 // 16)] * 1000)
     with pytest.raises(FileFormatError, match="the 1,000 images"):
-        require_few_pixels("a.glb", [(512, 512, 512 * 512 // 17)] * 1000)
+        require_few_pixels("a.glb", [lambda: (512, 512, 512 * 512 // 17)] * 1000)
 
 
 @pytest.fixture

@@ -49,6 +49,15 @@ def shortened(text: str, most: int = _MOST_QUOTED) -> str:
     return f"{text[: most - 3 - n_end]}...{text[len(text) - n_end :]}"
 
 
+def one_line(error: BaseException, most: int = 200) -> str:
+    """Return what an error of a library says, on one line and shortened.
+
+    >>> one_line(ValueError("no   number"))
+    'no number'
+    """
+    return shortened(" ".join(str(error).split()), most)
+
+
 class TexbakeError(Exception):
     """Root of everything that texbake raises on purpose."""
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,7 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
 DEFAULT_MAX_IMAGE = 16384
-MOST_IMAGES = 4
-"""Images of the greatest size that a file may hold, or more smaller ones."""
+_MOST_IMAGES = 4  # of the greatest size that a file may hold, or as many pixels in smaller ones
 _PIXELS_PER_BYTE = 16  # photographs never have so many
 _LONGEST_TOML = 4_000_000  # characters; 30,000 assets of a pipeline
 # Not backtracking, and beginning with a word, so that each character is looked at 64 times at most.
@@ -91,7 +90,9 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
         )
 
 
-def require_few_pixels(path: PathLike, images: Iterable[tuple[int, int, int]]) -> None:
+def require_few_pixels(
+    path: PathLike, images: Sequence[Callable[[], tuple[int, int, int]]]
+) -> None:
     """Raise `FileFormatError` if the images of a file have too many pixels together.
 
     They may have as many as four images of the greatest size, or 16 for each byte of their files.
@@ -101,7 +102,8 @@ def require_few_pixels(path: PathLike, images: Iterable[tuple[int, int, int]]) -
     path
         Of the file, or the name of one of its images.
     images
-        Width, height and bytes of each.
+        Functions that return the width, height and bytes of each, and are called if there are more
+        than four. Whatever is wrong with an image is left to its reader.
 
     Raises
     ------
@@ -110,11 +112,16 @@ def require_few_pixels(path: PathLike, images: Iterable[tuple[int, int, int]]) -
     OptionError
         The environment variable is not a number of pixels.
     """
-    sizes = list(images)
+    if len(images) <= _MOST_IMAGES:
+        return
+    sizes = []
+    for measure in images:
+        with suppress(FileError):
+            sizes.append(measure())
     n_pixels = sum(width * height for width, height, _ in sizes)
-    most = MOST_IMAGES * _max_image() ** 2
+    most = _MOST_IMAGES * _max_image() ** 2
     if n_pixels > max(most, _PIXELS_PER_BYTE * sum(n_bytes for *_, n_bytes in sizes)):
-        needed = math.isqrt(-(-n_pixels // MOST_IMAGES) - 1) + 1
+        needed = math.isqrt(-(-n_pixels // _MOST_IMAGES) - 1) + 1
         raise FileFormatError(
             f"{path}: the {len(sizes):,} images of its model have {n_pixels:,} pixels together, "
             f"more than {most:,}; if you trust the file, read it with texbake --max-image {needed}"

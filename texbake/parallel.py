@@ -110,7 +110,8 @@ def run_bands(
 def _require_memory() -> None:
     """Raise `MemoryError` where a thread would have none for its stack and its first objects.
 
-    It would print a traceback that nothing can catch. Only where a limit on memory is noticed.
+    Such a thread would print a traceback that nobody can catch. This notices only a limit on
+    memory, not a machine that runs out.
     """
     if sys.platform == "linux":
         try:

@@ -26,9 +26,9 @@ _LOOKED_THROUGH: set[Path] = set()
 NOTES = bytearray(1 << 20)
 """What `core/signal_watch.c` reads to end the process without Python.
 
-Two flags: that files take their names, and that they must not any more; then texts that end in 0:
-the name of the machine, and the folders that temporary files are in. What does not fit any more is
-left to the next process.
+Two flags: that files are taking their names, and that no more of them may; then texts that end in
+0: the name of the machine, and the folders that temporary files are in. What no longer fits is left
+to the next process.
 """
 MOVING, ENDING, _TEXTS = range(3)  # places in it
 

@@ -26,6 +26,19 @@ from texbake.rendering.raster.world import SHOW_BACK, joined
 N = 3000
 
 
+class Spy:
+    """The core, with one function that first tells what it is called with."""
+
+    def __init__(self, name, tell):
+        self.name, self.tell = name, tell
+
+    def __getattr__(self, name):
+        call = getattr(core, name)
+        if name != self.name:
+            return call
+        return lambda *arguments: (self.tell(*arguments), call(*arguments))[1]
+
+
 def stack(n=N):
     positions = np.tile([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], (n, 1))
     return Mesh(positions=positions, faces=np.arange(3 * n, dtype=np.int32).reshape(-1, 3))
@@ -149,15 +162,8 @@ def test_the_core_takes_fewer_places_than_faces():
 def test_a_stack_is_drawn_once(monkeypatch):
     drawn = []
 
-    class Spy:
-        def __getattr__(self, name):
-            return getattr(core, name)
-
-        def draw_triangles(self, *arguments):
-            drawn.append(len(arguments[11]))
-            core.draw_triangles(*arguments)
-
-    monkeypatch.setattr(rasterizer, "core", Spy())
+    spied = Spy("draw_triangles", lambda *arguments: drawn.append(len(arguments[11])))
+    monkeypatch.setattr(rasterizer, "core", spied)
     soup, ball = nearly_equal(stacks()), icosphere()
     # Far beyond the screen, where vertices have no place on its grid.
     far = np.array([[-9e9, -9e9, 0.3], [9e9, -9e9, 0.3], [0, 9e9, 0.3]])
@@ -280,15 +286,8 @@ def test_simplification_begins_without_the_copies_of_a_stack():
 def test_edges_that_cannot_collapse_are_not_tried_twice(monkeypatch):
     tried = []
 
-    class Spy:
-        def __getattr__(self, name):
-            return getattr(core, name)
-
-        def collapse_edges(self, *arguments):
-            tried.append(len(arguments[2]))
-            return core.collapse_edges(*arguments)
-
-    monkeypatch.setattr(decimate, "core", Spy())
+    spied = Spy("collapse_edges", lambda *arguments: tried.append(len(arguments[2])))
+    monkeypatch.setattr(decimate, "core", spied)
     low = texbake.simplify(loose(), 500)
     assert 0 < low.n_faces <= 500
     assert tried.count(N) == 1
@@ -297,15 +296,8 @@ def test_edges_that_cannot_collapse_are_not_tried_twice(monkeypatch):
 def test_a_vertex_of_thousands_of_faces_is_simplified_in_small_pieces(monkeypatch):
     sizes = []
 
-    class Spy:
-        def __getattr__(self, name):
-            return getattr(core, name)
-
-        def log_collapses(self, *arguments):
-            sizes.append(arguments[5] - arguments[4])
-            return core.log_collapses(*arguments)
-
-    monkeypatch.setattr(decimate, "core", Spy())
+    spied = Spy("log_collapses", lambda *arguments: sizes.append(arguments[5] - arguments[4]))
+    monkeypatch.setattr(decimate, "core", spied)
     monkeypatch.setattr(decimate, "_MOST_LOOKS", 5e7)
     low = texbake.simplify(star(10_000), 500)
     assert 0 < low.n_faces <= 500

@@ -58,44 +58,53 @@ def test_a_mesh_is_read_once_for_all_nodes(instances, monkeypatch):
     assert reads == [0]
 
 
+def no_array_is_read(monkeypatch):
+    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
+
+
+def assert_is_a_bomb(path, change):
+    """Change a document, and find that it is refused."""
+    document = json.loads(path.read_text())
+    change(document, document["meshes"][0]["primitives"])
+    path.write_text(json.dumps(document))
+    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
+        read_mesh(path)
+
+
 @pytest.mark.parametrize("read", [read_mesh, read_scene])
 def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
-    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
+    no_array_is_read(monkeypatch)
     path = instances(2000, claimed=MAX_PLACED // 1000)
     with pytest.raises(FileFormatError, match=r"20,000 triangles .* would be 40,000,000, more"):
         read(path)
 
 
 def test_primitives_that_share_one_accessor_are_a_bomb_as_well(instances, monkeypatch):
-    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
-    path = instances(1, claimed=MAX_PLACED // 1000)
-    document = json.loads(path.read_text())
-    document["meshes"][0]["primitives"] *= 2000
-    path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
-        read_mesh(path)
+    no_array_is_read(monkeypatch)
+
+    def change(document, primitives):
+        primitives *= 2000
+
+    assert_is_a_bomb(instances(1, claimed=MAX_PLACED // 1000), change)
 
 
 def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
-    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
-    path = instances(2000, claimed=MAX_PLACED // 1000)
-    document = json.loads(path.read_text())
-    document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
-    document["meshes"][0]["primitives"][0]["indices"] = 1
-    path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
-        read_mesh(path)
+    no_array_is_read(monkeypatch)
+
+    def change(document, primitives):
+        document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
+        primitives[0]["indices"] = 1
+
+    assert_is_a_bomb(instances(2000, claimed=MAX_PLACED // 1000), change)
 
 
 def test_each_uv_set_counts_as_the_triangles_do(instances, monkeypatch):
-    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
-    path = instances(100, claimed=MAX_PLACED // 1000)
-    document = json.loads(path.read_text())
-    attributes = document["meshes"][0]["primitives"][0]["attributes"]
-    attributes |= {f"TEXCOORD_{i}": 0 for i in range(20)}
-    path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
-        read_mesh(path)
+    no_array_is_read(monkeypatch)
+
+    def change(document, primitives):
+        primitives[0]["attributes"] |= {f"TEXCOORD_{i}": 0 for i in range(20)}
+
+    assert_is_a_bomb(instances(100, claimed=MAX_PLACED // 1000), change)
 
 
 def test_meshes_of_the_same_arrays_are_read_once(instances, monkeypatch):

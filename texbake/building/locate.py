@@ -23,7 +23,7 @@ def key_lines(text: str) -> dict[str, int]:
     {'name': 1, 'assets[0]': 2, 'assets': 2, 'assets[0].size': 3, 'assets[0].size.high': 3}
 
     All keys of a table or list that spans several lines are at its first line. Lines that come
-    late in a long file, or after statements of thousands of lines, are left out.
+    late in a long file, or after statements of hundreds of lines, are left out.
     """
     lines: dict[str, int] = {}
     tables: dict[str, int] = {}  # number of tables in each list of tables so far

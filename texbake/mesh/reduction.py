@@ -199,7 +199,7 @@ def _attempts(
 
 
 class _Collapse:
-    """Collapses the edges of a stream, and notes that none can be."""
+    """Collapses the edges of a stream, and remembers if none can be."""
 
     def __init__(self, stream: VertexStream) -> None:
         self.stream = stream

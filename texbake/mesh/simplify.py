@@ -26,9 +26,7 @@ from texbake.mesh.simplify_options import (
     DEFAULT_QUALITY,
     DEFAULT_SEAMS,
     MIN_FACES,
-    QUALITIES,
-    SEAMS,
-    check_target,
+    SimplifyOptions,
     error_limit,
 )
 from texbake.progress import ProgressSink, Stages
@@ -211,13 +209,7 @@ def _simplified(
     threads: int | None,
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
-    check_target(n_faces, error)
-    if n_faces is not None and n_faces < MIN_FACES:
-        raise OptionError(f"n_faces: {n_faces} is too few; it must be at least {MIN_FACES}")
-    if quality not in QUALITIES:
-        raise OptionError(f"quality: {quality} is not one of {', '.join(QUALITIES)}")
-    if seams not in SEAMS:
-        raise OptionError(f"seams: {seams} is not one of {', '.join(SEAMS)}")
+    n_faces = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams).n_faces
     limit = error_limit(error, mesh.diagonal)
     if limit is not None and 0.0 < _MOST_ERROR * mesh.diagonal < limit:
         raise OptionError(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
-from texbake.errors import FileFormatError
-from texbake.limits import MOST_IMAGES, require_few_pixels
+from texbake.limits import require_few_pixels
 from texbake.mesh.materials import ChannelImage, Materials
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage, decode_image, image_shape
@@ -26,14 +25,14 @@ def require_decodable(materials: Materials) -> None:
         for source in material.channels.values()
         if source.image is not None
     }
-    if len(images) <= MOST_IMAGES:
-        return
-    sizes = []
-    for name, data in images.items():
-        with suppress(FileFormatError):  # whoever decodes it says what is wrong
-            width, height, _ = image_shape(data, name)
-            sizes.append((width, height, len(data)))
-    require_few_pixels(next(iter(images)), sizes)
+    measures = [partial(image_size, data, name) for name, data in images.items()]
+    require_few_pixels(next(iter(images), ""), measures)
+
+
+def image_size(data: bytes, name: str) -> tuple[int, int, int]:
+    """Width, height and bytes of an image that is not decoded, as `require_few_pixels` asks."""
+    width, height, _ = image_shape(data, name)
+    return width, height, len(data)
 
 
 def image_codes(

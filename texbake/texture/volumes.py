@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_array_file
-from texbake.errors import FileFormatError, shortened
+from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, require_file
 from texbake.texture.image import read_image
 
@@ -52,8 +52,7 @@ def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32
     try:
         array = read_array_file(source)
     except (OSError, *DAMAGE) as error:
-        reason = shortened(" ".join(str(error).split()), 120)
-        raise FileFormatError(f"{source}: it is not a .npy file: {reason}") from error
+        raise FileFormatError(f"{source}: it is not a .npy file: {one_line(error, 120)}") from error
     if array.dtype.kind not in "uif":
         raise FileFormatError(f"{source}: it is not one array of numbers")
     if array.ndim == 3:

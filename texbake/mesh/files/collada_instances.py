@@ -17,7 +17,7 @@ from texbake.files import PathLike, read_bytes
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
 _CHARACTERS = 6  # of the three indices of a triangle, at least
-# Larger counts stay this one: each level of nodes may add digits, up to gigabytes of them.
+# Counts stop here: each level of nodes could add digits, up to gigabytes of them.
 _COUNTLESS = 10**12
 
 
@@ -58,10 +58,7 @@ def _documents(path: PathLike) -> Iterator[IO[bytes]]:
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             if name.lower().endswith(".dae"):
-                try:
-                    yield io.BytesIO(archive.read(name))
-                except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-                    continue  # the reader says what is wrong
+                yield io.BytesIO(archive.read(name))
 
 
 class _Graph:

@@ -35,7 +35,7 @@ from texbake.mesh.files.gltf_nodes import (
 )
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
-from texbake.mesh.files.source import parsed_once
+from texbake.mesh.files.source import without_cycle_search
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet, require_few_sets
 
@@ -59,7 +59,7 @@ def read_gltf(path: PathLike) -> Mesh:
     MeshError
         There are no triangles, or a coordinate is not finite.
     """
-    with parsed_once():
+    with without_cycle_search():
         placed = placed_nodes(read_document(path))
         require_placeable(placed)
         parts = _placed_parts(placed)

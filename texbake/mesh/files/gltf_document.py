@@ -23,7 +23,7 @@ from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
-from texbake.mesh.files.source import ByteArray, parsed, parsed_once, read_array
+from texbake.mesh.files.source import ByteArray, parsed, read_array, without_cycle_search
 
 _MAGIC = b"glTF"
 _JSON_CHUNK = 0x4E4F534A
@@ -300,7 +300,7 @@ def _read_document(path: PathLike) -> Document:
     if data[:4].tobytes() == _MAGIC:
         text, binary = _chunks(path, data)
     try:
-        with parsed_once():  # without looking for cycles
+        with without_cycle_search():
             content = json.loads(text.tobytes().decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not a glTF file; its JSON does not parse") from error

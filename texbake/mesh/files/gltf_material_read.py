@@ -23,7 +23,7 @@ from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document
 
-_MOST_TIMES = 4  # that the images of a file may be larger than its buffers: none overlap
+_MOST_TIMES = 4  # as many bytes as the buffers; in honest files, images do not overlap
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)

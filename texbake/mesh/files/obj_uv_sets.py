@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
-from texbake.errors import FileFormatError, shortened
+from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, is_file, remove_file
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
@@ -64,8 +64,9 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
             for i, name in enumerate(arrays["names"])
         }
     except (OSError, *DAMAGE) as error:
-        reason = shortened(" ".join(str(error).split()), 120)
-        raise FileFormatError(f"{beside}: it is not a file of UV sets: {reason}") from error
+        raise FileFormatError(
+            f"{beside}: it is not a file of UV sets: {one_line(error, 120)}"
+        ) from error
     if not fits:
         raise FileFormatError(
             f"{beside}: it belongs to other faces than those of {path}; delete it, and make the "

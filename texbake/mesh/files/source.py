@@ -33,21 +33,30 @@ def read_array(path: PathLike) -> ByteArray:
 
 @contextmanager
 def parsed_once() -> Iterator[None]:
-    """Parse each file once in this block, whatever the readers in it ask for.
-
-    Meanwhile nothing looks for cycles of objects, as Python does in passing. Parsed files have
-    none, and with a million objects that takes longer than parsing.
-    """
+    """Parse each file once in this block, whatever the readers in it ask for."""
     if _PARSED.get() is not None:
         yield
         return
-    token, enabled = _PARSED.set({}), gc.isenabled()
-    gc.disable()
+    token = _PARSED.set({})
     try:
         yield
     finally:
         _PARSED.reset(token)
-        if enabled:
+
+
+@contextmanager
+def without_cycle_search() -> Iterator[None]:
+    """Keep Python from searching for cycles of objects in this block.
+
+    It does so now and then as objects are made. What a parser makes has no cycles, and with a
+    million objects the search takes longer than parsing.
+    """
+    was_enabled = gc.isenabled()
+    try:
+        gc.disable()
+        yield
+    finally:
+        if was_enabled:
             gc.enable()
 
 

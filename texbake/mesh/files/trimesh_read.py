@@ -18,7 +18,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
-from texbake.errors import DependencyError, FileFormatError, shortened
+from texbake.errors import DependencyError, FileFormatError, one_line
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import read_array
@@ -96,7 +96,7 @@ def _require_small_archive(path: PathLike) -> None:
             return  # trimesh says what is wrong with it
         raise FileFormatError(
             f"{path}: a part of its archive is damaged or cannot be unpacked: "
-            f"{shortened(' '.join(str(error).split()), 200)}; export it again"
+            f"{one_line(error)}; export it again"
         ) from error
 
 
@@ -122,7 +122,7 @@ def _load(path: PathLike, suffix: str) -> Any:
     except MemoryError:
         raise
     except Exception as error:
-        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        reason = one_line(error).rstrip(".") or type(error).__name__
         raise FileFormatError(
             f"{path}: it is not a {suffix} file, or it is damaged: {reason}; export it again"
         ) from error

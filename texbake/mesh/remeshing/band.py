@@ -29,8 +29,8 @@ SHELL_DEPTH = 0.9
 _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 
 
-# Points that all faces together may be near: this many, or as often all points of the grid. And
-# blocks that the bounding boxes of all faces together may take up, which each face looks at.
+# Points that all faces together may be near: this many, or so many times those of the grid. And
+# blocks in the bounding boxes of all faces together: each face looks at those in its own.
 _MOST_POINTS, _MOST_FILLS, _MOST_BLOCKS = 2.5e9, 8.0, 5e9
 
 
@@ -142,7 +142,7 @@ def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int,
     whole = float(np.prod(shape)) * BLOCK_POINTS
     if n_points > max(_MOST_POINTS, _MOST_FILLS * whole) or n_blocks > _MOST_BLOCKS:
         # Areas fall with the square of the resolution, boxes with its cube.
-        shares = (_MOST_POINTS / n_points) ** (1.0 / 2.0), (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0)
+        shares = (_MOST_POINTS / n_points) ** 0.5, (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0)
         raise CrowdedGridError(min(shares))
 
 

@@ -11,14 +11,14 @@ left with v up, and texture transforms are converted accordingly.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from texbake.errors import FileError
 from texbake.files import require_file
-from texbake.limits import MOST_IMAGES, require_few_pixels
+from texbake.limits import require_few_pixels
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
     GltfMaterial,
@@ -31,7 +31,8 @@ from texbake.mesh.files.gltf_material_read import (
 )
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
-from texbake.texture.image import Image, decode_image, image_shape, read_header
+from texbake.texture.channel_codes import image_size
+from texbake.texture.image import Image, decode_image, read_header
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,7 @@ class MaterialReader:
     _first_set: int = 0
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
     _images: dict[tuple[str | int | None, bool], Path | Image] = field(default_factory=dict)
+    _is_checked: bool = False  # how many pixels all images have together
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> SceneMaterial:
         """Read the material with an index; None means glTF's default material."""
@@ -165,7 +167,8 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image:
-        if not self._images:
+        if not self._is_checked:
+            self._is_checked = True
             self._require_few_pixels()
         source = None if index is None else image_source(self.document, index)
         if (source, color) not in self._images:
@@ -176,13 +179,8 @@ class MaterialReader:
         """Raise `FileFormatError` if all images of the document have too many pixels together."""
         indices = range(len(self.document.items("images")))
         firsts = {image_source(self.document, index): index for index in reversed(indices)}
-        if len(firsts) <= MOST_IMAGES:
-            return
-        sizes = []
-        for index in firsts.values():
-            with suppress(FileError):  # whoever reads it says what is wrong
-                sizes.append(self._size(index))
-        require_few_pixels(self.document.path, sizes)
+        measures = [partial(self._size, index) for index in firsts.values()]
+        require_few_pixels(self.document.path, measures)
 
     def _size(self, index: int) -> tuple[int, int, int]:
         """Width, height and bytes of an image; of one beside the file, only the header is read."""
@@ -190,9 +188,7 @@ class MaterialReader:
         if path is not None:
             header = read_header(path)
             return header.width, header.height, path.stat().st_size
-        data = image_bytes(self.document, index)
-        width, height, _ = image_shape(data, f"images[{index}]")
-        return width, height, len(data)
+        return image_size(image_bytes(self.document, index), f"images[{index}]")
 
     def _opened(self, index: int | None, color: bool) -> Path | Image:
         """Return the path of an image beside the file, or the pixels of one in it."""

@@ -85,7 +85,7 @@ def _answer(requests: BinaryIO, answers: BinaryIO) -> bool:
 
 def main() -> None:
     """Answer requests until there are no more."""
-    end_with_parent()  # xatlas can hang
+    end_with_parent()  # also while xatlas hangs
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not get into an answer
     while _answer(sys.stdin.buffer, answers):
