@@ -152,7 +152,9 @@ def described(drawn: Drawn, mesh: tb.Mesh) -> None:
     corners = mesh.corner_uvs()
     find_overlaps(corners)
     overlap_layers(corners, drawn.indices(3, mesh.n_faces), depth=drawn.pick((0.0, 1e-9, 0.1)))
-    tb.draw_layout(mesh, drawn.pick(SIZES), heat=drawn.flag())
+    size, heat = drawn.pick(SIZES), drawn.flag()
+    tb.draw_layout(mesh, size, heat=heat)
+    tb.layout_svg(mesh, size, heat=heat)
 
 
 def rays(drawn: Drawn) -> None:

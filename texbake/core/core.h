@@ -501,6 +501,17 @@ int64_t convert_from_cube(
     const float texels[n_texels][n_channels], int64_t size, int64_t n_lookups,
     float out[height][width][n_channels], int64_t start, int64_t stop);
 
+/* line_walks.c */
+int64_t find_walks(
+    int64_t n_places, int64_t n_slots, int64_t n_lines, int64_t n_walked,
+    const int64_t starts[n_places], int64_t nexts[n_places], const int64_t stops[n_places],
+    const int64_t leads_to[n_slots], const int64_t line_of[n_slots], bool used[n_lines],
+    int64_t walks[n_walked], int64_t ends[n_lines]);
+int64_t write_walks(
+    int64_t n_points, int64_t n_walks, int64_t n_bytes, const int64_t points[n_points][2],
+    const int64_t ends[n_walks], bool closed, OPTIONAL uint8_t text[n_bytes],
+    int64_t text_ends[n_walks]);
+
 /* mapped_files.c */
 int64_t guard_mapping(int64_t n, const uint8_t data[n]);
 void release_mapping(int64_t slot);

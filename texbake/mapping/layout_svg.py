@@ -9,14 +9,17 @@ Based on: Scalable Vector Graphics (SVG) 1.1 (Second Edition), W3C, 2011.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mapping.layout_view import (
     BACKGROUND,
@@ -45,7 +48,7 @@ Ids = npt.NDArray[np.integer[Any]]
 
 # Units per pixel: whole numbers of these are fine enough to zoom in.
 _UNITS = 32
-_FARTHEST_PX = 1e9
+_FARTHEST_PX = 6e7  # fits into an int32 in units
 _BAR_STEPS = 16
 _FAINTEST = 0.03  # edges below this darkness would be invisible and are left out
 
@@ -98,30 +101,31 @@ def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool
 def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool) -> Iterator[str]:
     """Layers of filled faces: by chart or by color of the heat map, and mirrored faces."""
     charts = chart_ids(mesh)
-    colors = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
+    levels = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
+    colors = levels @ np.array([1 << 16, 1 << 8, 1])
     mirrored = signed_areas(mesh.corner_uvs()) < 0.0
     groups: Ids = charts
     if heat:
-        groups = weld_rows(colors.astype(np.int32))
+        groups = weld_rows(colors[:, None].astype(np.int32))
     upright = np.flatnonzero(~mirrored)
     _, firsts, numbers = np.unique(groups[upright], return_index=True, return_inverse=True)
+    faces = upright[firsts]
     paths = []
-    ends, outlines = _outlines(points[upright], numbers)
-    for first, loops in zip(firsts, outlines, strict=True):
-        face = upright[first]
-        color = _hex(colors[face] / 255.0)
+    outlines = _outlines(points[upright], numbers)
+    for data, color, chart in zip(
+        outlines, colors[faces].tolist(), charts[faces].tolist(), strict=True
+    ):
         # A stroke of the same color covers the hairlines that renderers leave between neighbors.
-        look = f'stroke="{color}"' if heat else f'id="chart-{charts[face]}"'
-        paths.append(f'<path {look} fill="{color}" d="{_data(loops, ends, "z")}"/>\n')
+        look = f'stroke="#{color:06x}"' if heat else f'id="chart-{chart}"'
+        paths.append(f'<path {look} fill="#{color:06x}" d="{data}"/>\n')
     yield _layer("charts", paths, f'stroke-width="{_UNITS // 2}"' if heat else "")
     if mirrored.any():
-        ends, (loops,) = _outlines(points[mirrored], np.zeros(int(mirrored.sum()), dtype=np.int64))
-        data = _data(loops, ends, "z")
+        (data,) = _outlines(points[mirrored], np.zeros(int(mirrored.sum()), dtype=np.int64))
         yield _layer("mirrored", [f'<path fill="{_hex(MIRRORED)}" d="{data}"/>\n'])
 
 
-def _outlines(points: Points, groups: Ids) -> tuple[_Ends, list[list[list[int]]]]:
-    """Loops around the area that the faces of each group cover, by the nonzero rule.
+def _outlines(points: Points, groups: Ids) -> Iterator[str]:
+    """Path data of the loops around what the faces of each group cover, by the nonzero rule.
 
     Faces of a group have the same orientation. An edge that two of them run along in opposite
     directions lies inside; the remaining edges form the loops.
@@ -137,16 +141,20 @@ def _outlines(points: Points, groups: Ids) -> tuple[_Ends, list[list[list[int]]]
     along = (turns[edges] > 0) == (tails[edges] < heads[edges])
     # Numbered for each group apart, the loops of all groups are found together.
     numbers = owners[edges].astype(np.int64) * len(ids)
-    loops: list[list[list[int]]] = [[] for _ in range(int(groups.max(initial=-1)) + 1)]
-    for walk in _walks(
+    loops = _Walks.along(
         numbers + np.where(along, tails[edges], heads[edges]),
         numbers + np.where(along, heads[edges], tails[edges]),
         directed=True,
-    ):
-        group = walk[0] // len(ids)
-        before = group * len(ids)
-        loops[group].append([number - before for number in walk])
-    return _Ends.of(ids), loops
+    )
+    of_loops, ends = np.divmod(loops.places, max(len(ids), 1))
+    of_loops = of_loops[loops.starts]
+    texts = loops.of_points(ids[ends], closed=True)
+    order = np.argsort(of_loops, kind="stable")
+    stops = np.searchsorted(of_loops[order], np.arange(groups.max(initial=-1) + 1), side="right")
+    begin = 0
+    for stop in stops.tolist():
+        yield "".join([texts[loop] for loop in order[begin:stop].tolist()])
+        begin = stop
 
 
 def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
@@ -155,8 +163,8 @@ def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
     keys = np.unique(np.minimum(tails, heads) * len(ids) + np.maximum(tails, heads))
     lows, highs = np.divmod(keys, max(len(ids), 1))
     apart = lows != highs
-    walks = _walks(lows[apart], highs[apart], directed=False)
-    data = _data(walks, _Ends.of(ids), "")
+    walks = _Walks.along(lows[apart], highs[apart], directed=False)
+    data = "".join(walks.of_points(ids[walks.places], closed=False))
     look = (
         f'fill="none" stroke="{_hex(INK)}" stroke-opacity="{darkness:.2g}" '
         f'stroke-width="{width * _UNITS:.3g}" stroke-linejoin="round" stroke-linecap="round"'
@@ -173,67 +181,63 @@ def _ends(ends: Points) -> tuple[Points, Points, Points]:
     return flat[is_first], numbers[0::2], numbers[1::2]
 
 
-def _walks(tails: Points, heads: Points, *, directed: bool) -> Iterator[list[int]]:
-    """Walks that together cover each line once, built greedily.
+@dataclass(frozen=True, eq=False)
+class _Walks:
+    """Walks that together cover each of some lines once.
 
-    Directed lines form closed loops if as many lead to each point as away from it.
+    Attributes
+    ----------
+    places : (n,) int64
+        What the walks lead through, one walk after another.
+    ends : (n_walks,) int64
+        Where the places of each walk stop.
     """
-    lines = np.arange(len(tails))
-    froms = tails if directed else np.concatenate([tails, heads])
-    tos = heads if directed else np.concatenate([heads, tails])
-    lines = lines if directed else np.concatenate([lines, lines])
-    places, numbers = np.unique(froms, return_inverse=True)
-    order = np.argsort(numbers, kind="stable")
-    counts = np.bincount(numbers)
-    stops = np.cumsum(counts).tolist()
-    nexts = [0, *stops[:-1]]
-    # Where an odd number of lines meet, a walk has to start or end.
-    starts = np.argsort(counts % 2 == 0, kind="stable").tolist()
-    number_of = dict(zip(places.tolist(), range(len(places)), strict=True))
-    leads_to, line_of = tos[order].tolist(), lines[order].tolist()
-    used = bytearray(len(tails))
-    for start in starts:
-        while True:
-            at: int | None = start
-            walk = [int(places[start])]
-            while at is not None:
-                while nexts[at] < stops[at] and used[line_of[nexts[at]]]:
-                    nexts[at] += 1
-                if nexts[at] == stops[at]:
-                    break
-                slot = nexts[at]
-                used[line_of[slot]] = 1
-                walk.append(leads_to[slot])
-                at = number_of.get(leads_to[slot])
-            if len(walk) == 1:
-                break
-            yield walk
 
-
-class _Ends(NamedTuple):
-    """Coordinates of points by their numbers; most walks are too short for arrays."""
-
-    xs: list[int]
-    ys: list[int]
+    places: Points
+    ends: Points
 
     @classmethod
-    def of(cls, points: Points) -> _Ends:
-        return cls(points[:, 0].tolist(), points[:, 1].tolist())
+    def along(cls, tails: Points, heads: Points, *, directed: bool) -> _Walks:
+        """Build walks greedily along lines between places, which any numbers stand for.
 
+        Directed lines form closed loops if as many lead to each place as away from it.
+        """
+        n = len(tails)
+        places, numbers = np.unique(np.concatenate([tails, heads]), return_inverse=True)
+        froms, tos = (numbers[:n], numbers[n:]) if directed else (numbers, np.roll(numbers, n))
+        order = np.argsort(froms, kind="stable")
+        counts = np.bincount(froms, minlength=len(places))
+        stops = np.cumsum(counts)
+        # Where an odd number of lines meet, a walk has to start or end.
+        starts = np.argsort(counts % 2 == 0, kind="stable")
+        walked = np.empty(2 * n, dtype=np.int64)
+        ends = np.empty(n, dtype=np.int64)
+        used = np.zeros(n, dtype=np.bool_)
+        n_walks = core.find_walks(
+            starts, stops - counts, stops, tos[order], order % max(n, 1), used, walked, ends
+        )
+        ends = ends[:n_walks].copy()
+        return cls(places[walked[: ends[-1] if n_walks else 0]], ends)
 
-def _data(walks: Iterable[list[int]], points: _Ends, end: str) -> str:
-    """Path data of walks through points; "z" for `end` closes each of them."""
-    xs, ys = points
-    parts = []
-    for walk in walks:
-        x, y = xs[walk[0]], ys[walk[0]]
-        parts.append(f"M{x} {y}l")
-        steps = []
-        for at in walk[1:-1] if end else walk[1:]:  # "z" draws the last step
-            steps.append(f"{xs[at] - x} {ys[at] - y}")
-            x, y = xs[at], ys[at]
-        parts.append(" ".join(steps).replace(" -", "-") + end)
-    return "".join(parts)
+    @property
+    def starts(self) -> Points:
+        """(n_walks,) int64: where the places of each walk start."""
+        return np.concatenate([[0], self.ends[:-1]])[: len(self.ends)]
+
+    def of_points(self, points: Points, *, closed: bool) -> list[str]:
+        """Path data of each walk through the points of its places; "z" closes `closed` ones.
+
+        Parameters
+        ----------
+        points : (n, 2) int64
+        """
+        stops = np.empty(len(self.ends), dtype=np.int64)
+        n_bytes = core.write_walks(points, self.ends, closed, None, stops)
+        text = np.empty(n_bytes, dtype=np.uint8)
+        core.write_walks(points, self.ends, closed, text, stops)
+        data = text.tobytes().decode("ascii")
+        begins = [0, *stops.tolist()]
+        return [data[begin:stop] for begin, stop in itertools.pairwise(begins)]
 
 
 def _tiles(window: LayoutWindow) -> Iterator[str]:

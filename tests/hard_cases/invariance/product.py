@@ -120,6 +120,12 @@ UNDECIDED = (
         reason="float64 holds few bits of it, and no power of two that makes it of unit size",
     ),
     Undecided(
+        commands=("unwrap keep",),
+        kinds=(TURN,),
+        meshes=frozenset({"points on one line"}),
+        reason="whether rounding leaves it an area decides which of two refusals it gets",
+    ),
+    Undecided(
         commands=("bake", "remap", "cage"),
         kinds=(SCALE,),
         meshes=frozenset({"all in one point"}),

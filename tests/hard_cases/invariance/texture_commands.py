@@ -56,7 +56,7 @@ def charted(**options: object) -> Command:
             "uvs": Quantity(values=mesh.corner_uvs(), per=CORNER, bounds=EXACT),
             **counts(n_overlapping=measured.n_overlapping, n_mirrored=measured.n_mirrored),
             "n_charts": number(measured.n_charts, within(2.0), COUNT),
-            "stretch": number(measured.stretch.l2, within(0.1)),
+            "stretch": number(measured.stretch.l2, within(0.1), COUNT),
         }
 
     return unwrap
