@@ -9,7 +9,7 @@ from texbake.core import core
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.overlap import find_overlaps
-from texbake.mesh import decimate, distance
+from texbake.mesh import decimate, distance, remesh as remesh_module
 from texbake.mesh.copies import later_copies, without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -258,6 +258,40 @@ def test_searches_among_triangles_that_overlap_are_bounded(monkeypatch):
     monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1e99)
     expected = distance.surface_distance(ball, mesh, n_samples=5000)
     np.testing.assert_allclose(found.a_to_b.mean, expected.a_to_b.mean, rtol=0.1)
+    assert (found.a_to_b.n_samples, found.a_to_b.n_left_out) == (searched[0], 5000 - searched[0])
+    assert (found.b_to_a.n_samples, found.b_to_a.n_left_out) == (5000, 0)
+    assert f"at {searched[0]:,} points of the surface instead of 5,000" in found.notes[0]
+    assert expected.a_to_b.n_left_out == 0 and expected.notes == ()
+
+
+def test_distances_at_fewer_points_are_told_in_reports(monkeypatch):
+    mesh = crossing(300)
+    monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1000.0)
+    monkeypatch.setattr(distance, "_BOXES_AT_A_POINT", 0.0)
+    _, simplified = texbake.simplify_with_report(mesh, 100)
+    _, wrapped = texbake.remesh_with_report(mesh, texbake.RemeshOptions(resolution=16))
+    for report in (simplified, wrapped):
+        assert sum("points of the surface instead of 100,000" in note for note in report.notes) == 1
+    assert simplified.to_json()["distance"]["a_to_b"]["n_left_out"] > 0
+    assert wrapped.to_json()["distance"]["n_left_out"] > 0
+
+
+def test_rooms_that_are_not_tested_are_counted_and_told(monkeypatch):
+    balls = [icosphere(2), *(icosphere(2).replace(faces=icosphere(2).faces[:, ::-1]),) * 3]
+    placed = zip(balls, [(2.0, 0.0), (0.6, -1.0), (0.4, 0.2), (0.3, 1.1)], strict=True)
+    mesh = Mesh(
+        positions=np.concatenate([s * ball.positions + [x, 0, 0] for ball, (s, x) in placed]),
+        faces=np.concatenate([ball.faces + i * 162 for i, ball in enumerate(balls)]),
+    )
+    options = texbake.RemeshOptions(resolution=48, keep_interior=True)
+    _, report = texbake.remesh_with_report(mesh, options)
+    assert (report.n_cavities_kept, report.n_rooms_untested, report.notes) == (3, 0, ())
+    # The room between the balls is the largest, then their insides from large to small.
+    monkeypatch.setattr(remesh_module, "_MOST_FACES_SUMMED", 2000.0)
+    _, report = texbake.remesh_with_report(mesh, options)
+    assert (report.n_cavities_kept, report.n_rooms_untested) == (1, 2)
+    assert "count as solid: 2;" in report.notes[0]
+    assert report.to_json()["n_rooms_untested"] == 2
 
 
 def test_of_many_rooms_the_first_are_measured():

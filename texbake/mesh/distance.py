@@ -38,13 +38,27 @@ class OneSidedDistance:
     """From the points of one surface to the closest points of another, in model units.
 
     `mean` and `rms` (root mean square) are over samples of equal area, `max` over those and the
-    vertices, `p99` is what 99 % of the samples lie within.
+    vertices, `p99` is what 99 % of the samples lie within. `n_samples` are those that were taken,
+    and `n_left_out` those that were not, because each would have taken too long.
     """
 
     max: float
     p99: float
     rms: float
     mean: float
+    n_samples: int
+    n_left_out: int
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, a sentence each."""
+        if not self.n_left_out:
+            return ()
+        return (
+            f"the distance was measured at {self.n_samples:,} points of the surface instead of "
+            f"{self.n_samples + self.n_left_out:,}, because too many triangles lie across one "
+            "another; it may be greater in between",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +90,11 @@ class SurfaceDistance:
     def mean(self) -> float:
         """Mean distance."""
         return max(self.a_to_b.mean, self.b_to_a.mean)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know, a sentence each."""
+        return min(self.a_to_b, self.b_to_a, key=lambda side: side.n_samples).notes
 
     @property
     def max_relative(self) -> float:
@@ -113,7 +132,8 @@ def surface_distance(
     n_samples
         Points on each surface, at equal steps of area, for the mean. For the maximum as many of its
         vertices are added, at equal steps of their list where it has more. Fewer where so many
-        triangles lie across one another that each search would look at thousands of them.
+        triangles lie across one another that each search would look at thousands of them; the
+        notes of the result say so.
     seed
         Moves the samples.
     threads
@@ -160,7 +180,9 @@ def surface_distance(
             of_samples.mean(),
         )
         most, p99, rms, mean = (float(frame.length_to_model(figure)) for figure in figures)
-        return OneSidedDistance(max=most, p99=p99, rms=rms, mean=mean)
+        return OneSidedDistance(
+            max=most, p99=p99, rms=rms, mean=mean, n_samples=n, n_left_out=n_samples - n
+        )
 
     return SurfaceDistance(
         a_to_b=one_sided(positions_a, a.faces, positions_b, b.faces),

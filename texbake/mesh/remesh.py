@@ -18,7 +18,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
@@ -27,7 +26,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.remesh_options import MIN_RESOLUTION, RemeshOptions
 from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band, CrowdedGridError
-from texbake.mesh.remeshing.flood import MAX_RADIUS, flood_outside
+from texbake.mesh.remeshing.flood import MAX_RADIUS, Rooms, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
 from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
 from texbake.mesh.remeshing.projection import project
@@ -58,6 +57,9 @@ class RemeshReport:
     n_cavities_kept, n_cavities_filled : int
         Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
         gaps that are closed.
+    n_rooms_untested : int
+        Such rooms that were too small and too many to test whether they are cavities. They count as
+        solid.
     voxel : float
         Side of a voxel, in model units.
     gap : float
@@ -80,6 +82,7 @@ class RemeshReport:
     n_crumbs: int
     n_cavities_kept: int
     n_cavities_filled: int
+    n_rooms_untested: int
     voxel: float
     gap: float
     thin_share: float
@@ -100,7 +103,12 @@ class RemeshReport:
             notes.append(
                 f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them"
             )
-        return tuple(notes)
+        if self.n_rooms_untested:
+            notes.append(
+                "the smallest rooms inside were not tested for being cavities, and count as "
+                f"solid: {self.n_rooms_untested:,}; a lower `resolution` leaves fewer"
+            )
+        return (*notes, *self.distance.notes)
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -174,7 +182,8 @@ def remesh_with_report(
         n_dropped=counts.n_dropped,
         n_crumbs=counts.n_crumbs,
         n_cavities_kept=int(np.count_nonzero(parts.is_wall)),
-        n_cavities_filled=0 if options.keep_interior else counts.n_cavities,
+        n_cavities_filled=0 if options.keep_interior else counts.rooms.n_cavities,
+        n_rooms_untested=counts.rooms.n_untested,
         voxel=grid.voxel,
         gap=grid.gap * grid.voxel,
         thin_share=counts.thin_share,
@@ -232,7 +241,7 @@ class _Counts:
 
     n_dropped: int
     n_crumbs: int
-    n_cavities: int
+    rooms: Rooms
     thin_share: float
 
 
@@ -251,12 +260,11 @@ def _remeshed(
     grid = _Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
 
-    def is_cavity(rooms: FloatArray) -> npt.NDArray[np.bool_]:
-        # Of a soup of triangles, which has rooms by the ten thousand, only the largest are asked.
-        found = winding_numbers(
-            points, mesh.faces, rooms, most_work=_MOST_FACES_SUMMED, threads=threads
+    def measure_windings(of_rooms: FloatArray) -> FloatArray:
+        # Of a soup of triangles, which has rooms by the ten thousand, only the largest are tested.
+        return winding_numbers(
+            points, mesh.faces, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads
         )
-        return np.abs(found) < 0.5
 
     with stages.stage("measure voxels"):
         try:
@@ -265,10 +273,10 @@ def _remeshed(
             raise _too_crowded(mesh, options, error) from error
         labels = band.labels(threads=threads)
     with stages.stage("find outside"):
-        n_cavities = flood_outside(
+        rooms = flood_outside(
             labels,
             grid.gap / 2.0 - SHELL_DEPTH,
-            is_cavity,
+            measure_windings,
             keep_cavities=options.keep_interior,
             threads=threads,
         )
@@ -286,7 +294,5 @@ def _remeshed(
         wrapped = with_hard_edges(wrapped)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-    counts = _Counts(
-        n_dropped=n_dropped, n_crumbs=n_crumbs, n_cavities=n_cavities, thin_share=thin_share
-    )
+    counts = _Counts(n_dropped=n_dropped, n_crumbs=n_crumbs, rooms=rooms, thin_share=thin_share)
     return with_nearest_attributes(wrapped, mesh, threads), grid, counts

@@ -55,7 +55,8 @@ class SimplifyReport:
     method : str
         How the result was made.
     notes : tuple of str
-        What was given up to reach the count, or why it was not reached.
+        What was given up to reach the count, or why it was not reached, and whether the distance
+        was measured at fewer points than usual.
     distance : SurfaceDistance
         Between the mesh given (a) and the result (b).
     seconds : float
@@ -192,7 +193,7 @@ def simplify_with_report(
         n_vertices=low.n_vertices,
         quality=quality,
         method=result.method,
-        notes=result.notes,
+        notes=(*result.notes, *distance.notes),
         distance=distance,
         seconds=seconds,
     )

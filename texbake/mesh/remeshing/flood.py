@@ -11,6 +11,7 @@ Kernels: `core/grid_dilation.c` and `core/grid_flood.c`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -27,17 +28,35 @@ _PLANES = 8
 _LEAST_ROOM = 2  # points; of most rooms of a single one, no surface is left
 
 
+# Of a cavity in a surface that faces outwards the winding number is 0, of a solid room 1.
+_LEAST_WINDING = 0.5
+
 Bools = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rooms:
+    """What was found of the rooms of more than a point.
+
+    Attributes
+    ----------
+    n_cavities : int
+    n_untested : int
+        Those whose winding numbers were not measured, and which count as solid.
+    """
+
+    n_cavities: int
+    n_untested: int
 
 
 def flood_outside(
     labels: npt.NDArray[np.uint8],
     radius: float,
-    is_cavity: Callable[[FloatArray], Bools],
+    measure_windings: Callable[[FloatArray], FloatArray],
     *,
     keep_cavities: bool = False,
     threads: int | None = None,
-) -> int:
+) -> Rooms:
     """Label what a ball reaches from the border of the grid `OUTSIDE`.
 
     Parameters
@@ -46,18 +65,13 @@ def flood_outside(
         `SHELL` where no ball may touch, and `CORE`, of which a part becomes `OUTSIDE`.
     radius
         Of the ball beyond the shell, in voxels; the shell is as far from the border at least.
-    is_cavity
-        Tells of points (n, 3), one in each room that the ball fits into, whether it is a cavity;
-        the largest rooms come first.
+    measure_windings
+        Returns the winding numbers at points (n, 3), one in each room that the ball fits into; NaN
+        where it measures none. The largest rooms come first.
     keep_cavities
         Label them `OUTSIDE` as well.
     threads
         None for every processor.
-
-    Returns
-    -------
-    int
-        How many cavities of more than a point there are.
     """
     grows = radius >= 1.0  # no two points are closer
     near = np.empty(labels.shape, dtype=np.bool_) if grows else labels == SHELL
@@ -65,9 +79,9 @@ def flood_outside(
     if grows:
         _within(labels, SHELL, radius, squares, near, threads)
     core.flood_room(near, labels, 0, OUTSIDE)
-    n_cavities = _flood_cavities(near, labels, is_cavity, keep_cavities, threads)
+    rooms = _flood_cavities(near, labels, measure_windings, keep_cavities, threads)
     if not grows:
-        return n_cavities
+        return rooms
     _within(labels, OUTSIDE, radius, squares, near, threads)
 
     def grow(start: int, stop: int) -> None:
@@ -75,17 +89,17 @@ def flood_outside(
         part[near[start:stop] & (part == CORE)] = OUTSIDE
 
     run_bands(grow, len(labels), band=_PLANES, threads=threads)
-    return n_cavities
+    return rooms
 
 
 def _flood_cavities(
     near: Bools,
     labels: npt.NDArray[np.uint8],
-    is_cavity: Callable[[FloatArray], Bools],
+    measure_windings: Callable[[FloatArray], FloatArray],
     keep: bool,
     threads: int | None,
-) -> int:
-    """Count the cavities of more than a point, and flood all of them if they are kept."""
+) -> Rooms:
+    """Find the cavities, and flood all of them if they are kept."""
     rooms: list[int] = []
     sizes: list[int] = []
     place = 0
@@ -94,12 +108,13 @@ def _flood_cavities(
         rooms.append(place)
     places = np.array(rooms, dtype=np.int64)
     points = np.stack(np.unravel_index(places, labels.shape), axis=1).astype(np.float64)
-    largest_first = np.argsort(-np.array(sizes, dtype=np.int64), kind="stable")
-    found = np.empty(len(points), dtype=np.bool_)
-    found[largest_first] = is_cavity(points[largest_first])
-    cavities = places[found]
+    n_points = np.array(sizes, dtype=np.int64)
+    largest_first = np.argsort(-n_points, kind="stable")
+    windings = np.empty(len(points))
+    windings[largest_first] = measure_windings(points[largest_first])
+    found = np.abs(windings) < _LEAST_WINDING
     if keep:
-        for place in cavities.tolist():
+        for place in places[found].tolist():
             core.flood_room(near, labels, place, OUTSIDE)
 
     def forget(start: int, stop: int) -> None:
@@ -107,7 +122,11 @@ def _flood_cavities(
         part[part == ROOM] = CORE
 
     run_bands(forget, len(labels), band=_PLANES, threads=threads)
-    return int(np.count_nonzero(found & (np.array(sizes, dtype=np.int64) >= _LEAST_ROOM)))
+    counts = n_points >= _LEAST_ROOM
+    return Rooms(
+        n_cavities=int(np.count_nonzero(found & counts)),
+        n_untested=int(np.count_nonzero(np.isnan(windings) & counts)),
+    )
 
 
 def _within(
