@@ -5,6 +5,7 @@ import platform
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -175,6 +176,10 @@ def test_cavities_are_kept_on_request_and_filled_otherwise(name):
     filled, report = remesh_with_report(mesh, RemeshOptions(resolution=64))
     assert by_volume(filled) == pytest.approx([unit], rel=0.02)
     assert (report.n_cavities_kept, report.n_cavities_filled) == (0, n_cavities)
+    with patch("texbake.mesh.remesh.winding_numbers") as measured:  # nobody asks how many there are
+        unreported = wrapped(mesh, resolution=64)
+    assert not measured.called
+    assert unreported.positions.tobytes() == filled.positions.tobytes()
 
 
 @pytest.mark.parametrize(

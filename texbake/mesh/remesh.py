@@ -156,7 +156,16 @@ def remesh(
     >>> find_edges(remesh(plane(), RemeshOptions(resolution=16)).faces).closed
     True
     """
-    return _remeshed(as_mesh(mesh), options or RemeshOptions(), Stages(progress), threads)[0]
+    mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
+    return _remeshed(mesh, options, stages, threads, counts_cavities=False)[0]
+
+
+def remesh_with_thinness(
+    mesh: Mesh, options: RemeshOptions, *, threads: int | None = None
+) -> tuple[Mesh, float, float]:
+    """Wrap a mesh; also return the side of a voxel, and the share of the wrap on thin sheets."""
+    wrapped, grid, counts = _remeshed(mesh, options, Stages(None), threads, counts_cavities=False)
+    return wrapped, grid.voxel, counts.thin_share
 
 
 def remesh_with_report(
@@ -169,7 +178,7 @@ def remesh_with_report(
     """Wrap a mesh in a closed surface, and report how far that lies from the mesh."""
     mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
     start = time.perf_counter()
-    wrapped, grid, counts = _remeshed(mesh, options, stages, threads)
+    wrapped, grid, counts = _remeshed(mesh, options, stages, threads, counts_cavities=True)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
@@ -255,7 +264,12 @@ def _too_crowded(mesh: Mesh, options: RemeshOptions, error: CrowdedGridError) ->
 
 
 def _remeshed(
-    mesh: Mesh, options: RemeshOptions, stages: Stages, threads: int | None
+    mesh: Mesh,
+    options: RemeshOptions,
+    stages: Stages,
+    threads: int | None,
+    *,
+    counts_cavities: bool,
 ) -> tuple[Mesh, _Grid, _Counts]:
     grid = _Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
@@ -276,7 +290,7 @@ def _remeshed(
         rooms = flood_outside(
             labels,
             grid.gap / 2.0 - SHELL_DEPTH,
-            measure_windings,
+            measure_windings if counts_cavities or options.keep_interior else None,
             keep_cavities=options.keep_interior,
             threads=threads,
         )

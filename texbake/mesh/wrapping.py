@@ -15,7 +15,7 @@ from texbake.errors import MeshError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.remesh import RemeshReport, remesh, remesh_with_report
+from texbake.mesh.remesh import remesh, remesh_with_thinness
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.topology import (
     MeshEdges,
@@ -61,14 +61,14 @@ def reason_to_wrap(mesh: Mesh, *, threads: int | None = None) -> str | None:
         return None
     bare = mesh.replace(colors=None, face_groups=None, group_names=())
     try:
-        wrap, report = remesh_with_report(bare, _COARSE, threads=threads)
+        wrap, voxel, thin_share = remesh_with_thinness(bare, _COARSE, threads=threads)
     except MeshError:
         return None
-    if report.thin_share > _OPEN:
+    if thin_share > _OPEN:
         return None
     if n_torn > _TORN * len(edges.vertices):
         return f"{n_torn:,} of its edges have more than two faces"
-    hidden = _share_inside(bare, wrap, report, threads)
+    hidden = _share_inside(bare, wrap, voxel, threads)
     return f"{100.0 * hidden:.0f} % of its surface lies inside" if hidden > _HIDDEN else None
 
 
@@ -80,12 +80,12 @@ def _is_clean(faces: IntArray, edges: MeshEdges, n_vertices: int) -> bool:
     return handles is not None and handles <= _MOST_HANDLES
 
 
-def _share_inside(mesh: Mesh, wrap: Mesh, report: RemeshReport, threads: int | None) -> float:
+def _share_inside(mesh: Mesh, wrap: Mesh, voxel: float, threads: int | None) -> float:
     """Share of a mesh's area that lies deep inside of its wrap."""
     frame = LocalFrame.around(mesh)
     tree = TriangleTree.build(frame.to_local(wrap.positions), wrap.faces, threads=threads)
     points = frame.to_local(sample_surface(mesh, _SAMPLES, threads=threads)[0])
-    depth = _DEPTH * float(frame.length_to_local(report.voxel))
+    depth = _DEPTH * float(frame.length_to_local(voxel))
     distances, _, _ = tree.closest_points(points, max_distance=depth, threads=threads)
     return float(np.mean(np.isinf(distances)))
 

@@ -52,7 +52,7 @@ class Rooms:
 def flood_outside(
     labels: npt.NDArray[np.uint8],
     radius: float,
-    measure_windings: Callable[[FloatArray], FloatArray],
+    measure_windings: Callable[[FloatArray], FloatArray] | None,
     *,
     keep_cavities: bool = False,
     threads: int | None = None,
@@ -67,7 +67,7 @@ def flood_outside(
         Of the ball beyond the shell, in voxels; the shell is as far from the border at least.
     measure_windings
         Returns the winding numbers at points (n, 3), one in each room that the ball fits into; NaN
-        where it measures none. The largest rooms come first.
+        where it measures none. The largest rooms come first. None if cavities are of no interest.
     keep_cavities
         Label them `OUTSIDE` as well.
     threads
@@ -79,7 +79,9 @@ def flood_outside(
     if grows:
         _within(labels, SHELL, radius, squares, near, threads)
     core.flood_room(near, labels, 0, OUTSIDE)
-    rooms = _flood_cavities(near, labels, measure_windings, keep_cavities, threads)
+    rooms = Rooms(n_cavities=0, n_untested=0)
+    if measure_windings is not None:
+        rooms = _flood_cavities(near, labels, measure_windings, keep_cavities, threads)
     if not grows:
         return rooms
     _within(labels, OUTSIDE, radius, squares, near, threads)
