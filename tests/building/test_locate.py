@@ -5,8 +5,10 @@ import tomllib
 import pytest
 from hypothesis import given, strategies as st
 
+import texbake
 from texbake.building import locate
-from texbake.building.locate import key_lines, line_of
+from texbake.building.file import read_pipeline
+from texbake.building.locate import line_of
 
 TEXT = '''# a comment = 1
 folder = "a\\nb"   # with = signs, and [brackets]
@@ -33,7 +35,6 @@ after = "x"
 
 def test_every_key_has_its_line() -> None:
     assert tomllib.loads(TEXT)
-    lines = key_lines(TEXT)
     expected = {
         "folder": 2,
         "assets": 4,
@@ -48,16 +49,26 @@ def test_every_key_has_its_line() -> None:
         "steps.odd name": 15,
         "steps.odd name.text": 16,
         "steps.odd name.after": 20,
+        "not": None,
+        "not.a.header": None,
     }
-    assert {place: lines[place] for place in expected} == expected
-    assert "not" not in lines and "not.a.header" not in lines
+    assert {place: line_of(TEXT, place) for place in expected} == expected
 
 
 def test_a_key_without_a_line_has_that_of_its_table() -> None:
-    lines = key_lines(TEXT)
-    assert line_of(lines, "assets[1].inputs.high[1]") == 11
-    assert line_of(lines, "assets[0].options.low.padding") == 7
-    assert line_of(lines, "elsewhere") is None
+    assert line_of(TEXT, "assets[1].inputs.high[1]") == 11
+    assert line_of(TEXT, "assets[0].options.low.padding") == 7
+    assert line_of(TEXT, "assets[0].options.low.sizes") == 7
+    assert line_of(TEXT, "elsewhere") is None
+
+
+def test_brackets_and_quotes_in_texts_end_no_statement() -> None:
+    texts = ['''"""a\n"" \\""" ["""""''', "'''a\n''['''''", '"\\"["', "'[\\'", "['[', # [\n]"]
+    for text in texts:
+        for before in texts:
+            whole = f'a = {before}\n"" = ""\nb = {text}  # "" [\nc = 1'
+            assert tomllib.loads(whole)["c"] == 1
+            assert line_of(whole, "c") == 1 + whole.count("\n")
 
 
 @given(
@@ -75,19 +86,23 @@ def test_keys_are_where_they_were_put(parts: list[tuple[str, str]]) -> None:
         text += before
         expected[f"key{number}"] = text.count("\n") + 1
         text += f"key{number} = {value}\n"
-    lines = key_lines(text)
-    assert {key: lines[key] for key in expected} == expected
+    assert {key: line_of(text, key) for key in expected} == expected
 
 
-def test_a_statement_of_thousands_of_lines_is_given_up():
-    parsed = 0
+def test_the_line_after_a_list_of_thousands_of_lines_is_found(tmp_path):
+    path = tmp_path / "a.toml"
+    high = "".join(f'  "high_{i}.ply",\n' for i in range(3000))
+    path.write_text(f"[[assets]]\ninputs.high = [\n{high}]\n[steps.low]\ndo = 'dig'\n")
+    with pytest.raises(texbake.FileFormatError, match=r"a\.toml:3005: steps\.low\.do: "):
+        read_pipeline(path)
 
-    def loads(text):
-        nonlocal parsed
-        parsed += len(text)
-        raise tomllib.TOMLDecodeError
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(locate.tomllib, "loads", loads)
-        assert locate.key_lines("x = [\n" + "1,\n" * 100_000 + "]\n") == {}
-    assert parsed < 4_000_000
+def test_each_statement_is_parsed_once(monkeypatch):
+    parsed = []
+    parse = tomllib.loads
+    monkeypatch.setattr(
+        locate.tomllib, "loads", lambda text: (parsed.append(len(text)), parse(text))[1]
+    )
+    text = "x = [\n" + "1,\n" * 100_000 + "]\ny = 1\n"
+    assert line_of(text, "y") == 100_003
+    assert sum(parsed) <= len(text)

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model
 
-from texbake.building.locate import key_lines, line_of
+from texbake.building.locate import line_of
 from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
@@ -185,7 +185,7 @@ class Pipeline:
         )
 
     def _where(self, place: str) -> str:
-        line = line_of(key_lines(self._text), place)
+        line = line_of(self._text, place)
         return str(self._called) if line is None else f"{self._called}:{line}"
 
 
@@ -209,7 +209,7 @@ def read_pipeline(path: PathLike) -> Pipeline:
         found = PipelineTable.model_validate(content)
     except ValidationError as error:
         what = first_fault(error)
-        line = line_of(key_lines(text), what.partition(": ")[0])
+        line = line_of(text, what.partition(": ")[0])
         where = path if line is None else f"{path}:{line}"
         raise FileFormatError(f"{where}: {what}") from error
     pipeline = Pipeline(path, text, found)

@@ -1,91 +1,136 @@
 """Line numbers of the keys of a TOML file, which its parser does not report.
 
 The file is cut into statements, each a small TOML file of its own, so that the parser itself says
-which keys each one sets.
+which keys each one sets. Each character is looked at a few times at most, because a file may be a
+single list of megabytes.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from texbake.rendering.scene.file.faults import place_of
 
-Steps = list[int | str]
-# Characters to parse, of which each line of a statement takes all before it again.
-_MOST_WORK, _COST_OF_A_LINE = 4_000_000, 50
+# What a statement is cut at: line ends, unless they are in brackets or in a text of several lines.
+# Whatever is not closed reaches to the end, so that nothing is read twice.
+_TOKEN = re.compile(
+    r'''
+    """ (?: [^"\\]++ | \\. | "{1,2}+(?!") )*+ (?: "{3,5} | \\?\Z )
+    | \'\'\' (?: [^']++ | '{1,2}+(?!') )*+ (?: '{3,5} | \Z )
+    | " (?: [^"\\\n]++ | \\[^\n] )*+ "?
+    | ' [^'\n]*+ '?
+    | \#[^\n]*+
+    | [\[\]{}\n]
+    ''',
+    re.DOTALL | re.VERBOSE,
+)
+_OPENING, _CLOSING = ("[", "{"), ("]", "}")
 
 
-def key_lines(text: str) -> dict[str, int]:
-    r"""Return the line, from 1, of every key of a valid TOML text, by its place as in messages.
+def line_of(text: str, place: str) -> int | None:
+    r"""Return the line, from 1, of a key of a valid TOML text, by its place as in messages.
 
-    >>> key_lines('name = "x"\n[[assets]]\nsize.high = 3\n')
-    {'name': 1, 'assets[0]': 2, 'assets': 2, 'assets[0].size': 3, 'assets[0].size.high': 3}
+    That of the nearest place around it, if the key is not in the text; None if nothing around it
+    is. All keys of a table or list that spans several lines are at its first line.
 
-    All keys of a table or list that spans several lines are at its first line. Lines that come
-    late in a long file, or after statements of hundreds of lines, are left out.
+    >>> text = 'name = "x"\n[[assets]]\nsize.high = 3\n'
+    >>> line_of(text, "assets[0].size.high"), line_of(text, "assets[0].size.low")
+    (3, 3)
     """
-    lines: dict[str, int] = {}
+    search = _Search(place)
     tables: dict[str, int] = {}  # number of tables in each list of tables so far
-    prefix: Steps = []
-    statement, start = "", 1
-    work = 0
-    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
-        start = start if statement else number
-        statement += line + "\n"
-        work += len(statement) + _COST_OF_A_LINE
-        if work > _MOST_WORK:
-            break
-        try:
-            content = tomllib.loads(statement)
-        except tomllib.TOMLDecodeError:
-            continue  # the statement continues in the next line
-        if statement.lstrip().startswith("["):
-            prefix = _header(content, tables)
-            _note(prefix, {}, start, lines)
-        else:
-            _note(prefix, content, start, lines)
-        statement = ""
-    return lines
+    prefix, is_near = "", True
+    for line, statement in _statements(text.replace("\r\n", "\n")):
+        if statement.startswith("["):
+            prefix = _header(tomllib.loads(statement), tables)
+            is_near = search.leads_to(prefix)
+            if prefix.endswith("]"):
+                search.note(prefix[: prefix.rindex("[")], line)
+            search.note(prefix, line)
+        elif is_near:
+            search.note_all(prefix, tomllib.loads(statement), line)
+    return search.line
 
 
-def line_of(lines: dict[str, int], place: str) -> int | None:
-    """Return the line of a place, or of the nearest place around it that has one."""
-    while place:
-        if place in lines:
-            return lines[place]
-        cut = max(place.rfind("."), place.rfind("["))
-        place = place[: max(cut, 0)]
-    return None
+class _Search:
+    """The line of a place, or of the nearest one around it so far."""
+
+    def __init__(self, place: str) -> None:
+        self._place = place
+        self._length = 0  # of the nearest place
+        self.line: int | None = None
+
+    def leads_to(self, place: str) -> bool:
+        """Whether the searched place is this one, or in it."""
+        return self._goes_on("", place)
+
+    def _goes_on(self, place: str, step: str) -> bool:
+        """Whether a place that leads to the searched one still does so after one more step."""
+        end = len(place) + len(step)
+        return self._place.startswith(step, len(place)) and (
+            end == 0 or self._place[end : end + 1] in ("", ".", "[")
+        )
+
+    def note(self, place: str, line: int) -> None:
+        """Note the line of a place; the first one counts."""
+        if len(place) > self._length and self.leads_to(place):
+            self._length, self.line = len(place), line
+
+    def note_all(self, place: str, value: Any, line: int) -> None:
+        """Note the line of all that is in a value, as far as it leads to the searched place."""
+        self.note(place, line)
+        items: Any = ()
+        if isinstance(value, dict):
+            items = ((_step(place, key), inner) for key, inner in value.items())
+        elif isinstance(value, list):
+            items = ((f"[{index}]", inner) for index, inner in enumerate(value))
+        for step, inner in items:
+            if self._goes_on(place, step):
+                self.note_all(place + step, inner, line)
 
 
-def _header(content: dict[str, Any], tables: dict[str, int]) -> Steps:
-    """Return the path to the table that a header opens; a list of tables means its last one."""
-    steps: Steps = []
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Yield each statement with the number of its first line."""
+    line, depth = 1, 0
+    start, first = 0, 1  # of the statement
+    for token in _TOKEN.finditer(text):
+        sign = token[0]
+        if sign in _OPENING:
+            depth += 1
+        elif sign in _CLOSING:
+            depth -= 1
+        line += sign.count("\n")
+        if sign == "\n" and depth <= 0:
+            yield from _unless_empty(first, text[start : token.end()])
+            start, first, depth = token.end(), line, 0
+    yield from _unless_empty(first, text[start:])
+
+
+def _unless_empty(line: int, statement: str) -> Iterator[tuple[int, str]]:
+    statement = statement.lstrip(" \t\n")
+    if statement and not statement.startswith("#"):
+        yield line, statement
+
+
+def _step(place: str, key: str) -> str:
+    if place and not key.startswith("<"):  # which messages leave out
+        return f".{place_of([key])}"
+    return place_of([key])
+
+
+def _header(content: dict[str, Any], tables: dict[str, int]) -> str:
+    """Return the place of the table that a header opens; of a list of tables, of its last one."""
+    place = ""
     value: Any = content
     while value:
         if isinstance(value, list):
-            place = place_of(steps)
             tables[place] = tables.get(place, 0) + 1
-            steps.append(tables[place] - 1)
-            break
+            return f"{place}[{tables[place] - 1}]"
         ((key, value),) = value.items()
-        steps.append(key)
-        place = place_of(steps)
+        place += _step(place, key)
         if isinstance(value, dict) and place in tables:
-            steps.append(tables[place] - 1)
-    return steps
-
-
-def _note(prefix: Steps, value: Any, line: int, lines: dict[str, int]) -> None:
-    lines.setdefault(place_of(prefix), line)
-    if prefix and isinstance(prefix[-1], int):
-        lines.setdefault(place_of(prefix[:-1]), line)
-    lines.pop("", None)
-    items: Any = ()
-    if isinstance(value, dict):
-        items = value.items()
-    elif isinstance(value, list):
-        items = enumerate(value)
-    for key, inner in items:
-        _note([*prefix, key], inner, line, lines)
+            place += f"[{tables[place] - 1}]"
+    return place
