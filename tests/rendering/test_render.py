@@ -5,10 +5,12 @@ from texbake.errors import FileError, OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.effects.surfaces import PLACED_OBJECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render, render_scene
 from texbake.rendering.results import Results
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import Image, read_image, write_image
 
@@ -295,3 +297,22 @@ def test_the_results_of_a_pass_are_copied_once_however_many_objects_there_are(mo
         return len(copies)
 
     assert n_copies(20) == n_copies(2) > 0
+
+
+@pytest.mark.parametrize("stops", [FileError("it is gone"), KeyboardInterrupt()])
+def test_what_was_loaded_before_an_error_is_not_loaded_again(monkeypatch, stops):
+    load, loaded, faults = PLACED_OBJECTS.compute, [], [stops]
+
+    def spy(state, target):
+        if target == 2 and faults:
+            raise faults.pop()
+        loaded.append(target)
+        return load(state, target)
+
+    monkeypatch.setitem(vars(PLACED_OBJECTS), "compute", spy)
+    prepared = prepare(Scene(objects=(SceneObject(mesh=cube()),) * 4), SMALL)
+    camera = camera_of(prepared.scene, SMALL)
+    with pytest.raises(type(stops)):
+        draw(prepared, camera)
+    draw(prepared, camera)
+    assert loaded == [0, 1, 2, 3]

@@ -247,22 +247,30 @@ def _run(
         for result in filter(None, (effect.load, effect.prepare)):
             results, found[result] = state.results.growing(result)
             state = replace(state, results=results)
-        for target in item.targets:
-            if wanted is not None and target not in wanted:
-                state.costs.skip(effect.name, "not in the picture")
-                continue
-            why = effect.unneeded(state, target) if effect.unneeded is not None else None
-            if why is not None:
-                state.costs.skip(effect.name, why)
-                continue
-            for result, values in found.items():
-                compute = partial(_computed, state, prepared, effect, result, target)
-                if result.deferred:
-                    state.costs.skip(effect.name, "it reaches no pixel")
-                values[target] = Deferred(compute) if result.deferred else compute()
-        if effect.load is not None and not effect.load.deferred:
-            prepared.loaded.keep(effect.load, found[effect.load])
+        try:
+            for target in item.targets:
+                why = _why_not(state, effect, target, wanted)
+                if why is not None:
+                    state.costs.skip(effect.name, why)
+                    continue
+                for result, values in found.items():
+                    compute = partial(_computed, state, prepared, effect, result, target)
+                    if result.deferred:
+                        state.costs.skip(effect.name, "it reaches no pixel")
+                    values[target] = Deferred(compute) if result.deferred else compute()
+        finally:  # what was loaded before an error or an interrupt is not loaded again
+            if effect.load is not None and not effect.load.deferred:
+                prepared.loaded.keep(effect.load, found[effect.load])
     return state
+
+
+def _why_not(
+    state: RenderState, effect: Effect, target: Target, wanted: Collection[Target] | None
+) -> str | None:
+    """Why an effect does nothing for a target; None if it does something."""
+    if wanted is not None and target not in wanted:
+        return "not in the picture"
+    return effect.unneeded(state, target) if effect.unneeded is not None else None
 
 
 def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:
