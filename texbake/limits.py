@@ -51,7 +51,7 @@ def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) 
     OptionError
         An environment variable does not hold what it is for.
     """
-    _allows_outside()
+    allows_outside()
     if max_image is None:
         _max_image()
     before = {name: os.environ.get(name) for name in (MAX_IMAGE, ALLOW_OUTSIDE)}
@@ -135,7 +135,14 @@ def _max_image() -> int:
     return int(text)
 
 
-def _allows_outside() -> bool:
+def allows_outside() -> bool:
+    """Whether files may name files outside their own folders.
+
+    Raises
+    ------
+    OptionError
+        The environment variable is neither 1 nor 0.
+    """
     text = os.environ.get(ALLOW_OUTSIDE, "")
     if text not in ("", "0", "1"):
         raise OptionError(f"{ALLOW_OUTSIDE}: {quoted(text)} is neither 1 nor 0")
@@ -163,7 +170,7 @@ def file_beside(path: PathLike, name: str) -> Path:
         raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
     folder = Path(path).parent
     place = folder / name
-    if not is_within(folder, place) and not _allows_outside():
+    if not is_within(folder, place) and not allows_outside():
         raise FileError(
             f"{path}: it names {quoted(str(name))}, which lies outside its folder; if you trust "
             "the file, read it with texbake --allow-outside"
@@ -181,7 +188,7 @@ def folder_beside(path: PathLike, name: str) -> Path:
         allowed.
     """
     place = file_beside(path, name)
-    if not is_within(real_path(path, ""), real_path(path, name)) and not _allows_outside():
+    if not is_within(real_path(path, ""), real_path(path, name)) and not allows_outside():
         raise FileError(
             f"{path}: links lead from {quoted(str(name))} out of its folder; if you trust the "
             "file, read it with texbake --allow-outside"
@@ -194,6 +201,8 @@ def real_path(path: PathLike, name: str) -> str:
 
     A small file could name a large one as `a.png`, `./a.png` and so on, to have it read each time.
     """
+    if len(name) > LONGEST_NAME:  # the system would be asked about each of its parts
+        return name
     place = Path(path).parent / name
     try:
         return os.path.realpath(place)

@@ -1,6 +1,8 @@
 """Steps depend on the files that their mesh files name, too."""
 
+import hashlib
 import json
+import os
 import struct
 import time
 from collections.abc import Callable
@@ -9,8 +11,9 @@ from typing import Any
 
 import pytest
 
+import texbake
 from texbake.building.build import build
-from texbake.building.companions import companions
+from texbake.building.companions import companions, is_followed
 
 OBJ = "mtllib my stuff.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
 MTL = "newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 my wood.png\nbump -bm 0.5 gone.png\n"
@@ -25,7 +28,7 @@ def test_those_of_an_obj_file(tmp_path: Path) -> None:
     (tmp_path / "my stuff.mtl").write_text(MTL)
     (tmp_path / "my wood.png").write_text("x")
     names = [path.name for path in companions(tmp_path / "my stuff.mtl")]
-    assert {"my wood.png", "wood.png", "gone.png"} < set(names)
+    assert names == ["my wood.png", "gone.png"]
     (tmp_path / "my wood.png").unlink()
     assert [path.name for path in companions(tmp_path / "my stuff.mtl")] == names
 
@@ -39,6 +42,64 @@ def test_those_of_a_gltf_file(tmp_path: Path) -> None:
     (tmp_path / "b.gltf").write_text("{")
     assert companions(tmp_path / "b.gltf") == []
     assert companions(tmp_path / "nothing.obj") == []
+
+
+def test_a_name_that_readers_do_not_follow_is_not_read(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    """Its checksum would be in the store, for everybody who shares it to see."""
+    (tmp_path / "asset").mkdir()
+    (tmp_path / "asset" / "a.obj").write_text(OBJ.replace("my stuff.mtl", "../secret.mtl"))
+    (tmp_path / "secret.mtl").write_text("newmtl a\nmap_Kd secret.png\n")
+    path = write('[[assets]]\ninputs.high = "asset/a.obj"\n', STEPS)
+
+    def is_in_build() -> bool:
+        run(path)
+        secret = hashlib.sha256((tmp_path / "secret.mtl").read_bytes()).hexdigest()
+        files = [file for file in (path.parent / "build").rglob("*") if file.is_file()]
+        return any(secret.encode() in file.read_bytes() for file in files)
+
+    assert not is_in_build()
+    with texbake.raised_limits(allow_outside=True):
+        assert is_in_build()
+        (tmp_path / "secret.mtl").write_text("newmtl a\nKd 1 0 0\n")
+        assert run(path)[1] == ["a.r"]
+
+
+@pytest.mark.parametrize(
+    ("named", "is_read", "is_read_if_allowed"),
+    [
+        ("https://here/in/b.bin", True, True),
+        ("https://here/in/deep/b.bin", True, True),
+        ("https://here/other/b.bin", False, True),
+        ("https://here/in-secret/b.bin", False, True),
+        ("https://elsewhere/b.bin", False, False),
+    ],
+)
+def test_no_other_machine_is_asked_for_a_file(
+    named: str, is_read: bool, is_read_if_allowed: bool
+) -> None:
+    assert is_followed("https://here/in/a.gltf", named) == is_read
+    with texbake.raised_limits(allow_outside=True):
+        assert is_followed("https://here/in/a.gltf", named) == is_read_if_allowed
+
+
+def test_names_without_measure_take_no_more_than_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd " + "a " * 100_000)
+    assert len(companions(tmp_path / "a.mtl")) == 1
+    (tmp_path / "a.obj").write_text("mtllib " + " ".join(map(str, range(10_000))))
+    assert len(companions(tmp_path / "a.obj")) == 10_001
+    (tmp_path / "a.obj").write_text("".join(f"mtllib {i}\n" for i in range(10_000)))
+    assert len(companions(tmp_path / "a.obj")) < 3_000
+    (tmp_path / "a.gltf").write_text("[" * 100_000)
+    assert companions(tmp_path / "a.gltf") == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("suffix", [".mtl", ".gltf", ".glb"])
+def test_a_pipe_is_not_waited_for(suffix: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / f"a{suffix}")
+    assert companions(tmp_path / f"a{suffix}") == []
 
 
 @pytest.mark.parametrize("name", ["my stuff.mtl", "my wood.png", "gone.png"])

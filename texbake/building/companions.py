@@ -2,27 +2,30 @@
 
 They follow from the content of the file alone, and not from which files exist, so that they can be
 remembered as long as the content is the same. A line that can be read as several names gives all
-of them.
+of them. Which of them are read is another question: `is_followed`.
 """
 
 from __future__ import annotations
 
 import json
+import posixpath
 import re
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import IO
 from urllib.parse import unquote
 
+from texbake.building.locations import is_url
 from texbake.errors import TexbakeError
-from texbake.files import read_bytes
+from texbake.files import read_bytes, require_file
+from texbake.limits import allows_outside, is_within
+from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
 from texbake.mesh.files.usd_process import ask_usd
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-_WORD = re.compile(r"(?<!\S)\S")  # where one begins
 
 
 def companions(path: Path) -> list[Path]:
@@ -32,21 +35,38 @@ def companions(path: Path) -> list[Path]:
     existing tiles of its images. A file that cannot be read names nothing here; the step that reads
     it reports the error.
     """
-    found: dict[Path, None] = {}
+    found: dict[str, None] = {}
     with suppress(
-        OSError, ValueError, AttributeError, TypeError, KeyError, struct.error, TexbakeError
-    ):
+        OSError, ValueError, AttributeError, TypeError, KeyError, RecursionError, struct.error,
+        TexbakeError,
+    ):  # fmt: skip
         found.update(dict.fromkeys(_READERS[path.suffix.lower()](path)))
-    return [name for name in found if "\0" not in str(name)]
+    return [path.parent / name for name in found if "\0" not in name]
 
 
-def _of_gltf(path: Path) -> Iterator[Path]:
-    yield from _of_document(path, path.read_bytes())
+def is_followed(path: str, name: str) -> bool:
+    """Whether a build reads the file that another one names, by their paths or URLs.
+
+    Readers of meshes follow no name out of the folder of a file, unless that is allowed. A build
+    must not either: the name could be that of a secret, and of another machine behind a URL, which
+    is never asked.
+    """
+    if not is_url(path):
+        return allows_outside() or is_within(Path(path).parent, name)
+    place, named = (
+        PurePosixPath(posixpath.normpath(url.partition("://")[2])) for url in (path, name)
+    )
+    return named.is_relative_to(place.parts[0] if allows_outside() else place.parent)
 
 
-def _of_glb(path: Path) -> Iterator[Path]:
+def _of_gltf(path: Path) -> Iterator[str]:
+    return _of_document(read_bytes(path))
+
+
+def _of_glb(path: Path) -> Iterator[str]:
+    require_file(path)
     with path.open("rb") as file:
-        yield from _of_document(path, _json_chunk(file))
+        return _of_document(_json_chunk(file))
 
 
 def _json_chunk(file: IO[bytes]) -> bytes:
@@ -57,38 +77,37 @@ def _json_chunk(file: IO[bytes]) -> bytes:
     return file.read(length)
 
 
-def _of_document(path: Path, content: bytes) -> Iterator[Path]:
+def _of_document(content: bytes) -> Iterator[str]:
     document = json.loads(content)
     for listed in ("buffers", "images"):
         for item in document.get(listed, ()):
             uri = item.get("uri", "")
             if uri and not uri.startswith("data:"):
-                yield path.parent / unquote(uri)
+                yield unquote(uri)
 
 
-def _of_obj(path: Path) -> Iterator[Path]:
-    names = [_text(name) for name in _LIBRARY.findall(read_bytes(path))]
-    for name in names:
+def _of_obj(path: Path) -> Iterator[str]:
+    names: dict[str, None] = {}
+    for library in _LIBRARY.findall(read_bytes(path)):
+        name = _text(library)
         # One name with blanks in it, or several without.
-        for library in dict.fromkeys([name, *name.split()]):
-            yield path.parent / library
+        names.update(dict.fromkeys([name, *name.split()]))
+        if len(names) > 2 * MOST_LIBRARIES:  # the reader refuses the file
+            break
+    yield from names
 
 
-def _of_mtl(path: Path) -> Iterator[Path]:
-    for value in _MAP.findall(path.read_bytes()):
-        # Options stand before the name, which may have blanks of its own.
-        text = _text(value)
-        for word in _WORD.finditer(text):
-            yield path.parent / text[word.start() :]
+def _of_mtl(path: Path) -> Iterator[str]:
+    for value in _MAP.findall(read_bytes(path)):
+        yield map_name(_text(value))[0]
 
 
 def _text(name: bytes) -> str:
     return name.decode("utf-8", "surrogateescape").strip().replace("\\", "/")
 
 
-def _of_usd(path: Path) -> Iterator[Path]:
-    for name in ask_usd(path, "files", {}):
-        yield path.parent / name
+def _of_usd(path: Path) -> Iterator[str]:
+    yield from map(str, ask_usd(path, "files", {}))
 
 
 _READERS = {

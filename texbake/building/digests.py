@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from texbake.building.companions import SUFFIXES, companions
+from texbake.building.companions import SUFFIXES, companions, is_followed
 from texbake.building.locations import file_signature, is_url, location_of
 from texbake.errors import FileError
 from texbake.files import replacing, require_file, scratch_folder
@@ -105,8 +105,9 @@ class Digests:
         found: dict[str, str] = {}
         looked = [path]
         while looked:
-            for name in self._named(looked.pop()):
-                if name not in found and name != path:
+            file = looked.pop()
+            for name in self._named(file):
+                if name not in found and name != path and is_followed(file, name):
                     looked.append(name)
                     found[name] = self._digest_if_there(name)
         return list(found.items())

@@ -9,7 +9,7 @@ from typing import Any
 
 from texbake.building.assets import find_assets
 from texbake.building.build import build, local_workers
-from texbake.building.companions import companions
+from texbake.building.companions import companions, is_followed
 from texbake.building.file import read_pipeline
 from texbake.building.graph import FileSource, plan_nodes
 from texbake.building.locations import file_signature
@@ -102,7 +102,9 @@ def _signatures(path: PathLike, options: BuildOptions) -> Signatures:
         pass  # the build has reported it
     looked = list(files)
     while looked:  # a named file may name others
-        named = {str(name) for name in companions(Path(looked.pop()))} - files
+        file = looked.pop()
+        named = {str(name) for name in companions(Path(file)) if is_followed(file, str(name))}
+        named -= files
         files |= named
         looked += named
     return {file: file_signature(Path(file)) for file in sorted(files)}

@@ -20,7 +20,7 @@ import numpy as np
 
 from texbake.errors import FileError, FileFormatError, quoted, shortened
 from texbake.files import PathLike, is_file, read_bytes
-from texbake.limits import file_beside, real_path
+from texbake.limits import LONGEST_NAME, file_beside, real_path
 from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
 from texbake.mesh.files.source import decode_name, read_array
@@ -36,7 +36,8 @@ from texbake.mesh.mesh import Mesh
 
 _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-_MOST_LIBRARIES = 1000
+MOST_LIBRARIES = 1000
+"""Material libraries that an OBJ file may name."""
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 # Channels by the statements of their values, and by those of their images.
 VALUES = {
@@ -52,6 +53,8 @@ _OPTION_WORDS = {
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
+# Characters of a map statement, in which each option is looked for in all that follows.
+_LONGEST_STATEMENT = 4 * LONGEST_NAME
 
 
 # Content and name of each image that has been read, by its real path.
@@ -128,16 +131,18 @@ def library_names(path: Path, data: bytes | memoryview) -> list[str]:
         There are more than a file of its kind has.
     """
     names: dict[str, str] = {}
+    spelled: dict[str, None] = {}
     for statement in dict.fromkeys(match[1].strip() for match in _LIBRARY.finditer(data)):
         name = decode_name(statement)
         # One name with spaces in it, or several without.
-        for each in [name] if is_file(path.parent / name) else name.split():
-            names.setdefault(real_path(path, each), each)
-            if len(names) > _MOST_LIBRARIES:
-                raise FileFormatError(
-                    f"{path}: it names more than {_MOST_LIBRARIES:,} material libraries (mtllib); "
-                    "join them in one"
-                )
+        spelled.update(dict.fromkeys([name] if is_file(path.parent / name) else name.split()))
+        if len(spelled) > MOST_LIBRARIES:
+            raise FileFormatError(
+                f"{path}: it names more than {MOST_LIBRARIES:,} material libraries (mtllib); "
+                "join them in one"
+            )
+    for name in spelled:
+        names.setdefault(real_path(path, name), name)
     return list(names.values())
 
 
@@ -220,6 +225,8 @@ def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSour
 def map_name(words: str) -> tuple[str, str]:
     """Name and wrapping of a map statement: options, then the name of a file, spaces and all."""
     wrap, rest = "repeat", words
+    if len(words) > _LONGEST_STATEMENT:  # all of it is a name, which is too long for a file
+        return words, wrap
     while (parts := rest.split(maxsplit=1)) and parts[0] in _OPTION_WORDS:
         option, rest = parts[0], parts[1] if len(parts) > 1 else ""
         for _ in range(_OPTION_WORDS[option]):
