@@ -30,6 +30,7 @@ from texbake.limits import (
 )
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
+from texbake.mesh.files.mtl import library_names, map_name
 from texbake.mesh.materials import read_materials
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.scene.read import read_scene
@@ -383,10 +384,12 @@ def test_images_that_share_the_bytes_of_a_buffer_are_refused(with_images):
         ("x = 1\n" * 700_000, "4,200,000 characters, more than 4,000,000; divide a pipeline"),
         (".".join(["a"] * 30_000) + " = 1", "a name with more than 64 parts"),
         ("[" + " . ".join(["'a'", '"b"', "c"] * 30) + "]", "a name with more than 64 parts"),
+        (".".join([r'"\""', r"'\'", r'"\\"'] * 30) + " = 1", "a name with more than 64 parts"),
         ("x = " + "[" * 100_000, "it is not TOML: maximum recursion depth"),
         ("x = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
+        ("x = [{a = 0x" + "f" * 5000 + "}]", "it is not TOML: an integer has more than 64 bits"),
     ],
-    ids=["long", "dotted", "quoted", "nested", "number"],
+    ids=["long", "dotted", "quoted", "escaped", "nested", "number", "hexadecimal"],
 )
 def test_toml_that_would_take_long_is_refused(text, complaint):
     with pytest.raises(FileFormatError, match=re.escape(complaint)):
@@ -394,6 +397,10 @@ def test_toml_that_would_take_long_is_refused(text, complaint):
 
 
 def test_toml_that_is_unusual_is_read():
+    assert (
+        toml_content("a.toml", "a = -9_223_372_036_854_775_808\nb = 0x7fff_ffff_ffff_ffff")["b"]
+        == 2**63 - 1
+    )
     text = "x" * 1_000_000 + " = '" + "a" * 1_000_000 + "'\n" + ".".join(["a"] * 64) + " = 1\r\n"
     assert len(toml_content("a.toml", text + "b = '" + "1.2 " * 99 + "'")) == 3
 
@@ -432,3 +439,46 @@ def test_tiles_count_as_much_as_the_image(tmp_path):
     tags[-1], n = (325, 256), 256
     write()
     assert read_image(path, color=False).pixels.shape == (8, 8, 1)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "n_channels"), [(90, 90, 1), (900, 9, 3), (63, 63, 9), (1, 10_000, 1)]
+)
+def test_the_side_that_is_named_is_the_least_that_suffices(width, height, n_channels, monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "64")
+    with pytest.raises(FileFormatError) as refused:
+        require_image_size("a.png", width, height, n_channels)
+    side = int(str(refused.value).rpartition(" ")[2])
+    monkeypatch.setenv(MAX_IMAGE, str(side))
+    require_image_size("a.png", width, height, n_channels)
+    monkeypatch.setenv(MAX_IMAGE, str(side - 1))
+    with pytest.raises(FileFormatError):
+        require_image_size("a.png", width, height, n_channels)
+
+
+def test_a_limit_of_thousands_of_digits_is_one_line(monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "1" * 5000)
+    with pytest.raises(OptionError, match="is not a number of pixels"):
+        require_image_size("a.png", 1, 1, 1)
+
+
+@pytest.mark.parametrize("statement", ["a.mtl " * 20_000, "a/" * 20_000])
+def test_the_system_is_not_asked_about_each_word_of_a_file(tmp_path, monkeypatch, statement):
+    asked = []
+    real = os.path.realpath
+
+    def counted(path, **options):
+        asked.append(path)
+        return real(path, **options)
+
+    (tmp_path / "a.obj").write_text(f"mtllib {statement}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    monkeypatch.setattr(os.path, "realpath", counted)
+    library_names(tmp_path / "a.obj", (tmp_path / "a.obj").read_bytes())
+    assert sum(map(len, map(str, asked))) < 10_000
+
+
+def test_options_of_a_map_that_is_too_long_are_not_searched_for():
+    assert map_name("-cc on -s 1 2 wood oak.png") == ("wood oak.png", "repeat")
+    assert map_name("-clamp on " * 100 + "a.png") == ("a.png", "clamp")
+    endless = "-cc on " * 100_000 + "a.png"
+    assert map_name(endless) == (endless, "repeat")  # no file can have such a name

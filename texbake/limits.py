@@ -24,12 +24,15 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
 DEFAULT_MAX_IMAGE = 16384
+_MOST_CHANNELS = 4  # of the greatest image; one of more channels has fewer pixels
 _MOST_IMAGES = 4  # of the greatest size that a file may hold, or as many pixels in smaller ones
 _PIXELS_PER_BYTE = 16  # photographs never have so many
 _LONGEST_TOML = 4_000_000  # characters; 30,000 assets of a pipeline
-# Not backtracking, and beginning with a word, so that each character is looked at 64 times at most.
+# Not backtracking, and beginning with a word or a quote that is not escaped, so that each character
+# is looked at 64 times at most.
 _LONG_KEY = re.compile(
-    r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""", re.ASCII
+    r"""(?<![\w.\\-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""",
+    re.ASCII,
 )
 LONGEST_NAME = 400
 """Characters of a path that a file names."""
@@ -81,8 +84,9 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
         The environment variable is not a number of pixels.
     """
     side = _max_image()
-    if width * height > side * side or width * height * n_channels > 4 * side * side:
-        needed = max(width, height)
+    n_pixels = max(width * height, -(-width * height * n_channels // _MOST_CHANNELS))
+    if n_pixels > side * side:
+        needed = _side_of(n_pixels)
         raise FileFormatError(
             f"{path}: it has {width} x {height} pixels of {n_channels} "
             f"channel{'s' * (n_channels != 1)}, more than {side} x {side}; if you trust the file, "
@@ -121,16 +125,21 @@ def require_few_pixels(
     n_pixels = sum(width * height for width, height, _ in sizes)
     most = _MOST_IMAGES * _max_image() ** 2
     if n_pixels > max(most, _PIXELS_PER_BYTE * sum(n_bytes for *_, n_bytes in sizes)):
-        needed = math.isqrt(-(-n_pixels // _MOST_IMAGES) - 1) + 1
+        needed = _side_of(-(-n_pixels // _MOST_IMAGES))
         raise FileFormatError(
             f"{path}: the {len(sizes):,} images of its model have {n_pixels:,} pixels together, "
             f"more than {most:,}; if you trust the file, read it with texbake --max-image {needed}"
         )
 
 
+def _side_of(n_pixels: int) -> int:
+    """Return the least side of a square of so many pixels."""
+    return math.isqrt(n_pixels - 1) + 1
+
+
 def _max_image() -> int:
     text = os.environ.get(MAX_IMAGE, "") or str(DEFAULT_MAX_IMAGE)
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1 << 20:
+    if not re.fullmatch("[0-9]{1,7}", text) or not 1 <= int(text) <= 1 << 20:
         raise OptionError(f"{MAX_IMAGE}: {quoted(text)} is not a number of pixels, such as 16384")
     return int(text)
 
@@ -216,8 +225,9 @@ def toml_content(path: PathLike, text: str) -> dict[str, Any]:
     Raises
     ------
     FileFormatError
-        It is not TOML, it is larger than a file that people write, or one of its keys has so many
-        parts that the parser, which looks each of them up from the first, would take minutes.
+        It is not TOML, it is larger than a file that people write, one of its keys has so many
+        parts that the parser, which looks each of them up from the first, would take minutes, or
+        an integer has more than the 64 bits of TOML.
     """
     import tomllib
 
@@ -231,9 +241,26 @@ def toml_content(path: PathLike, text: str) -> dict[str, Any]:
             f"{path}: a name with more than 64 parts joined by dots is not read; shorten it"
         )
     try:
-        return tomllib.loads(text.replace("\r\n", "\n"))
+        content = tomllib.loads(text.replace("\r\n", "\n"))
     except (ValueError, RecursionError) as error:  # ValueError: also of a number of 5,000 digits
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
+    if _has_long_integer(content):  # which not even a message could show
+        raise FileFormatError(f"{path}: it is not TOML: an integer has more than 64 bits")
+    return content
+
+
+def _has_long_integer(content: object) -> bool:
+    """Whether a table or list, or one in it, holds an integer that 64 bits do not."""
+    found = [content]
+    while found:
+        value = found.pop()
+        if isinstance(value, dict):
+            found += value.values()
+        elif isinstance(value, list):
+            found += value
+        elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+            return True
+    return False
 
 
 def is_within(folder: PathLike, place: PathLike) -> bool:
