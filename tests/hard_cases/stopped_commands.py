@@ -190,7 +190,7 @@ def _enter(folder: Path) -> None:
     """Become a process of its own group, in a folder, without a terminal."""
     os.setsid()
     os.chdir(folder / "work")
-    for number, path in ((0, os.devnull), (1, os.devnull), (2, str(folder / "stderr"))):
+    for number, path in enumerate((os.devnull, str(folder / "stdout"), str(folder / "stderr"))):
         opened = os.open(
             path, os.O_RDONLY if number == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         )
