@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from texbake import Mesh, MeshError
+import texbake
+from texbake import FileFormatError, Mesh, MeshError
 from texbake.mesh import mesh as mesh_module
 from texbake.mesh.mesh import MAX_FACES, check_face_count
+from texbake.mesh.shapes import uv_sphere
 
 
 def test_half_edges_fit_int32():
@@ -23,6 +25,15 @@ def test_a_mesh_checks_its_face_count(monkeypatch):
     Mesh(positions=np.eye(3), faces=faces)
     with pytest.raises(MeshError, match="it has 2 triangles; 1 are the most"):
         Mesh(positions=np.eye(3), faces=np.repeat(faces, 2, axis=0))
+
+
+@pytest.mark.parametrize("read", [texbake.read_mesh, texbake.read_scene])
+def test_every_reader_counts_the_corners_that_it_places(tmp_path, monkeypatch, read):
+    path = tmp_path / "ball.glb"
+    texbake.write_mesh(uv_sphere(4, 6), path)
+    monkeypatch.setattr(mesh_module, "MAX_CORNERS", 100)
+    with pytest.raises(FileFormatError, match=r"ball\.glb: it places more .* split it"):
+        read(path)
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, UvError, quoted
+from texbake.errors import FileFormatError, MeshError, UvError, quoted
+from texbake.files import PathLike
 from texbake.mesh.uv_sets import UvSet, checked_uv_sets
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 
-# Half-edges, three per face, are numbered with int32.
-MAX_FACES = (2**31 - 1) // 3
+# Vertices, and half-edges, three per face, are numbered with int32.
+MAX_CORNERS = 2**31 - 1
+MAX_FACES = MAX_CORNERS // 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -253,6 +255,18 @@ def check_face_count(n_faces: int, name: str) -> None:
         raise MeshError(
             f"{name}: it has {n_faces:,} triangles; {MAX_FACES:,} are the most; "
             "split it into several files"
+        )
+
+
+def check_corner_count(n_corners: int, path: PathLike) -> None:
+    """Raise `FileFormatError` if a file places so many corners, or vertices, together.
+
+    For readers of formats in which many nodes share a mesh, before that is copied.
+    """
+    if n_corners > MAX_CORNERS:
+        raise FileFormatError(
+            f"{path}: it places more triangles than 32-bit indices can count; split it into "
+            "several files"
         )
 
 

@@ -36,11 +36,9 @@ from texbake.mesh.files.gltf_nodes import (
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
 from texbake.mesh.files.source import without_cycle_search
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count
 from texbake.mesh.uv_sets import UvSet, require_few_sets
 
-MAX_CORNERS = (1 << 31) - 1
-"""Corners of triangles, and vertices, that 32-bit indices can count."""
 _BATCH = 1 << 16  # rows moved at once
 
 
@@ -102,8 +100,7 @@ def _placed_parts(placed: PlacedNodes) -> _Parts:
         for ending, piece, uv_sets in pieces:
             # Instances could ask for more than the file has; indices are 32-bit.
             n_corners += max(piece.faces.size, len(piece.positions))
-            if n_corners > MAX_CORNERS:
-                placed.document.fail("it places more triangles than 32-bit indices can count")
+            check_corner_count(n_corners, placed.document.path)
             parts.pieces.append(piece)
             parts.uv_sets.append(uv_sets)
             parts.names.append(name + ending)

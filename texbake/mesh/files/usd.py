@@ -38,10 +38,9 @@ from texbake.mesh.files.usd_stage import (
     read_primvars,
     reporting_damage,
 )
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.uv_sets import UvSet
 
-_MAX_CORNERS = (1 << 31) - 1
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
@@ -107,8 +106,7 @@ def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
         if part is None:
             continue
         n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
-        if n_corners > _MAX_CORNERS:
-            raise FileFormatError(f"{path}: it places more triangles than 32-bit indices can count")
+        check_corner_count(n_corners, path)
         with np.errstate(over="ignore", invalid="ignore"):
             parts.append(replace(part, mesh=transformed(part.mesh, to_world @ matrix)))
     return parts

@@ -23,7 +23,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet
 from texbake.progress import ProgressSink, Stages
@@ -44,8 +44,6 @@ SHOWN = (
     "EXT_texture_webp",
     "MSFT_lod",
 )
-
-_MAX_CORNERS = (1 << 31) - 1
 
 
 def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
@@ -166,8 +164,7 @@ class _Reader:
             if mesh is None:
                 continue
             self.n_corners += max(mesh.faces.size, mesh.n_vertices)
-            if self.n_corners > _MAX_CORNERS:
-                self.document.fail("it places more triangles than 32-bit indices can count")
+            check_corner_count(self.n_corners, self.document.path)
             try:
                 item = SceneObject(
                     mesh=mesh,
