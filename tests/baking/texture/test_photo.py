@@ -43,6 +43,9 @@ def test_cameras_are_read_from_toml_and_from_matrices(tmp_path: Path) -> None:
     assert read_camera(toml) == PhotoCamera(
         position=(0, 1, 3), target=(0, 1, 0), up=(0, 0.5, 0), fov=50
     )
+    by_windows = tmp_path / "bom.toml"
+    by_windows.write_bytes(b"\xef\xbb\xbf" + toml.read_bytes().replace(b"\n", b"\r\n"))
+    assert read_camera(by_windows) == read_camera(toml)
     numbers = tmp_path / "front.txt"
     numbers.write_text("1 0 0 0, 0 1 0 0, 0 0 1 0, 0 0 0 1")
     np.testing.assert_array_equal(np.array(read_camera(numbers)), np.eye(4))

@@ -126,7 +126,7 @@ def read_camera(path: PathLike) -> PhotoCamera | Matrix:
     if Path(path).suffix.lower() != ".toml":
         return read_matrix(path)
     try:
-        text = read_bytes(path).decode("utf-8")
+        text = read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not TOML: {error}") from error
     return _camera_of(path, toml_content(path, text))
