@@ -8,8 +8,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,7 +34,7 @@ from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent
 from texbake.building.store import Store
-from texbake.building.task import DONE, TaskOutcome
+from texbake.building.task import DONE, Task, TaskOutcome
 
 pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 
@@ -203,7 +205,7 @@ def test_workers_that_come_back_have_a_minute_again(monkeypatch: pytest.MonkeyPa
     notes: list[str] = []
     vars(workers).update(
         _address="tcp://here:1", _client=client, _outcomes=queue.SimpleQueue(), _gone=None,
-        _looked=0.0, _tasks={0: None}, _futures={}, _tell=notes.append,
+        _looked=0.0, _tasks={0: None}, _futures={}, _limited_to={}, _tell=notes.append,
     )  # fmt: skip
     workers.finished(0)  # there are none
     now[0] += 50
@@ -215,6 +217,62 @@ def test_workers_that_come_back_have_a_minute_again(monkeypatch: pytest.MonkeyPa
     now[0] += 61
     with pytest.raises(dask_scheduler.SchedulerLostError):
         workers.finished(0)
+
+
+class Submissions:
+    """A client of two workers with different memory, which keeps what is submitted."""
+
+    status = "running"
+
+    def __init__(self) -> None:
+        self.workers = {
+            name: {"nthreads": 2, "memory_limit": limit}
+            for name, limit in (("small", 2 << 30), ("large", 32 << 30))
+        }
+        self.made: list[SimpleNamespace] = []
+
+    def scheduler_info(self, n_workers: int) -> dict[str, Any]:
+        return {"workers": self.workers}
+
+    def submit(self, *arguments: Any, **options: Any) -> SimpleNamespace:
+        future = SimpleNamespace(
+            **options, done=[], released=[], result=lambda timeout: asdict(TaskOutcome(status=DONE))
+        )
+        future.add_done_callback = future.done.append
+        future.release = lambda: future.released.append(True)
+        self.made.append(future)
+        return future
+
+
+def test_a_step_runs_on_workers_that_have_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_scheduler, "_LOOK_SECONDS", 0.0)
+    client = Submissions()
+    workers = object.__new__(dask_scheduler.DaskWorkers)
+    vars(workers).update(
+        _address="tcp://here:1", _client=client, _outcomes=queue.SimpleQueue(), _gone=None,
+        _looked=0.0, _tasks={}, _futures={}, _limited_to={}, _times=defaultdict(int), _unfit=set(),
+        _memory=dask_scheduler._memory_of_a_task(client.workers), _max_memory=None, _mark="",
+    )  # fmt: skip
+    task = Task(
+        key="a", asset="a", step="bake", kind="bake", settings={}, inputs={}, outputs={},
+        ingredients={}, store="here", threads=1, memory_bytes=8 << 30,
+    )  # fmt: skip
+    workers.submit(0, task)
+    workers.submit(1, replace(task, key="b", memory_bytes=1 << 20))
+    first, other = client.made
+    assert (first.workers, first.allow_other_workers) == (["large"], False)
+    assert (other.workers, other.allow_other_workers) == (None, False)
+    workers.finished(0.0)
+    assert len(client.made) == 2  # both may run
+    del client.workers["large"]
+    workers.finished(0.0)
+    _, _, again = client.made  # rather in chunks than not at all
+    assert (again.workers, again.allow_other_workers) == (None, False)
+    assert first.released and again.key != first.key
+    for future in first, again:
+        for call in future.done:
+            call(future)
+    assert [number for number, _ in workers.finished(0.0)] == [0]
 
 
 def test_a_step_that_ends_its_workers(

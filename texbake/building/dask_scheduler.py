@@ -86,6 +86,7 @@ class DaskWorkers:
         self._outcomes: queue.SimpleQueue[tuple[int, TaskOutcome]] = queue.SimpleQueue()
         self._futures: dict[int, Any] = {}
         self._tasks: dict[int, Task] = {}
+        self._limited_to: dict[int, list[str]] = {}  # workers that may run a task, if not all
         self._times: dict[str, int] = defaultdict(int)  # that a key was submitted
         self._refusals: dict[int, int] = defaultdict(int)
         self._unfit: set[str] = set()
@@ -116,8 +117,7 @@ class DaskWorkers:
         for worker, about in workers.items():
             processors[about["host"]] = counts.get(worker) or 1
             taken[about["host"]] += about["nthreads"]
-            if about.get("memory_limit"):
-                self._memory[worker] = about["memory_limit"] // about["nthreads"]
+        self._memory = _memory_of_a_task(workers)
         self.slots = _AHEAD * sum(taken.values())
         return max(1, min(processors[host] // taken[host] for host in taken))
 
@@ -176,13 +176,19 @@ class DaskWorkers:
             key=f"texbake-{task.step}-{key}-{time_of_key}",
             pure=False,
             workers=suited,
-            allow_other_workers=suited is not None,
+            # Where others may, each that is idle for a moment takes the task from a busy one.
+            allow_other_workers=False,
         )
         self._tasks[number], self._futures[number] = task, future
+        self._limited_to[number] = suited or []
         future.add_done_callback(lambda done: self._note(number, done))
 
     def _suited(self, task: Task) -> list[str] | None:
-        """Return the workers with enough memory, if others have less; None for all workers."""
+        """Return the workers that may run a task; None for all of them.
+
+        Those with enough memory, if others have less; a bake that has less goes through its meshes
+        in chunks, and other steps may end their worker.
+        """
         known = [worker for worker in self._memory if worker not in self._unfit]
         large = [worker for worker in known if self._memory[worker] >= task.memory_bytes]
         if self._unfit:
@@ -191,6 +197,8 @@ class DaskWorkers:
 
     def _note(self, number: int, future: Any) -> None:
         """Receive the outcome of a task; called by one of Dask's threads."""
+        if self._futures.get(number) is not future:  # the task was submitted again
+            return
         try:
             outcome = TaskOutcome(**self._result(future))
         except (ImportError, AttributeError, TypeError) as error:  # another texbake, or none
@@ -232,12 +240,17 @@ class DaskWorkers:
             self._gone = None  # a worker was there
         elif time.monotonic() > self._looked + _LOOK_SECONDS:
             self._look_for_workers()
-        return [(number, ended) for number, ended in found if not self._tried_again(number, ended)]
+        return [
+            (number, ended)
+            for number, ended in found
+            if number in self._tasks and not self._tried_again(number, ended)
+        ]
 
     def _tried_again(self, number: int, outcome: TaskOutcome) -> bool:
         """Forget a task that has ended; submit it again if its worker could not run it."""
         task = self._tasks.pop(number)
         self._futures.pop(number, None)
+        self._limited_to.pop(number, None)
         if outcome.status != LOST:
             return False
         self._refusals[number] += 1
@@ -255,8 +268,11 @@ class DaskWorkers:
         """Raise if there have been no workers for too long."""
         self._looked = now = time.monotonic()
         with suppress(OSError):  # a scheduler that disappears just now is reported as such
-            if self._client.scheduler_info(n_workers=-1)["workers"]:
+            workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            if workers:
                 self._gone = None
+                self._memory = _memory_of_a_task(workers)
+                self._submit_to_others(set(workers))
                 return
         start = f"start some with: dask worker {self._address}"
         if self._gone is None:
@@ -267,6 +283,14 @@ class DaskWorkers:
                 f"{self._address}: all its workers have disappeared; {start}, and build again; "
                 "finished steps are kept"
             )
+
+    def _submit_to_others(self, workers: set[str]) -> None:
+        """Submit tasks again of which all workers that may run them have disappeared."""
+        for number, limited_to in list(self._limited_to.items()):
+            if limited_to and workers.isdisjoint(limited_to) and number in self._tasks:
+                future = self._futures[number]
+                self.submit(number, self._tasks[number])
+                future.release()
 
     def close(self) -> None:
         """Cancel unfinished tasks, and disconnect from the scheduler."""
@@ -280,6 +304,15 @@ class DaskWorkers:
         return SchedulerLostError(
             f"{self._address}: the scheduler has disappeared; build again, finished steps are kept"
         )
+
+
+def _memory_of_a_task(workers: dict[str, Any]) -> dict[str, int]:
+    """Return the bytes that a task may take on each worker that has a limit."""
+    return {
+        worker: about["memory_limit"] // about["nthreads"]
+        for worker, about in workers.items()
+        if about.get("memory_limit")
+    }
 
 
 def _connected(address: str) -> Any:
