@@ -8,12 +8,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from texbake.errors import FileFormatError
-from texbake.mesh.files import read_mesh
-from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files import gltf_document, read_mesh
+from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import MAX_PLACED
+from texbake.mesh.files.source import read_array
+from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+
+
+def read_materials_of(path):
+    return read_materials(path, read_mesh(path))
 
 
 @pytest.fixture
@@ -121,6 +127,63 @@ def test_meshes_of_the_same_arrays_are_read_once(instances, monkeypatch):
     )
     assert read_mesh(path).n_faces == 50
     assert reads == [0]
+
+
+def changed(path, change):
+    """Change the document of a file."""
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_buffer_file_is_read_and_counted_once_whatever_names_it(instances, monkeypatch):
+    """A small file could name a large one as often as it likes."""
+
+    def change(document):
+        names = ["a.bin", "./a.bin", "%61.bin", "b/../a.bin"] * 10
+        document["buffers"] += [
+            {"byteLength": 1000 + i, "uri": name} for i, name in enumerate(names)
+        ]
+
+    path = changed(instances(1), change)
+    (path.parent / "a.bin").write_bytes(bytes(5000))
+    (path.parent / "b").mkdir()
+    reads = []
+    monkeypatch.setattr(
+        gltf_document, "read_array", lambda path: (reads.append(path), read_array(path))[1]
+    )
+    document = read_document(path)
+    assert document.n_bytes == 36 + 1039
+    assert [path.name for path in reads] == ["instances.gltf", "a.bin"]
+    assert all(np.shares_memory(document.buffers[1], other) for other in document.buffers[2:])
+
+
+@pytest.mark.parametrize("read", [read_materials_of, read_scene])
+def test_primitives_without_triangles_are_looked_at_once(instances, monkeypatch, read):
+    def change(document):
+        points = {"attributes": {"POSITION": 0}, "mode": 0, "material": 0}
+        document["meshes"][0]["primitives"] += [points] * 100
+        document["materials"] = [{}]
+
+    path = changed(instances(50), change)
+    looked, mapping = [], Document.mapping
+    monkeypatch.setattr(
+        Document, "mapping", lambda *where: (looked.append(where), mapping(*where))[1]
+    )
+    read(path)
+    assert len(looked) < 5000
+
+
+@pytest.mark.parametrize("kind", ["mesh", "scene"])
+def test_true_is_no_index(instances, kind):
+    def change(document):
+        document["meshes"] *= 2
+        document["scenes"] *= 2
+        (document["nodes"][0] if kind == "mesh" else document)[kind] = True
+
+    with pytest.raises(FileFormatError, match=r"it has no (meshes|scenes)\[True\]"):
+        read_mesh(changed(instances(1), change))
 
 
 def test_nodes_may_stand_far_below_each_other(instances):

@@ -222,6 +222,26 @@ def test_an_image_on_coordinates_that_are_not_there_is_noted(tmp_path):
     assert "TEXCOORD_1" in found.notes(["base-color"])[0]
 
 
+def test_images_on_more_sets_of_coordinates_than_a_mesh_has_are_refused(tmp_path):
+    """Each set takes as much memory as the coordinates of the mesh, and a material 50 bytes."""
+    path = gltf_with(
+        tmp_path,
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}},
+        images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
+        **IMAGED,
+    )
+    document = json.loads(path.read_text())
+    text = json.dumps(document["materials"][0])
+    document["materials"] = [
+        json.loads(text.replace('"texCoord": 1', f'"texCoord": {i}')) for i in range(66)
+    ]
+    primitive = document["meshes"][0]["primitives"][0]
+    document["meshes"][0]["primitives"] = [{**primitive, "material": i} for i in range(66)]
+    path.write_text(json.dumps(document))
+    with pytest.raises(MeshError, match="it has 65 sets of texture coordinates besides the first"):
+        read_materials(path, read_mesh(path))
+
+
 def test_real_files_have_theirs(data_dir):
     path = data_dir / "meshes" / "capsule.obj"
     found = read_materials(path, read_mesh(path))

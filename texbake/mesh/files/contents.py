@@ -203,10 +203,9 @@ def _add_statement(
             return
         name = map_name(words)[0]
         channels[channel] = label = Path(name).name
-        image = next(_allowed(library, [name]), None)
-        if images.get(label) is None and image is not None and is_file(image):
-            images[label] = read_bytes(image)
-        images.setdefault(label, None)
+        if images.setdefault(label, None) is None:
+            with suppress(FileError):
+                images[label] = read_bytes(file_beside(library, name))
 
 
 def _allowed(path: Path, names: Iterable[str]) -> Iterator[Path]:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
-from texbake.limits import file_beside
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.source import ByteArray, parsed, read_array, without_cycle_search
 
@@ -85,7 +85,7 @@ class Document:
         items = self._lists.get(kind)
         if items is None:
             items = self._lists[kind] = self.items(kind)
-        if not isinstance(index, int) or not 0 <= index < len(items):
+        if type(index) is not int or not 0 <= index < len(items):
             self.fail(f"it has no {kind}[{quoted(index)}]")
         return items[index]
 
@@ -209,21 +209,41 @@ class Document:
     @cached_property
     def buffers(self) -> list[ByteArray]:
         """Bytes of each buffer, as many as it claims."""
-        return [self._buffer(i, buffer) for i, buffer in enumerate(self.items("buffers"))]
+        files: dict[str, ByteArray] = {}
+        return [self._buffer(i, buffer, files) for i, buffer in enumerate(self.items("buffers"))]
 
     @cached_property
     def n_bytes(self) -> int:
-        """Bytes of all buffers together."""
-        return sum(len(buffer) for buffer in self.buffers)
+        """Bytes of all buffers together, those of a file once."""
+        sizes: dict[int | str, int] = {}
+        for i, (buffer, content) in enumerate(
+            zip(self.items("buffers"), self.buffers, strict=True)
+        ):
+            source = self._file_of(buffer) or i
+            sizes[source] = max(sizes.get(source, 0), len(content))
+        return sum(sizes.values())
+
+    def _file_of(self, buffer: dict[str, Any]) -> str | None:
+        """Real path of the file that a buffer names; None where it names none."""
+        uri = buffer.get("uri")
+        is_file = isinstance(uri, str) and not uri.startswith("data:")
+        return real_path(self.path, unquote(str(uri))) if is_file else None
 
     @cached_property
     def n_image_bytes(self) -> int:
-        """Bytes of the views that hold images, each view once."""
+        """Bytes of the views that hold images, each view once, unpacked."""
         views = self.items("bufferViews")
         held = {i for image in self.items("images") if type(i := image.get("bufferView")) is int}
-        return sum(self.integer(views[i], "byteLength", 0) for i in held if 0 <= i < len(views))
+        return sum(self._n_view_bytes(views[i]) for i in held if 0 <= i < len(views))
 
-    def _buffer(self, index: int, buffer: dict[str, Any]) -> ByteArray:
+    def _n_view_bytes(self, view: dict[str, Any]) -> int:
+        compressed = self.mapping(self.mapping(view, "extensions"), EXTENSION)
+        if compressed:
+            return self.integer(compressed, "count", 0) * self.integer(compressed, "byteStride", 0)
+        return self.integer(view, "byteLength", 0)
+
+    def _buffer(self, index: int, buffer: dict[str, Any], files: dict[str, ByteArray]) -> ByteArray:
+        """Bytes of a buffer; `files` has those that were read, by their real paths."""
         n_bytes = self.integer(buffer, "byteLength")
         uri = buffer.get("uri")
         if uri is None and self.mapping(self.mapping(buffer, "extensions"), EXTENSION):
@@ -240,7 +260,10 @@ class Document:
         elif "://" in uri:
             self.fail(f"buffers[{index}] is at {quoted(uri)}, and only local files are read")
         else:
-            data = read_array(file_beside(self.path, unquote(uri)))
+            place, source = file_beside(self.path, unquote(uri)), str(self._file_of(buffer))
+            if source not in files:  # many buffers may name one
+                files[source] = read_array(place)
+            data = files[source]
         if len(data) < n_bytes:
             self.fail(f"it is cut short: buffers[{index}] has {len(data)} of {n_bytes} bytes")
         return data[:n_bytes]

@@ -37,6 +37,7 @@ from texbake.mesh.materials import (
     Placing,
 )
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.uv_sets import require_few_sets
 
 # v down to v up, and back.
 FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
@@ -51,16 +52,16 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         The file is missing or cannot be read.
     FileFormatError
         It is damaged.
+    MeshError
+        Its images lie on more sets of texture coordinates than a mesh can have.
     """
     document = read_document(path)
     # The groups of the mesh are its primitives, in this order.
-    primitives = [
-        primitive
-        for node in placed_nodes(document).nodes
-        if "mesh" in node
-        for primitive in document.objects(document.item("meshes", node["mesh"]), "primitives")
-        if triangle_count(document, primitive)
-    ]
+    of_meshes: dict[int, list[dict[str, Any]]] = {}
+    primitives: list[dict[str, Any]] = []
+    for node in placed_nodes(document).nodes:
+        if "mesh" in node:
+            primitives += _primitives(document, node["mesh"], of_meshes)
     used = [material_index(document, primitive) for primitive in primitives]
     if mesh.face_groups is None or len(used) != len(mesh.group_names):
         return None
@@ -80,6 +81,17 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         missing=tuple(reader.missing.lines),
         missing_images=tuple(reader.missing.images),
     )
+
+
+def _primitives(
+    document: Document, index: Any, known: dict[int, list[dict[str, Any]]]
+) -> list[dict[str, Any]]:
+    """Return the primitives of a mesh that have triangles; `known` has those of other meshes."""
+    mesh = document.item("meshes", index)
+    if index not in known:
+        primitives = document.objects(mesh, "primitives")
+        known[index] = [item for item in primitives if triangle_count(document, item)]
+    return known[index]
 
 
 @dataclass(eq=False)
@@ -128,12 +140,15 @@ class _MaterialReader:
             for source in material.channels.values()
             if source.image is not None
         } - {0}
+        require_few_sets(len(numbers), str(self.document.path))
+        if not numbers:
+            return {}
+        firsts = [primitive_uvs(self.document, primitive, 0) for primitive in primitives]
+        # Where only some primitives have the first set, the others have one row of it.
+        lengths = [1 if first is None else len(first) for first in firsts]
         sets = {}
         for number in sorted(numbers):
             rows = [primitive_uvs(self.document, primitive, number) for primitive in primitives]
-            firsts = [primitive_uvs(self.document, primitive, 0) for primitive in primitives]
-            # Where only some primitives have the first set, the others have one row of it.
-            lengths = [1 if first is None else len(first) for first in firsts]
             if mesh.uvs is None or sum(lengths) != len(mesh.uvs):
                 line = f"images lie on TEXCOORD_{number}, and the mesh has no TEXCOORD_0"
                 self.missing.add("", f"{line}; they are left out")

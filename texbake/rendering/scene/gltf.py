@@ -94,6 +94,7 @@ class _Reader:
         self.view: CameraView | None = None
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
+        self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
         self.notes = [
             f"it uses {shortened(name)}, which is not supported"
             for name in document.texts("extensionsUsed")
@@ -146,7 +147,8 @@ class _Reader:
         source = self.document.item("meshes", index)
         name = str(node.get("name") or source.get("name") or f"mesh {index}")
         primitives = self.document.objects(source, "primitives")
-        for i, primitive in enumerate(primitives):
+        for i in self.shown.get(index, range(len(primitives))):
+            primitive = primitives[i]
             attributes = self.document.mapping(primitive, "attributes")
             found = self.materials.material(
                 material_index(self.document, primitive), vertex_colors="COLOR_0" in attributes
@@ -177,6 +179,9 @@ class _Reader:
                 self.notes.append(f"the node {quoted(name)} is scaled flat; it is left out")
                 continue
             self.objects.append(item)
+        if index not in self.shown:
+            numbers = range(len(primitives))
+            self.shown[index] = [i for i in numbers if self.meshes[index, i] is not None]
 
     def _mesh(self, piece: PrimitiveMesh | None, name: str, of: SceneMaterial) -> Mesh | None:
         if piece is None or len(piece.faces) == 0:
