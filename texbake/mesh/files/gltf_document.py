@@ -22,7 +22,7 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
-from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
+from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view, most_decoded
 from texbake.mesh.files.source import ByteArray, parsed, read_array, without_cycle_search
 
 _MAGIC = b"glTF"
@@ -71,6 +71,8 @@ class Document:
     # Lists of objects that were checked; thousands of items are looked up in one.
     _checked: set[int] = field(default_factory=set, repr=False, compare=False)
     _lists: dict[str, list[dict[str, Any]]] = field(default_factory=dict, repr=False, compare=False)
+    # Compressed views that were read.
+    _decoded: dict[int, ByteArray] = field(default_factory=dict, repr=False, compare=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError` that says what is wrong with the file."""
@@ -177,10 +179,14 @@ class Document:
     def view_bytes(self, index: Any) -> ByteArray:
         """Bytes of a buffer view, such as an image's file."""
         view = self.item("bufferViews", index)
-        compressed = self.mapping(self.mapping(view, "extensions"), EXTENSION)
-        if compressed:
-            return self._decompressed(compressed)
-        return self._stored(view)
+        packing = self._packing(view)
+        if not packing:
+            return self._stored(view)
+        if index not in self._decoded:  # many accessors may share one
+            if self._n_unpacked > most_decoded(self.n_bytes, len(self.items("bufferViews"))):
+                self.fail(f"its compressed views claim {self._n_unpacked:,} bytes; they overlap")
+            self._decoded[index] = self._decompressed(packing)
+        return self._decoded[index]
 
     def _decompressed(self, view: dict[str, Any]) -> ByteArray:
         """Bytes that meshoptimizer has coded."""
@@ -230,6 +236,15 @@ class Document:
         return real_path(self.path, unquote(str(uri))) if is_file else None
 
     @cached_property
+    def _n_unpacked(self) -> int:
+        """Bytes of all compressed views together, unpacked; of one that claims too many, fewer."""
+        packings = filter(None, map(self._packing, self.items("bufferViews")))
+        return sum(
+            min(self._n_claimed(packing), most_decoded(self.integer(packing, "byteLength", 0), 1))
+            for packing in packings
+        )
+
+    @cached_property
     def n_image_bytes(self) -> int:
         """Bytes of the views that hold images, each view once, unpacked."""
         views = self.items("bufferViews")
@@ -237,10 +252,15 @@ class Document:
         return sum(self._n_view_bytes(views[i]) for i in held if 0 <= i < len(views))
 
     def _n_view_bytes(self, view: dict[str, Any]) -> int:
-        compressed = self.mapping(self.mapping(view, "extensions"), EXTENSION)
-        if compressed:
-            return self.integer(compressed, "count", 0) * self.integer(compressed, "byteStride", 0)
-        return self.integer(view, "byteLength", 0)
+        packing = self._packing(view)
+        return self._n_claimed(packing) if packing else self.integer(view, "byteLength", 0)
+
+    def _n_claimed(self, packing: dict[str, Any]) -> int:
+        return self.integer(packing, "count", 0) * self.integer(packing, "byteStride", 0)
+
+    def _packing(self, view: dict[str, Any]) -> dict[str, Any]:
+        """Return what says how a view is compressed; empty where it is not."""
+        return self.mapping(self.mapping(view, "extensions"), EXTENSION)
 
     def _buffer(self, index: int, buffer: dict[str, Any], files: dict[str, ByteArray]) -> ByteArray:
         """Bytes of a buffer; `files` has those that were read, by their real paths."""
