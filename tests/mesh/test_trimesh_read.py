@@ -216,6 +216,28 @@ def test_counts_of_deep_collada_nodes_stay_small(tmp_path: Path) -> None:
     assert all(10**12 <= count <= 2 * 10**12 for count in graph.placed())
 
 
+def test_a_node_of_collada_that_many_place_is_looked_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ten thousand nodes, each placed ten thousand times, would take minutes only to count."""
+    looked: list[int] = []
+    below = collada_instances._Graph._below
+    monkeypatch.setattr(
+        collada_instances._Graph,
+        "_below",
+        lambda graph, index: (looked.append(index), below(graph, index))[1],
+    )
+    text = (
+        '<COLLADA><library_nodes><node id="c"/><node id="b">'
+        + '<instance_node url="#c"/>' * 1000
+        + '</node></library_nodes><visual_scene><node id="a">'
+        + '<instance_node url="#b"/>' * 1000
+        + "</node></visual_scene></COLLADA>"
+    )
+    assert collada_instances._Graph(io.BytesIO(text.encode())).placed() == (1_001_001, 0)
+    assert len(looked) <= 2 * 3
+
+
 def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:
     path = nested(tmp_path, 2, 3)
     assert texbake.read_mesh(path).n_faces == 10 * uv_sphere(4, 6).n_faces

@@ -78,36 +78,37 @@ class _Graph:
         return len(self._nodes)
 
     def _read(self, file: IO[bytes]) -> None:
-        path: list[str] = []
         inside: list[int] = []  # the nodes around what is read
+        n_scenes = 0  # those around it
         geometry = ""
         for event, element in iterparse(file, events=("start", "end")):
             tag = element.tag.rpartition("}")[2]
-            if event == "end":
-                path.pop()
-                if tag == "node":
-                    inside.pop()
-                elif tag == "p" and geometry:
-                    n = len(element.text or "")
-                    self.n_characters += n
-                    self._triangles[geometry] += n // _CHARACTERS
-                element.clear()
-                continue
+            is_start = event == "start"
             if tag == "node":
-                self._add_node(element.get("id", ""), inside, path)
-            elif tag == "geometry":
+                if is_start:
+                    self._add_node(element.get("id", ""), inside, n_scenes > 0)
+                else:
+                    inside.pop()
+            elif tag == "visual_scene":
+                n_scenes += 1 if is_start else -1
+            elif tag == "geometry" and is_start:
                 geometry = element.get("id", "")
                 self._triangles.setdefault(geometry, 0)
-            elif inside and tag in ("instance_node", "instance_geometry"):
+            elif tag == "p" and not is_start and geometry:
+                n = len(element.text or "")
+                self.n_characters += n
+                self._triangles[geometry] += n // _CHARACTERS
+            elif inside and is_start and tag in ("instance_node", "instance_geometry"):
                 placed = self._nodes[inside[-1]][1 if tag == "instance_node" else 2]
                 placed.append(element.get("url", "").lstrip("#"))
-            path.append(tag)
+            if not is_start:
+                element.clear()
 
-    def _add_node(self, name: str, inside: list[int], path: list[str]) -> None:
+    def _add_node(self, name: str, inside: list[int], is_shown: bool) -> None:
         index = len(self._nodes)
         if inside:
             self._nodes[inside[-1]][0].append(index)
-        elif "visual_scene" in path:
+        elif is_shown:
             self._roots.append(index)
         self._nodes.append(([], [], []))
         self._by_id.setdefault(name, index)
@@ -120,20 +121,22 @@ class _Graph:
         waiting = list(self._roots)
         while waiting:
             index = waiting[-1]
+            if index in totals:  # many nodes may place it
+                waiting.pop()
+                continue
             below = self._below(index)
             later = [i for i in below if i not in totals and i not in open_nodes]
-            if index not in totals and index not in open_nodes and later:
+            if index not in open_nodes and later:
                 open_nodes.add(index)
                 waiting += later
                 continue
             waiting.pop()
             open_nodes.discard(index)
-            if index not in totals:
-                known = [totals.get(i, (0, 0)) for i in below]  # a circle counts as nothing
-                own = sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
-                n_nodes = 1 + sum(n for n, _ in known)
-                n_triangles = own + sum(t for _, t in known)
-                totals[index] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
+            known = [totals.get(i, (0, 0)) for i in below]  # a circle counts as nothing
+            own = sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
+            n_nodes = 1 + sum(n for n, _ in known)
+            n_triangles = own + sum(t for _, t in known)
+            totals[index] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
         found = [totals[i] for i in self._roots]
         return sum(n for n, _ in found), sum(t for _, t in found)
 
