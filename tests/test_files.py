@@ -4,6 +4,7 @@ import errno
 import os
 import signal
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,10 +14,14 @@ from texbake import FileError
 from texbake.files import (
     appearing_together,
     check_folder,
+    check_name,
     check_writable,
+    is_file,
+    is_folder,
     make_folder,
     remove_file,
     replacing,
+    require_file,
     scratch_folder,
     write_files,
     written_file,
@@ -284,3 +289,17 @@ def test_a_file_written_after_its_removal_stays(tmp_path: Path) -> None:
         with replacing(target) as temporary:
             temporary.write_bytes(b"third")
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"third"]
+
+
+@pytest.mark.parametrize("name", ["a\0b", "x" * 300, "\ud800"])
+@pytest.mark.parametrize(
+    "look", [check_folder, check_name, check_writable, make_folder, remove_file, require_file]
+)
+def test_a_name_that_no_file_can_have_is_one_line(
+    name: str, look: Callable[[Path], object], tmp_path: Path
+) -> None:
+    with pytest.raises(FileError) as refused:
+        look(tmp_path / name)
+    assert "\n" not in str(refused.value)
+    assert not is_file(tmp_path / name) and not is_folder(tmp_path / name)
+    check_name(tmp_path / "missing" / "file")

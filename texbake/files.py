@@ -47,13 +47,27 @@ def require_file(path: PathLike) -> None:
         mode = Path(path).stat().st_mode
     except (FileNotFoundError, NotADirectoryError) as error:
         raise FileError(f"{path}: there is no such file; check its name") from error
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path}: cannot be read: {reason}") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read: {_reason(error)}") from error
     if stat.S_ISDIR(mode):
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if not stat.S_ISREG(mode):
         raise FileError(f"{path}: it is not a regular file; copy its content to one")
+
+
+def check_name(path: PathLike) -> None:
+    """Raise `FileError` for a name that no file or folder can have, wherever it may be missing."""
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: it cannot be the name of a file: {_reason(error)}") from error
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """Return what is wrong with a name; a ValueError is of one that has a null character."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 def is_file(path: PathLike) -> bool:
@@ -299,13 +313,13 @@ def check_writable(path: PathLike) -> None:
 
 def _target_of(path: PathLike) -> Path:
     """Resolve the symbolic links of a path; raise `FileError` if no file can be written there."""
-    target = Path(os.path.realpath(path))
     try:
+        target = Path(os.path.realpath(path))
         target.lstat()
     except (FileNotFoundError, NotADirectoryError):
         pass
-    except OSError as error:  # such as a name that is too long
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # such as a name that is too long
+        raise FileError(f"{path}: cannot be written: {_reason(error)}") from error
     if target.is_dir():
         raise FileError(f"{path}: it is a folder; give the name of a file in it")
     if target.is_symlink():
@@ -323,12 +337,12 @@ def check_folder(folder: PathLike) -> None:
 
     The folder need not exist if it can be created.
     """
-    there = Path(os.path.realpath(folder))
     try:
+        there = Path(os.path.realpath(folder))
         while not there.exists():
             there = there.parent
-    except OSError as error:  # such as a name that is too long
-        raise FileError(f"{folder}: cannot be made: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # such as a name that is too long
+        raise FileError(f"{folder}: cannot be made: {_reason(error)}") from error
     if not there.is_dir():
         raise FileError(f"{folder}: {there} is a file; give the name of a folder")
     if not os.access(there, os.W_OK):
@@ -351,8 +365,8 @@ def make_folder(folder: PathLike) -> Path:
         path.mkdir(parents=True, exist_ok=True)
         for there in missing:
             to_disk(there.parent)
-    except OSError as error:
-        raise FileError(f"{path}: the folder cannot be made: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: the folder cannot be made: {_reason(error)}") from error
     return path
 
 

@@ -648,6 +648,18 @@ def test_ten_thousand_assets_are_planned_and_found_current(
     assert [step.asset for step in plan if step.state == "current"] == ["77"]
 
 
+@pytest.mark.parametrize("key", ["folder", "store", "outputs"])
+@pytest.mark.parametrize("name", ["a\\u0000b", "a" * 300])
+def test_a_name_that_no_folder_can_have_is_one_line(
+    key: str, name: str, write: Write, run: Run
+) -> None:
+    path = write(SCAN, SCAN_STEPS, f'{key} = "{name}"\n')
+    write_mesh(uv_sphere(4, 6), path.parent / "a.ply")
+    for use in (run, plan_build):
+        with pytest.raises(FileError, match="it cannot be the name of a file"):
+            use(path)
+
+
 def test_invalid_options() -> None:
     for choice in ({"jobs": 0}, {"threads": -1}, {"max_memory": "much"}, {"scheduler": "there"}):
         with pytest.raises(OptionError):

@@ -35,7 +35,7 @@ from texbake.building.schedule import Schedule, states_of
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import OptionError, TexbakeError
-from texbake.files import PathLike, make_folder, replacing
+from texbake.files import PathLike, check_name, make_folder, replacing
 from texbake.jobs.outputs import check_page
 from texbake.machine_memory import machine_memory
 from texbake.parallel import default_threads
@@ -143,6 +143,11 @@ class Site:
     outputs : str
         Folder or URL.
     store : Store
+
+    Raises
+    ------
+    FileError
+        One of them has a name that no folder can have.
     """
 
     def __init__(self, pipeline: Pipeline, options: BuildOptions) -> None:
@@ -151,6 +156,9 @@ class Site:
         self._verify = options.verify
         self.outputs = _place(pipeline, pipeline.outputs, self.folder)
         self.store = Store(_place(pipeline, pipeline.store, self.inside / "store"))
+        for place in (str(self.folder), self.outputs, self.store.place):
+            if not is_url(place):
+                check_name(place)
         self.digests = Digests(self.inside / "digests.json", trusting=not options.verify)
         self.last = LastKeys(self.inside / "last.json")
 
