@@ -1,13 +1,15 @@
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.texture.dds import write_dds
 from texbake.texture.encoding import decode_srgb
-from texbake.texture.image import read_image, write_image
+from texbake.texture.image import decode_image, read_header, read_image, write_image
 from texbake.texture.image_formats import check_image_format, holds_floats
 
 # What each format holds, and the most that a value in [0, 1] changes on the way: half a code, half
@@ -166,6 +168,48 @@ def test_a_file_that_claims_more_than_memory_is_an_error(tmp_path):
     (tmp_path / "a.ppm").write_bytes(header + bytes(300))
     with pytest.raises(FileFormatError):
         read_image(tmp_path / "a.ppm", color=False)
+
+
+def stored(path, suffix):
+    """Write an image by a library, under whatever name."""
+    codes = np.random.default_rng(4).integers(0, 255, (8, 12, 3)).astype(np.uint8)
+    made = path.with_name(f"made.{suffix}")
+    output = oiio.ImageOutput.create(str(made))
+    assert output.open(str(made), oiio.ImageSpec(12, 8, 3, "uint8")) and output.write_image(codes)
+    assert output.close()
+    made.rename(path)
+    return codes
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif", "tga", "jpg", "webp", "bmp", "ppm", "dds"])
+@pytest.mark.parametrize("name", ["a.tga", "a.png", "a.gif", "image"])
+def test_an_image_is_read_whatever_its_suffix(tmp_path, suffix, name):
+    path = tmp_path / name
+    if suffix == "dds":
+        write_dds(np.zeros((8, 12, 3), np.float32), tmp_path / "made.dds", block_format="bc1")
+        (tmp_path / "made.dds").rename(path)
+        codes = np.zeros((8, 12, 3))
+    else:
+        codes = stored(path, suffix)
+    read = read_image(path, color=False).pixels[..., :3] * 255.0
+    assert read.shape == codes.shape
+    if suffix not in ("jpg", "webp"):
+        np.testing.assert_allclose(read, codes, atol=1e-3)
+
+
+@pytest.mark.parametrize("suffix", ["gif", "sgi", "ico", "rla", "iff", "jp2", "dpx"])
+@pytest.mark.parametrize("name", ["a", "a.png", "a.tga"])
+def test_images_of_other_formats_are_refused_before_a_library_opens_them(
+    tmp_path, monkeypatch, suffix, name
+):
+    path = tmp_path / (name if "." in name else f"a.{suffix}")
+    stored(path, suffix)
+    monkeypatch.setattr(oiio.ImageInput, "open", None)
+    for read in partial(read_image, color=True), read_header:
+        with pytest.raises(FileFormatError, match="not an image that is read; save it as PNG"):
+            read(path)
+    with pytest.raises(FileFormatError, match=r"^inside: it is not an image that is read"):
+        decode_image(path.read_bytes(), "inside", color=True)
 
 
 def test_part_of_an_image_is_an_error(tmp_path):

@@ -32,7 +32,14 @@ from texbake.texture.encoding import (
     quantize_srgb,
     quantize_unsigned,
 )
-from texbake.texture.image_formats import PNG, check_image_format, format_of, holds_floats
+from texbake.texture.image_formats import (
+    PNG,
+    check_image_format,
+    format_of,
+    holds_floats,
+    require_read_format,
+    suffix_of_content,
+)
 from texbake.texture.jpeg import require_few_scans
 from texbake.texture.png_files import write_png
 
@@ -144,7 +151,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
     Parameters
     ----------
     path
-        Whatever OpenImageIO reads: PNG, EXR, TIFF, TGA, HDR, JPEG, PPM and more.
+        PNG, EXR, TIFF, TGA, HDR, JPEG, WebP, BMP, DDS or PPM, whatever its suffix.
     color
         Whether integer codes are sRGB colors, which are converted to linear (except for alpha), or
         data.
@@ -263,6 +270,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
 
     require_file(path)
     try:
+        require_read_format(path)
         # Checked before libpng sees it, which would print its complaints.
         description = png_description(path) if is_png(path) else ""
         require_few_scans(path)
@@ -275,6 +283,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     source = oiio.ImageInput.open(str(path), wishes)
     if source is None:
         raise FileFormatError(f"{path}: it is not an image: {_one_line(_complaint(oiio.geterror))}")
+    require_read_format(path, source.format_name())
     spec = source.spec()
     # A tile is decoded whole, however small the part of it in the image.
     width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
@@ -326,11 +335,6 @@ def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -
     return line.replace(str(temporary), str(path)) if temporary is not None else line
 
 
-_SUFFIXES = ((0, b"\x89PNG", ".png"), (8, b"WEBP", ".webp"), (0, b"II*\0", ".tif"),
-             (0, b"MM\0*", ".tif"), (0, b"\x76\x2f\x31\x01", ".exr"), (0, b"#?", ".hdr"),
-             (0, b"P6", ".ppm"), (0, b"\xff\xd8", ".jpg"))  # fmt: skip
-
-
 def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = None) -> Image:
     """Read an image from the bytes of a file; the first bytes identify the format.
 
@@ -369,11 +373,7 @@ def image_shape(data: bytes, name: str) -> tuple[int, int, int]:
 @contextmanager
 def _as_file(data: bytes, name: str) -> Iterator[Path]:
     """Write bytes to a file, which is all that OpenImageIO's Python interface reads."""
-    suffix = Path(name).suffix or ".jpg"
-    for start, magic, known in _SUFFIXES:
-        if data[start : start + len(magic)] == magic:
-            suffix = known
-            break
+    suffix = suffix_of_content(data) or Path(name).suffix
     with scratch_folder() as folder:
         path = folder / f"image{suffix}"
         path.write_bytes(data)

@@ -1,4 +1,4 @@
-"""Capabilities of the image formats: bits, floats, channels, and a place for metadata."""
+"""Image formats: those that are read, and what each can hold: bits, floats, channels, metadata."""
 
 from __future__ import annotations
 
@@ -38,6 +38,59 @@ _FORMATS = {
     ".jpeg": JPEG,
     ".ppm": ImageFormat("PPM", (8, 16), (), 8, 16, (1, 3), 0, ""),
 }
+
+# How files of the formats that are read begin: a place, bytes there, and a suffix. OpenImageIO
+# reads more, by code that no test of texbake has met.
+_BEGINNINGS = (
+    (0, b"\x89PNG", ".png"), (8, b"WEBP", ".webp"), (0, b"II*\0", ".tif"), (0, b"MM\0*", ".tif"),
+    (0, b"II+\0", ".tif"), (0, b"MM\0+", ".tif"), (0, b"\x76\x2f\x31\x01", ".exr"),
+    (0, b"#?", ".hdr"), (0, b"\xff\xd8", ".jpg"), (0, b"DDS ", ".dds"), (0, b"BM", ".bmp"),
+    *((0, b"P%d" % kind, ".ppm") for kind in range(1, 7)),
+)  # fmt: skip
+_READ_BY = ("png", "webp", "tiff", "openexr", "hdr", "jpeg", "dds", "bmp", "pnm", "targa")
+_HEAD = 18  # bytes; the header of a TGA file, which begins with nothing of its own
+
+
+def suffix_of_content(data: bytes) -> str | None:
+    """Return the suffix of an image file by its first bytes; None if no such format is read.
+
+    >>> suffix_of_content(b"BM and more"), suffix_of_content(b"GIF89a")
+    ('.bmp', None)
+    """
+    for start, known, suffix in _BEGINNINGS:
+        if data[start : start + len(known)] == known:
+            return suffix
+    return ".tga" if _is_tga(data) else None
+
+
+def _is_tga(data: bytes) -> bool:
+    """Whether bytes may be the header of a TGA file: kinds of palette and image, and bits."""
+    if len(data) < _HEAD:
+        return False
+    palette, kind, bits = data[1], data[2], data[16]
+    known = kind in (2, 3, 10, 11) or (kind in (1, 9) and palette == 1)
+    return palette in (0, 1) and known and bits in (8, 15, 16, 24, 32)
+
+
+def require_read_format(path: PathLike, reader: str = "") -> None:
+    """Raise `FileFormatError` if a file is not of an image format that is read.
+
+    Parameters
+    ----------
+    path
+    reader
+        OpenImageIO's name of what has opened the file; without it, its first bytes decide.
+    """
+    if reader:
+        is_read = reader in _READ_BY
+    else:
+        with Path(path).open("rb") as file:
+            is_read = suffix_of_content(file.read(_HEAD)) is not None
+    if not is_read:
+        raise FileFormatError(
+            f"{path}: it is not an image that is read; save it as PNG, EXR, "
+            "TIFF, TGA, HDR, JPEG, WebP, BMP, DDS or PPM"
+        )
 
 
 def check_image_format(
