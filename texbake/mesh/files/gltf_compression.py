@@ -7,7 +7,8 @@ begins with. Draco is only read; DracoPy is optional: ``pip install 'texbake[for
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams
         are version 0 of vertices and version 1 of indices;
-    Khronos Group, "KHR_draco_mesh_compression", 2018.
+    Khronos Group, "KHR_draco_mesh_compression", 2018;
+    Google, "Draco 3D Graphics Compression Bitstream Specification 2.2", 2018 (the counts).
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ _FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat
 # The least that a byte of a vertex can be coded to is a 64th of a byte, and of an index more; the
 # header of a block is what 1024 bytes leave room for.
 _GREATEST_RATIO, _HEAD = 64, 1024
+# Draco packs the triangles of a flat grid 11 to a byte.
+_FACES_PER_BYTE, _LEAST_FACES = 32, 1 << 16
 
 
 def encode_vertices(values: npt.NDArray[Any]) -> bytes:
@@ -171,8 +174,16 @@ def decode_draco(
             f"{path}: it is compressed by Draco, which needs DracoPy; "
             "pip install 'texbake[formats]', or export it without compression"
         ) from error
+    content = data.tobytes()
     try:
-        decoded = DracoPy.decode(data.tobytes())
+        n_faces, n_vertices = _draco_counts(content)
+        most = _LEAST_FACES + _FACES_PER_BYTE * len(content)
+        if max(n_faces, n_vertices) > most:
+            return (
+                f"a primitive compressed by Draco claims {n_faces:,} triangles and {n_vertices:,} "
+                f"vertices, more than {len(content):,} bytes can hold"
+            )
+        decoded = DracoPy.decode(content)
         attributes = {int(item["unique_id"]): item["data"] for item in decoded.attributes}
         indices = np.asarray(decoded.faces, np.uint32).ravel()
     except MemoryError:
@@ -181,3 +192,52 @@ def decode_draco(
         return "a primitive compressed by Draco is damaged"
     rows = {number: values.reshape(len(values), -1) for number, values in attributes.items()}
     return rows, indices
+
+
+def _draco_counts(data: bytes) -> tuple[int, int]:
+    """Return the triangles and vertices that a Draco mesh claims, and its decoder takes memory for.
+
+    Raises an exception where the head is none of a mesh, or is cut short.
+    """
+    if data[:5] != b"DRACO" or data[7] != 1:
+        raise ValueError("no mesh")
+    is_old, by_edges = data[5] < 2, data[8] == 1
+    at = _after_metadata(data, 11) if data[10] & 0x80 else 11
+    if by_edges:
+        at += 1  # of the way through the triangles
+        if (data[5], data[6]) < (2, 2):
+            _, at = _draco_number(data, at, is_old)  # new vertices
+    first, at = _draco_number(data, at, is_old)
+    second, at = _draco_number(data, at, is_old)
+    return (second, first) if by_edges else (first, second)
+
+
+def _draco_number(data: bytes, at: int, is_old: bool) -> tuple[int, int]:
+    """Return a count and where it ends: 32 bits, or since version 2, 7 bits in each byte."""
+    if is_old:
+        return int.from_bytes(data[at : at + 4], "little"), at + 4
+    number = shift = 0
+    while shift < 64:
+        number |= (data[at] & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if data[at - 1] < 0x80:
+            break
+    return number, at
+
+
+def _after_metadata(data: bytes, at: int) -> int:
+    """Return where the metadata end: those of attributes, with their numbers, and of the mesh."""
+    n_attributes, at = _draco_number(data, at, False)
+    for number in range(n_attributes + 1):
+        if number < n_attributes:
+            _, at = _draco_number(data, at, False)
+        n_left, has_name = 1, False
+        while n_left:  # a group, and the groups in it with their names
+            at += 1 + data[at] if has_name else 0
+            n_entries, at = _draco_number(data, at, False)
+            for _ in range(n_entries):
+                n_bytes, at = _draco_number(data, at + 1 + data[at], False)
+                at += n_bytes
+            n_groups, at = _draco_number(data, at, False)
+            n_left, has_name = n_left - 1 + n_groups, True
+    return at
