@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import errno
 import re
+from collections.abc import Iterable
 
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
 
@@ -47,6 +48,20 @@ def shortened(text: str, most: int = _MOST_QUOTED) -> str:
         return text
     n_end = (most - 3) // 3
     return f"{text[: most - 3 - n_end]}...{text[len(text) - n_end :]}"
+
+
+def first_few(items: Iterable[str], most: int = 20) -> tuple[str, ...]:
+    """Return each of some lines or names once, and of very many the first, and how many are left.
+
+    A file can have a million images that are missing.
+
+    >>> first_few(["a.png", "b.png", "a.png", "c.png"], most=1)
+    ('a.png', 'and 2 more like these')
+    """
+    each = tuple(dict.fromkeys(items))
+    if len(each) <= most:
+        return each
+    return (*each[:most], f"and {len(each) - most:,} more like these")
 
 
 def one_line(error: BaseException, most: int = 200) -> str:

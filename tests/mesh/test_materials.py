@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileFormatError, MeshError
+from texbake.jobs.carried import compared_without
+from texbake.jobs.convert import transform_file
 from texbake.mesh.files import mtl, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import (
@@ -18,6 +20,7 @@ from texbake.mesh.materials import (
     read_materials,
 )
 from texbake.mesh.shapes import cube, plane
+from texbake.rendering.scene.read import read_scene
 
 SQUARES = """mtllib {library}
 v 0 0 0
@@ -112,6 +115,34 @@ def test_a_name_that_no_file_can_have_is_a_file_that_is_missing(tmp_path, statem
         path.write_text(f"{line}\n" + path.read_text())
     assert len(read_materials(path, read_mesh(path)).missing) >= 1
     assert read_contents(path).materials[-1].name == "wood"
+
+
+def test_of_a_thousand_missing_images_a_few_are_told(tmp_path):
+    statements = (f"newmtl m{i}\nKd 1 0 0\nmap_Kd gone{i}.png\n" for i in range(1000))
+    path = obj_with(tmp_path, "a.mtl", "newmtl wood\nKd 1 0 0\n" + "".join(statements))
+    found = read_materials(path, read_mesh(path))
+    assert len(found.missing) == len(found.missing_images) == 1000
+    for notes in found.notes(), found.notes(["base-color"]):
+        assert len(notes) == 21 and "gone19.png" in notes[19]
+        assert notes[20] == "and 980 more like these"
+    assert found.notes(["metallic"]) == ()
+    (line,) = compared_without(path, found)
+    assert line.endswith("gone18.png, gone19.png, and 980 more like these")
+    written = transform_file(path, tmp_path / "b.glb").warnings
+    assert sum("gone" in line for line in written) == 20 and "and 980 more like these" in written
+
+
+def test_of_a_thousand_notes_on_a_scene_a_few_are_told(tmp_path):
+    write_mesh(plane(), tmp_path / "a.glb")
+    content = (tmp_path / "a.glb").read_bytes()
+    n_json = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + n_json])
+    document["extensionsUsed"] = [f"EXT_{i}" for i in range(1000)]
+    (tmp_path / "a.bin").write_bytes(content[28 + n_json :])
+    document["buffers"][0]["uri"] = "a.bin"
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    notes = read_scene(tmp_path / "a.gltf").notes
+    assert len(notes) == 21 and notes[20] == "and 980 more like these"
 
 
 def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):

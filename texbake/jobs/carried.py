@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
+from texbake.errors import first_few
 from texbake.files import PathLike
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.frame import LocalFrame
@@ -92,7 +93,7 @@ def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, 
     """Return a sentence about images that are missing in both pictures; none for nothing."""
     if materials is None or not materials.missing_images:
         return ()
-    names = ", ".join(materials.missing_images)
+    names = ", ".join(first_few(materials.missing_images))
     return (f"{path}: compared without its missing images: {names}",)
 
 

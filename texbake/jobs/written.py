@@ -146,7 +146,8 @@ def write_with_materials(
     if Path(output).suffix.lower() in BARE_MESH_SUFFIXES:
         lost += [title for name, title in _TITLES.items() if getattr(mesh, name) is not None]
     materials = source.materials
-    files, notes = given(output), []
+    files = given(output)
+    notes: list[str] = []
     if materials is None:
         write_mesh(mesh, output)
     elif not source.fit(output, mtl=mtl) or mesh.n_faces != len(materials.face_materials):
@@ -154,10 +155,10 @@ def write_with_materials(
         write_mesh(mesh, output)
     elif Path(output).suffix.lower() == ".glb":
         materials = gltf_images(_of_colors(mesh, _of_uvs(mesh, materials, lost), lost))
-        notes += [line for _, line in materials.missing]
+        notes += materials.notes()
         write_mesh(mesh, output, materials=materials)
     else:
-        notes += [line for _, line in materials.missing]
+        notes += materials.notes()
         materials, without = mtl_images(_of_uvs(mesh, materials, lost))
         lost += without
         files = write_obj_materials(mesh, output, materials)

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError
+from texbake.errors import MeshError, first_few
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
@@ -245,10 +245,10 @@ class Materials:
         """Return where each material takes a channel from; None where it does not set it."""
         return [material.channels.get(channel) for material in self.materials]
 
-    def notes(self, channels: Iterable[str]) -> tuple[str, ...]:
-        """Return a line for everything that is missing of some channels."""
-        names = {"", *channels}
-        return tuple(dict.fromkeys(line for name, line in self.missing if name in names))
+    def notes(self, channels: Iterable[str] | None = None) -> tuple[str, ...]:
+        """Return lines about what is missing of some channels, or of all; of many the first."""
+        names = None if channels is None else {"", *channels}
+        return first_few(line for name, line in self.missing if names is None or name in names)
 
     def of_faces(
         self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]

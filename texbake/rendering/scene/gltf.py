@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from texbake.errors import MeshError, OptionError, quoted, shortened
+from texbake.errors import MeshError, OptionError, first_few, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import Document, read_document
@@ -120,7 +120,7 @@ class _Reader:
             lighting=Lighting(lights=tuple(self.lights)),
             view=self.view,
             name=path.name,
-            notes=tuple(dict.fromkeys([*self.notes, *self.materials.notes])),
+            notes=first_few([*self.notes, *self.materials.notes]),
             files=self._files(),
         )
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, first_few
 from texbake.files import PathLike
 from texbake.limits import toml_content
 from texbake.progress import ProgressSink
@@ -61,7 +61,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
         view=found.camera,
         name=found.name or Path(path).name,
         render=found.render or {},
-        notes=tuple(dict.fromkeys(maker.notes)),
+        notes=first_few(maker.notes),
         files=tuple(dict.fromkeys([*place.files, *maker.files])),
     )
     with at(path, "camera"):
