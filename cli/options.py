@@ -157,7 +157,7 @@ def _metavar(field: OptionField) -> str | None:
 
 def number_or_word(text: str | int) -> int | str:
     """Parse a number and leave words unchanged; the option class checks them."""
-    return int(text) if str(text).isdecimal() else text
+    return int(text) if str(text).isdecimal() and len(str(text)) < 19 else text
 
 
 def build_options(*, without: Collection[str] = ()) -> Decorator[Any]:

@@ -11,6 +11,8 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+_MOST_DIGITS = 18  # of a whole number
+
 
 class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """`1024` or `1024x512`, in pixels; an int or (width, height)."""
@@ -60,7 +62,8 @@ class ViewParam(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes n
             return value  # type: ignore[no-any-return]  # a default
         word, colon, count = value.partition(":")
         if colon and word == "turntable":
-            if not count.isascii() or not count.isdigit() or int(count) < 1:
+            # Python reads no number of thousands of digits.
+            if not count.isdecimal() or len(count) > _MOST_DIGITS or int(count) < 1:
                 self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
             return Turntable(int(count))
         try:

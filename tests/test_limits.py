@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake as command
 
 import texbake
-from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError
+from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError, quoted
 from texbake.limits import (
     ALLOW_OUTSIDE,
     MAX_IMAGE,
@@ -239,13 +239,14 @@ def test_an_image_that_is_a_pipe_does_not_wait(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [(MAX_IMAGE, "many"), (MAX_IMAGE, "0"), (ALLOW_OUTSIDE, "yes")]
+    ("name", "value"),
+    [(MAX_IMAGE, "many"), (MAX_IMAGE, "0"), (MAX_IMAGE, 5000 * "9"), (ALLOW_OUTSIDE, "yes")],
 )
 def test_a_variable_that_makes_no_sense_is_wrong_usage(monkeypatch, name, value):
     monkeypatch.setenv(name, value)
     result = CliRunner().invoke(command, ["info", "mesh.obj"])
     assert result.exit_code == 2
-    assert f"{name}: '{value}' is" in result.output
+    assert f"{name}: {quoted(value)} is" in result.output
 
 
 @pytest.mark.parametrize(("name", "suffix"), [("mipmap", ""), ("cubemap", ".png")])

@@ -139,7 +139,7 @@ def _side_of(n_pixels: int) -> int:
 
 def _max_image() -> int:
     text = os.environ.get(MAX_IMAGE, "") or str(DEFAULT_MAX_IMAGE)
-    if not re.fullmatch("[0-9]{1,7}", text) or not 1 <= int(text) <= 1 << 20:
+    if not text.isdecimal() or len(text) > 9 or not 1 <= int(text) <= 1 << 20:
         raise OptionError(f"{MAX_IMAGE}: {quoted(text)} is not a number of pixels, such as 16384")
     return int(text)
 

@@ -157,6 +157,7 @@ def without(text, number):
         ),
         ("0\n", "line 1: '0' is not a number of patches"),
         ("-3\n", "line 1: '-3' is not a number of patches"),
+        (5000 * "9" + "\n", "9' is not a number of patches"),
         ("2\n", "it ends before patch 1 of 2"),
         # holes in indices
         (shared().replace(",16\n", "\n"), "line 2: patch 1 of 2 has 15 indices; it needs 16"),

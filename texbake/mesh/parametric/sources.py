@@ -227,7 +227,7 @@ def _indices(path: PathLike, line: TextLine, patch: int, n_points: int) -> list[
             ) from error
         if not 1 <= index <= n_points:
             raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch} has the index {index}; "
+                f"{path}: line {line.number}: patch {patch} has the index {quoted(index)}; "
                 f"there are points 1 to {n_points}"
             )
         indices.append(index)
@@ -281,7 +281,7 @@ def _width(of_points: Sequence[TextLine]) -> int:
 
 def _is_count(line: TextLine) -> bool:
     """Whether a line is a whole number, alone."""
-    return len(line.words) == 1 and line.words[0].isascii() and line.words[0].isdigit()
+    return len(line.words) == 1 and line.words[0].isdecimal() and len(line.words[0]) < 19
 
 
 def _count(path: PathLike, line: TextLine, what: str) -> int:
