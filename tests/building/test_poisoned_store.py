@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +79,56 @@ def test_names_that_are_not_below_an_entry_are_damage(built: Path, name: str) ->
         Store(str(folder.parents[2])).find(key)
 
 
-@pytest.mark.parametrize("outputs", [None, [], {"mesh": {}}, {"mesh": {"file": 3, "files": []}}])
+def file(**changes: Any) -> dict[str, Any]:
+    """The outputs of a manifest with one file."""
+    listed = {"path": "", "sha256": "0" * 64, "size": 1, **changes}
+    return {"mesh": {"file": "m.ply", "files": [{k: v for k, v in listed.items() if v != "none"}]}}
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        None,
+        [],
+        {},
+        {"mesh": {}},
+        {"mesh": {"file": 3, "files": []}},
+        file(path=3),
+        file(path="a\0b"),
+        file(path="none"),
+        file(sha256="none"),
+        file(sha256=3),
+        file(size="large"),
+    ],
+)
 def test_a_manifest_of_another_shape_is_damage(
     built: Path, run: Callable[..., Any], outputs: Any
 ) -> None:
     poison(built, lambda manifest: manifest.update(outputs=outputs))
+    result, steps = run(built)
+    assert steps == ["a.clean"]
+    assert not result.failed
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "[" * 100_000,
+        lambda text: text.replace('"key"', '"kind"'),
+        lambda text: text.replace('"key"', '"\\ud800": 1, "key"'),
+    ],
+    ids=["nested", "without key", "half a character"],
+)
+def test_a_manifest_that_is_none_is_damage(
+    built: Path, run: Callable[..., Any], change: Callable[[str], str]
+) -> None:
+    (path,) = (built.parent / "build").rglob("manifest.json")
+    text = change(path.read_text())
+    with suppress(ValueError, RecursionError):
+        manifest = json.loads(text)
+        manifest.pop("checksum")
+        text = json.dumps({**manifest, "checksum": checksum(manifest)})
+    path.write_text(text)
     result, steps = run(built)
     assert steps == ["a.clean"]
     assert not result.failed

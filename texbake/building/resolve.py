@@ -132,7 +132,7 @@ class Resolver:
         try:
             manifest = self._store.find(state.key)
             if manifest is not None:
-                self._store.check(manifest, self.digests)
+                self._store.check(manifest, self.digests, node.outputs)
         except DamagedError as damage:
             state.reasons = [str(damage)]
             state.notes.append(f"its stored result was damaged and was made again: {damage}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,19 +74,26 @@ class Store:
         content = self._location.read(name)
         if content is None:
             return None
+        path = self._location.path(name)
         try:
             manifest = json.loads(content)
             said = manifest.pop("checksum")
-        except (ValueError, KeyError, AttributeError, TypeError) as error:
-            raise DamagedError(f"{self._location.path(name)} is damaged") from error
-        if checksum(manifest) != said or manifest["key"] != key:
-            raise DamagedError(f"{self._location.path(name)} does not have its checksum")
-        _require_plain_names(manifest, self._location.path(name))
+            known = checksum(manifest), manifest["key"], checksum(manifest["ingredients"])
+            if known != (said, key, key):
+                raise DamagedError(f"{path} does not have its checksum")
+            _require_plain_names(manifest, path)
+        except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
+            raise DamagedError(f"{path} is damaged") from error
         return dict(manifest)
 
-    def check(self, manifest: Manifest, digests: Digests) -> None:
-        """Raise `DamagedError` if a file of an entry is missing or does not match its checksum."""
-        for files in stored_files(manifest).values():
+    def check(self, manifest: Manifest, digests: Digests, outputs: Iterable[str]) -> None:
+        """Raise `DamagedError` if an output or a file is missing, or a checksum does not match."""
+        stored = stored_files(manifest)
+        missing = set(outputs).difference(stored)
+        if missing:
+            place = self._location.path(entry_name(manifest["key"]))
+            raise DamagedError(f"{place} has no {min(missing)}")
+        for files in stored.values():
             for file in files:
                 path = self._location.path(file.name)
                 if not digests.is_known(path, file.sha256):
@@ -242,21 +249,21 @@ def stored_files(manifest: Manifest) -> dict[str, list[StoredFile]]:
 def _require_plain_names(manifest: Manifest, path: str) -> None:
     """Raise `DamagedError` if a manifest names files outside its folder.
 
-    A store may be shared, and anybody who writes to it can make a checksum that fits.
+    A store may be shared, and anybody who writes to it can make a checksum that fits. Whatever else
+    it may hold raises a `ValueError`, `KeyError`, `AttributeError` or `TypeError`.
     """
-    try:
-        for listed in manifest["outputs"].values():
-            names = [listed["file"], *(item["path"] for item in listed["files"] if item["path"])]
-            if not all(map(_is_plain, names)):
-                raise DamagedError(f"{path} names files outside its folder")
-    except (KeyError, TypeError, AttributeError) as error:
-        raise DamagedError(f"{path} is damaged") from error
+    files = [file for found in stored_files(manifest).values() for file in found]
+    names = [listed["file"] for listed in manifest["outputs"].values()]
+    if not all(map(_is_plain, (*names, *(file.name for file in files)))):
+        raise DamagedError(f"{path} names files outside its folder")
+    if not all(type(file.size) is int and isinstance(file.sha256, str) for file in files):
+        raise TypeError("a size or a checksum is of another type")
 
 
 def _is_plain(name: str) -> bool:
     """Whether a name stays below its folder on every system."""
     parts = name.replace("\\", "/").split("/")
-    return not any(part in ("", ".", "..") or ":" in part for part in parts)
+    return "\0" not in name and not any(part in ("", ".", "..") or ":" in part for part in parts)
 
 
 def output_digest(manifest: Manifest, output: str) -> str:
