@@ -17,7 +17,7 @@ from texbake.errors import FileError, TexbakeError
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
-from texbake.mesh.files.fbx_textures import base_layer, fbx_images
+from texbake.mesh.files.fbx_textures import base_layer, first_image
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, image_source, read_texture
@@ -252,15 +252,14 @@ def _of_fbx(scene: FbxScene) -> FileContents:
 def _fbx_channels(
     scene: FbxScene, material: FbxObject, images: dict[str, bytes | None]
 ) -> dict[str, str | None]:
-    properties = material.properties()
     channels: dict[str, str | None] = {
-        channel: None for name, channel in _FBX_CHANNELS.items() if name in properties
+        channel: None for name, channel in _FBX_CHANNELS.items() if name in material.properties
     }
     for name, member in scene.property_members(material.key).items():
         texture = base_layer(scene, member)
-        image = next(fbx_images(scene, texture), None)
+        data, found = first_image(scene, texture)
         named = texture.node.child_text("RelativeFilename").replace("\\", "/")
-        label = Path(named or texture.name if image is None else image[1]).name
-        images[label] = None if image is None else image[0]
+        label = Path(named or texture.name if data is None else found).name
+        images[label] = data
         channels[_FBX_CHANNELS.get(name, name)] = label
     return channels

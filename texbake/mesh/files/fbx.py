@@ -122,5 +122,5 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
 
 def uv_set_name(texture: FbxObject) -> str:
     """Name of the set of texture coordinates that a texture lies on; empty where it names none."""
-    value = next(iter(texture.properties().get("UVSet", ())), b"")
+    value = next(iter(texture.properties.get("UVSet", ())), b"")
     return decode_name(value) if isinstance(value, bytes) else ""

@@ -21,8 +21,7 @@ from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
 from texbake.mesh.files.fbx_textures import (
     base_layer,
-    fbx_image_name,
-    fbx_images,
+    first_image,
     has_alpha,
     placing,
     wraps,
@@ -39,6 +38,7 @@ from texbake.mesh.materials import (
     is_sheared,
 )
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.uv_sets import require_few_sets
 
 _COLORS = ("DiffuseColor", "Diffuse")
 
@@ -52,6 +52,8 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         An image that is there cannot be read.
     FileFormatError
         The file is damaged.
+    MeshError
+        Its images lie on more sets of texture coordinates than a mesh can have.
     """
     scene = read_scene(path)
     numbers: dict[Id | None, int] = {}
@@ -93,6 +95,7 @@ def _uv_numbers(parts: list[FbxPart]) -> dict[str, int]:
 
 def _uv_sets(parts: list[FbxPart], mesh: Mesh, numbers: dict[str, int]) -> dict[int, FloatArray]:
     """Sets by their numbers, in the rows of the mesh; where a geometry has none, its first."""
+    require_few_sets(len(numbers), mesh.name)
     sets = {}
     for name, number in numbers.items():
         rows = []
@@ -120,6 +123,7 @@ def _without_shear(
             return source
         key = (image.uv_set, image.placing)
         if key not in numbers:
+            require_few_sets(len(uv_sets) + 1, mesh.name)
             matrix = np.array(image.placing)
             numbers[key] = max(uv_sets, default=0) + 1
             coordinates = uv_sets.get(image.uv_set, mesh.uvs)
@@ -190,12 +194,11 @@ class _MaterialReader:
         base = base_layer(self.scene, texture)
         if base is not texture:
             self.missing.add(channel, "of layered textures only the base layer is read")
-        data, label = next(fbx_images(self.scene, base), (b"", ""))
+        data, label = first_image(self.scene, base)
         if not data:
-            name = fbx_image_name(self.scene, base)
-            which = "an image of it" if name is None else f"its image {quoted(name)}"
+            which = f"its image {quoted(label)}" if label else "an image of it"
             line = f"{shortened(material.name)}: {which} is missing; the material keeps its factors"
-            self.missing.add(channel, line, image=name)
+            self.missing.add(channel, line, image=label or None)
             return None
         components = _RED if len(CHANNELS[channel].default) == 1 else (0, 1, 2)
         if channel == "alpha" and has_alpha(data):
@@ -215,7 +218,7 @@ def _opacity(material: FbxObject) -> float:
 
     Programs write it as a number, or as a color that is let through, times a factor.
     """
-    properties = material.properties()
+    properties = material.properties
 
     def numbers(name: str) -> list[float]:
         values = properties.get(name, [])
@@ -234,7 +237,7 @@ def _opacity(material: FbxObject) -> float:
 
 def _color(material: FbxObject) -> tuple[float, float, float] | None:
     """Return the diffuse color of a material; None where it has none of three numbers."""
-    properties = material.properties()
+    properties = material.properties
     values = next((properties[name] for name in _COLORS if name in properties), [])
     if len(values) < 3 or not all(isinstance(v, int | float) for v in values[:3]):
         return None

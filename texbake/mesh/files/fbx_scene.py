@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
@@ -33,9 +34,10 @@ class FbxObject:
     kind: str
     node: Node
 
-    def properties(self, defaults: dict[str, list[Any]] | None = None) -> dict[str, list[Any]]:
-        """Return its properties by name, above those that it has by default."""
-        return {**(defaults or {}), **read_properties(self.node)}
+    @cached_property
+    def properties(self) -> dict[str, list[Any]]:
+        """Its properties by name; many materials may share one with many."""
+        return read_properties(self.node)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,8 @@ class FbxScene:
         Contents of images that have been read, by their names; many textures may name one.
     named : dict of str to id
         The first object of each name whose image has been read.
+    found : dict of id to (bytes or None, str)
+        What `first_image` has found for textures; many materials may share one.
     """
 
     path: PathLike
@@ -72,6 +76,8 @@ class FbxScene:
     creator: str = ""
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
     named: dict[str, Id] = field(default_factory=dict, repr=False)
+    found: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
+    _members: dict[tuple[Id, str], list[FbxObject]] = field(default_factory=dict, repr=False)
 
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError`."""
@@ -79,8 +85,12 @@ class FbxScene:
 
     def members_of(self, key: Id, node_name: str) -> list[FbxObject]:
         """Objects of a kind of node that are connected to an object, in order."""
-        found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
-        return [item for item in found if item is not None and item.node.name == node_name]
+        if (key, node_name) not in self._members:
+            found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
+            self._members[key, node_name] = [
+                item for item in found if item is not None and item.node.name == node_name
+            ]
+        return self._members[key, node_name]
 
     def property_members(self, key: Id) -> dict[str, FbxObject]:
         """Objects connected to properties of an object, the first for each property."""
@@ -218,7 +228,7 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
         key, parent, is_shown = pending.pop()
         n_placed += 1
         model = models[key]
-        properties = _numbers(model.properties(scene.defaults))
+        properties = _numbers({**scene.defaults, **model.properties})
         with np.errstate(over="ignore", invalid="ignore"):
             here = place(parent, properties)
             matrix = axes @ here.matrix @ geometric(properties)

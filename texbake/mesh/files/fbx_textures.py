@@ -34,7 +34,18 @@ def base_layer(scene: FbxScene, texture: FbxObject) -> FbxObject:
     return next(iter(scene.members_of(texture.key, "Texture")), texture)
 
 
-def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
+def first_image(scene: FbxScene, texture: FbxObject) -> tuple[bytes | None, str]:
+    """Content of the image of a texture and what to call it.
+
+    Where there is none, None and the file name that the texture asks for, which may be empty.
+    """
+    if texture.key not in scene.found:
+        image = next(_images(scene, texture), None)
+        scene.found[texture.key] = image or (None, _file_name(scene, texture))
+    return scene.found[texture.key]
+
+
+def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
     """Contents and names of the images of a texture, those in the file first."""
     holders = [*scene.members_of(texture.key, "Video"), texture]
     for holder in holders:
@@ -51,6 +62,8 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
     for holder in holders:
         for entry in _FILES:
             words = PurePosixPath(holder.node.child_text(entry).replace("\\", "/"))
+            if not words.name:
+                continue
             for place in (folder / words, folder / words.name):
                 try:
                     is_there = place.resolve().is_relative_to(folder) and place.is_file()
@@ -63,14 +76,14 @@ def fbx_images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str
                     yield scene.images[real], str(place)
 
 
-def fbx_image_name(scene: FbxScene, texture: FbxObject) -> str | None:
-    """File name of the image that a texture asks for; None where it names none."""
+def _file_name(scene: FbxScene, texture: FbxObject) -> str:
+    """File name of the image that a texture asks for; empty where it names none."""
     for holder in (*scene.members_of(texture.key, "Video"), texture):
         for entry in _FILES:
             name = PurePosixPath(holder.node.child_text(entry).replace("\\", "/")).name
             if name:
                 return name
-    return None
+    return ""
 
 
 def _unwrapped(content: bytes) -> bytes:
@@ -94,7 +107,7 @@ def has_alpha(data: bytes) -> bool:
 
 def wraps(texture: FbxObject) -> tuple[str, str]:
     """What lies outside the unit square along u and v."""
-    properties = texture.properties()
+    properties = texture.properties
     u, v = (
         "clamp" if properties.get(f"WrapMode{axis}", [0])[:1] == [_CLAMP] else "repeat"
         for axis in "UV"
@@ -124,7 +137,7 @@ def placing(scene: FbxScene, texture: FbxObject) -> Placing:
 
 def _numbers(texture: FbxObject, name: str, default: float) -> FloatArray:
     """(3,) numbers of a property."""
-    values = texture.properties().get(name, [])[:3]
+    values = texture.properties.get(name, [])[:3]
     if len(values) < 3 or not all(isinstance(value, int | float) for value in values):
         return np.full(3, default)
     numbers = np.array([float(value) for value in values])
