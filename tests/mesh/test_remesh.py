@@ -279,6 +279,16 @@ def test_sheets_are_wrapped_on_both_sides(mesh):
         assert away.b_to_a.max < 1.5 * report.voxel
 
 
+def test_triangles_that_are_lines_may_fill_the_grid():
+    """Their boxes count, where there is no area to count."""
+    ends = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    inner = np.repeat(np.linspace(0.1, 0.9, 4000)[:, None], 3, axis=1)
+    faces = np.stack([np.zeros(4000), np.ones(4000), 2 + np.arange(4000)], axis=1)
+    mesh = Mesh(positions=np.concatenate([ends, inner]), faces=faces.astype(np.int32))
+    with pytest.raises(MeshError, match="would take very long; use a `resolution` of"):
+        remesh(mesh, RemeshOptions(resolution=1000))
+
+
 @pytest.mark.parametrize("resolution", [24, 48, 96])
 def test_the_distance_shrinks_with_the_voxels(resolution):
     mesh = make("torus", resolution=(160, 80))

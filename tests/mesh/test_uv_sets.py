@@ -48,9 +48,18 @@ def test_arrays_are_checked_and_read_only(mesh):
         (UvSet(found.uvs[:3], found.faces), "out of range"),
         (UvSet(found.uvs, found.faces[:2]), "shapes"),
         (UvSet(found.uvs * np.nan, found.faces), "not finite"),
+        (UvSet(found.uvs, found.faces.astype(np.int64) + (1 << 32)), "out of range"),
+        (
+            UvSet(found.uvs, (found.faces.astype(object) + (1 << 70)).tolist()),
+            "not two arrays of numbers",
+        ),
+        (UvSet(found.uvs, found.faces + 0.5), "not two arrays of numbers"),
     ):
         with pytest.raises(MeshError, match=message):
             mesh.replace(uv_sets={"a": wrong})
+    own = UvSet(found.uvs.copy(), found.faces.copy())
+    mesh.replace(uv_sets={"a": own})
+    own.uvs[0] = own.faces[0] = 0  # those of the caller stay as they were
     with pytest.raises(MeshError, match="not a name"):
         mesh.replace(uv_sets={"\n": found})
     with pytest.raises(UvError, match="it has lightmap, decals; make it with"):

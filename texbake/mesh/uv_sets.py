@@ -64,7 +64,9 @@ def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mappi
             raise MeshError(f"{mesh}: {quoted(name)} is not a name of texture coordinates")
         try:
             uvs = np.ascontiguousarray(item.uvs, np.float64)
-            faces = np.ascontiguousarray(item.faces, np.int32)
+            faces = np.asarray(item.faces)
+            if np.ma.is_masked(item.faces) or faces.dtype.kind not in "iu":
+                raise TypeError(faces.dtype)
         except (TypeError, ValueError) as error:
             raise MeshError(
                 f"{mesh}: the UV set {quoted(name)} is not two arrays of numbers"
@@ -80,6 +82,7 @@ def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mappi
             )
         if faces.min() < 0 or faces.max() >= len(uvs):
             raise MeshError(f"{mesh}: the UV set {quoted(name)} has an index that is out of range")
+        uvs, faces = uvs.view(), np.ascontiguousarray(faces, np.int32).view()
         for array in uvs, faces:
             array.flags.writeable = False
         checked[name] = UvSet(uvs, faces)
@@ -99,6 +102,7 @@ def sets_by_corner(
 def joined_uv_sets(parts: Sequence[Mesh]) -> dict[str, UvSet]:
     """Return the sets of meshes put into one; (0, 0) where only others have a set."""
     names = dict.fromkeys(name for part in parts for name in part.uv_sets)
+    require_few_sets(len(names), f"{len(parts)} meshes")
     joined = {}
     for name in names:
         uvs, faces, n = [], [], 0

@@ -142,7 +142,11 @@ def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int,
     whole = float(np.prod(shape)) * BLOCK_POINTS
     if n_points > max(_MOST_POINTS, _MOST_FILLS * whole) or n_blocks > _MOST_BLOCKS:
         # Areas fall with the square of the resolution, boxes with its cube.
-        shares = (_MOST_POINTS / n_points) ** 0.5, (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0)
+        # Where all triangles are lines, only their boxes count.
+        shares = (
+            (_MOST_POINTS / max(n_points, 1.0)) ** 0.5,
+            (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0),
+        )
         raise CrowdedGridError(min(shares))
 
 
