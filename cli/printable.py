@@ -20,6 +20,15 @@ def printable(text: str) -> str:
     return _UNSAFE.sub(lambda match: _escape(match[0]), text)
 
 
+def in_line(text: str) -> str:
+    r"""Return printable text without line feeds, so that a name cannot pass for a line of its own.
+
+    >>> print(in_line("red\nwrote a.png"))
+    red\x0awrote a.png
+    """
+    return printable(text).replace("\n", r"\x0a")
+
+
 def _escape(character: str) -> str:
     code = ord(character)
     if 0xDC80 <= code <= 0xDCFF:  # a byte of a file name

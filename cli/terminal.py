@@ -17,7 +17,7 @@ import click
 from texbake import FileError
 
 from .flags import with_flags
-from .printable import printable
+from .printable import in_line, printable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,6 +110,7 @@ def say(text: str, **style: Any) -> None:
 
 def table(rows: Sequence[tuple[str, str]]) -> None:
     """Print labels and aligned values on stdout; a row without a value is a heading."""
+    rows = [(in_line(label), in_line(value)) for label, value in rows]
     width = max((len(label) for label, value in rows if value), default=0)
     for label, value in rows:
         if value:
@@ -124,7 +125,7 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
     The last `numbers` columns are aligned to the right. On a terminal, the widest column is cut off
     if a row does not fit on a line.
     """
-    rows = [[printable(cell) for cell in row] for row in rows]
+    rows = [[in_line(cell) for cell in row] for row in rows]
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     if sys.stdout is not None and sys.stdout.isatty():
         room = shutil.get_terminal_size().columns - 2 * (len(widths) - 1)

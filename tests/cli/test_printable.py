@@ -3,6 +3,7 @@
 import os
 import subprocess
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake as command
@@ -35,6 +36,17 @@ def test_names_in_a_file_are_printed_without_escape_sequences(tmp_path):
     assert result.exit_code == 0
     assert "\x1b" not in result.output
     assert r"\x1b[2J" in result.output
+
+
+def test_a_name_cannot_pass_for_a_line_of_the_report(tmp_path):
+    mesh = icosphere(0)
+    names = ("red\nwrote a.png", "blue")
+    groups = np.arange(mesh.n_faces) % 2
+    texbake.write_mesh(mesh.replace(face_groups=groups, group_names=names), tmp_path / "red.glb")
+    result = CliRunner().invoke(command, ["info", str(tmp_path / "red.glb")])
+    assert result.exit_code == 0
+    assert r"red\x0awrote a.png" in result.output
+    assert not any(line.startswith("wrote") for line in result.output.splitlines())
 
 
 def test_an_error_names_a_file_without_escape_sequences(tmp_path):
