@@ -81,6 +81,18 @@ UNDECIDED = (
         reason="no rule gives a tangent, which is then an axis of the space",
     ),
     Undecided(
+        commands=("bake",),
+        kinds=(QUARTER,),
+        meshes=frozenset({"bow-tie vertex"}),
+        reason="no rule gives a tangent at its vertex, and so none a normal in tangent space",
+    ),
+    Undecided(
+        commands=("bake of closest points",),
+        kinds=(FACES,),
+        meshes=frozenset({"sizes 1 to 1e-9 in one"}),
+        reason="from its smallest cube, several faces are equally close, and the first counts",
+    ),
+    Undecided(
         commands=("cage",),
         kinds=(TURN,),
         meshes=frozenset({

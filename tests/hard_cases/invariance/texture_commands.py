@@ -92,8 +92,12 @@ MAPS = (
 )  # fmt: skip
 # A ray more or less meets another face at the outline of one.
 FEW_TEXELS = within(0.05, mirror=None)
-# The rays around a hit do not turn with the mesh.
-OCCLUDED = within(0.05, mirror=None, turn=None, quarter_turn=None)
+# The rays around a hit do not turn with the mesh, and depend on the place in the low-poly face.
+# They are few, so that only their mean over the map is exact.
+OCCLUDED = within(
+    0.05, mirror=None, turn=None, quarter_turn=None, order_of_faces=None, order_of_corners=None
+)
+MEAN_OCCLUDED = within(0.02, mirror=0.05)
 
 
 def _maps(maps: dict[str, texbake.BakedMap]) -> Result:
@@ -107,6 +111,9 @@ def _maps(maps: dict[str, texbake.BakedMap]) -> Result:
         elif name in ("normal", "ao") and item.options.space == "tangent":
             bounds = OCCLUDED if name == "ao" else FEW_TEXELS
             found[name] = Quantity(values=item.values, unit=PICTURE, bounds=bounds)
+            if name == "ao":
+                mean = item.values[item.has_data].mean() if item.has_data.any() else 0.0
+                found["mean ao"] = number(mean, MEAN_OCCLUDED)
         else:
             found[name] = Quantity(values=item.values, unit=UNITS.get(name, NUMBER), bounds=EXACT)
     return found
