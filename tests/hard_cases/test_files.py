@@ -16,7 +16,7 @@ from fuzz_formats import FORMATS
 import texbake
 
 # Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
-N_BYTES = 1_000_000
+N_BYTES = 300_000
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
     return {row["format"]: row for row in found}, run.stderr[-2000:]
 
 
-def test_a_million_bytes_of_mutations(file_format, fuzzed):
+def test_damaged_files_are_read_or_refused(file_format, fuzzed):
     found, complaint = fuzzed
     assert file_format in found, complaint
     assert found[file_format]["faults"] == []
