@@ -9,7 +9,7 @@ import click
 from texbake import __version__, limit_own_memory, raised_limits
 
 from .lazy import LazyGroup
-from .signals import clear_after_signal, end_cleanly_on_signals
+from .signals import clear_after_signal, end_cleanly_on_signals, keep_exit_code
 from .streams import close_stdout, is_of_click, open_closed_streams
 
 
@@ -59,6 +59,10 @@ def main() -> None:
     limit_own_memory()
     try:
         texbake(prog_name="texbake")
+    except SystemExit as ended:
+        close_stdout()  # before the exit code stands
+        keep_exit_code(ended.code if isinstance(ended.code, int) else int(ended.code is not None))
+        raise
     except OSError as error:
         if not is_of_click(error):
             raise

@@ -1,12 +1,14 @@
 """Signals that end the process: Ctrl-C, SIGTERM, and SIGHUP of a closed terminal.
 
-While a command works, a signal raises an exception, after which the work is cleaned up. Before and
-after that, while modules are imported or the process is ending, it ends the process at once.
+While a command works, a signal raises an exception, after which the work is cleaned up. Before
+that, while modules are imported, it ends the process at once. Once the command has ended, its exit
+code stands: a signal ends the process with it, without a word.
 """
 
 from __future__ import annotations
 
 import _thread
+import atexit
 import os
 import select
 import signal
@@ -24,9 +26,10 @@ _TO_END = 0.3  # seconds in which it then ends; other threads may not hear anyth
 _AGAIN = 0.01  # seconds after which a signal that was dropped is sent once more
 _HEARD = threading.Event()
 _WORKING = threading.Event()
-_FLAGS = bytearray(3)  # shared with the core
-# Places in it: a signal was heard; somebody prints the line after it; Python has printed it.
-_IS_HEARD, _SAID, _PRINTED = range(3)
+_FLAGS = bytearray(4)  # shared with the core
+# Places in it: a signal was heard; somebody prints the line after it; Python has printed it; the
+# command has ended, with an exit code that is one less.
+_IS_HEARD, _SAID, _PRINTED, _ENDED = range(4)
 _BEGINS = 0  # written to the pipe like a signal: the core waits from now on
 _LINES = [True]  # one item until somebody prints the line: whoever pops it prints it
 _PIPE: list[int] = []  # reading and writing end: Python writes the numbers of signals to it
@@ -52,6 +55,7 @@ def end_cleanly_on_signals() -> None:
     process if it goes on after a signal. While a command works, it waits in the core, because it
     could not go on in Python where a library holds the interpreter.
     """
+    atexit.register(_ignore_signals)  # the first one is called last
     for number in _ENDS:
         # A process started with `nohup` must keep ignoring the signal.
         if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN:
@@ -108,6 +112,18 @@ def line_is_mine() -> bool:
 def line_is_printed() -> None:
     """Tell the core that it need not wait for the line."""
     _FLAGS[_PRINTED] = 1
+
+
+def keep_exit_code(code: int) -> None:
+    """Let a signal change the exit code no more: the command has ended with this one."""
+    _FLAGS[_ENDED] = code + 1 if 0 <= code < 0xFF else 0
+
+
+def _ignore_signals() -> None:
+    """Ignore signals while Python takes its modules apart and hears none; that takes no time."""
+    if _FLAGS[_ENDED]:
+        for number in _ENDS:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _hear() -> None:
@@ -177,6 +193,8 @@ def _end(signal_number: int) -> NoReturn:
     """End the process at once, without temporary files."""
     _hear()
     clear_after_signal()
+    if _FLAGS[_ENDED]:
+        os._exit(_FLAGS[_ENDED] - 1)
     said = "interrupted" if signal_number == signal.SIGINT else "terminated"
     with suppress(OSError, ValueError):
         if line_is_mine() and _takes_text(2):

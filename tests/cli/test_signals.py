@@ -49,7 +49,7 @@ WORKS = {
     "no thread": "holding()",
 }
 
-# A signal while modules are imported, and one while the process ends.
+# A signal while modules are imported.
 EARLY = """
 import os, sys
 from texbake_cli import run
@@ -61,14 +61,6 @@ class Finder:
 
 number = int(sys.argv[1])
 sys.meta_path.insert(0, Finder())
-run()
-"""
-LATE = """
-import atexit, os, sys
-from texbake_cli import run
-
-atexit.register(os.kill, os.getpid(), int(sys.argv[1]))
-sys.argv[1:] = ["--version"]
 run()
 """
 # A signal after a folder was made, and before anybody knows of it.
@@ -104,6 +96,32 @@ number = int(sys.argv[1])
 sys.argv[1:] = ["info", "mesh.obj"]
 run()
 """
+# A signal after the command has ended: to a function that is called at exit, to one that keeps the
+# interpreter there, and to a finalizer when Python hears no signals any more.
+LATE = """
+import atexit, builtins, collections, itertools, os, sys
+from texbake_cli import run
+from texbake_cli.signals import end_cleanly_on_signals
+
+class Sent:
+    def __del__(self):
+        os.kill(os.getpid(), number)
+
+def hold():
+    os.kill(os.getpid(), number)
+    collections.deque(itertools.repeat(0), maxlen=0)
+
+number = int(sys.argv[1])
+end_cleanly_on_signals()  # what is registered now is called before what this has registered
+{late}
+sys.argv[1:] = {words}
+run()
+"""
+ENDINGS = {
+    "called": "atexit.register(os.kill, os.getpid(), number)",
+    "holding": "atexit.register(hold)",
+    "finalizer": "builtins.sent = Sent()",
+}
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
@@ -136,9 +154,7 @@ def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path
     assert not list(scratch.iterdir())
 
 
-@pytest.mark.parametrize(
-    "code", [EARLY, LATE, FORGOTTEN, DROPPED], ids=["early", "late", "forgotten", "dropped"]
-)
+@pytest.mark.parametrize("code", [EARLY, FORGOTTEN, DROPPED], ids=["early", "forgotten", "dropped"])
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_it_ends_at_any_moment(name: str, code: str, tmp_path: Path) -> None:
     number = getattr(signal, name)
@@ -151,3 +167,21 @@ def test_it_ends_at_any_moment(name: str, code: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
     said = "interrupted" if name == "SIGINT" else "terminated"
     assert (done.returncode, done.stderr) == (128 + number, f"texbake: {said}\n")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP"])
+def test_the_exit_code_of_a_command_that_has_ended_stands(ending: str, name: str) -> None:
+    for words, code, said in (
+        (["schema", "scene"], 0, ""),
+        (["info", "none.obj"], 1, "texbake: none.obj: there is no such file; check its name\n"),
+    ):
+        program = LATE.format(late=ENDINGS[ending], words=words)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", program, str(int(getattr(signal, name)))],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert (done.returncode, done.stderr) == (code, said)
+        assert bool(done.stdout) == (code == 0)

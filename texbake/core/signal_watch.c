@@ -49,7 +49,7 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
 #include <unistd.h>
 
 /* Of `flags`. */
-enum { HEARD, SAID, PRINTED, N_FLAGS };
+enum { HEARD, SAID, PRINTED, ENDED, N_FLAGS };
 /* Of `notes`: two flags, then texts that end in 0: the name of the machine, and folders. */
 enum { MOVING, ENDING, TEXTS };
 
@@ -169,7 +169,8 @@ static void print_line(const char *line, double patience)
 }
 
 /* End the process after a signal: `patience` seconds later if Python does not set `flags[HEARD]`,
-   else `to_end` seconds after it has. Returns only if the pipe is closed. */
+   else `to_end` seconds after it has; with the exit code of `flags[ENDED]` if the work was done.
+   Returns only if the pipe is closed. */
 int64_t end_after_signals(int64_t descriptor, double patience, double to_end, int64_t n_flags,
     uint8_t flags[n_flags], int64_t n_notes, uint8_t notes[n_notes])
 {
@@ -185,6 +186,9 @@ int64_t end_after_signals(int64_t descriptor, double patience, double to_end, in
     pause_for(A_MOMENT);
     wait_for(&notes[MOVING], false, patience);
     clear_own((const char *)&notes[TEXTS], (const char *)&notes[n_notes]);
+    const int ended = __atomic_load_n(&flags[ENDED], __ATOMIC_SEQ_CST);
+    if (ended != 0)
+        _exit(ended - 1); /* the work is done, and what is left was no part of it */
     if (__atomic_exchange_n(&flags[SAID], 1, __ATOMIC_SEQ_CST) != 0)
         wait_for(&flags[PRINTED], true, patience); /* Python prints the line */
     else

@@ -32,9 +32,10 @@ def signal_watch(
     descriptor
         Reading end of the pipe of `signal.set_wakeup_fd`.
     flags
-        Three bytes, which the program sets to 1: that Python has heard the signal, that it takes
-        the printing of the line upon itself, and that it has printed it. The second is set by the
-        function, too, before it prints the line.
+        Four bytes. Three are set to 1 by the program: that Python has heard the signal, that it
+        takes the printing of the line upon itself, and that it has printed it. The second is set by
+        the function, too, before it prints the line. The last one is 0 until the program has done
+        its work, and then its exit code plus 1, with which the function ends it without a line.
     patience
         Seconds in which Python may hear the signal.
     to_end
