@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import threading
 import time
 from collections.abc import Callable
@@ -83,11 +84,12 @@ class Lines:
         self._write, self._clock = write, clock
         self._stages: dict[str, TimedStage] = {}
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._at_work = threading.Lock()
 
     def __enter__(self) -> Self:
-        with suppress(RuntimeError):  # the system gives no more threads: nothing is printed
-            self._thread.start()
+        # `threading.Thread.start` would wait for ever for a thread that has no memory to begin.
+        with suppress(RuntimeError, MemoryError):  # no more threads: nothing is printed
+            _thread.start_new_thread(self._run, ())
         return self
 
     def __exit__(
@@ -97,8 +99,8 @@ class Lines:
         trace: TracebackType | None,
     ) -> None:
         self._ended.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        with self._at_work:  # it may be printing
+            pass
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Begin to time a stage."""
@@ -123,5 +125,6 @@ class Lines:
             self._write(running[-1].state(self._clock()))
 
     def _run(self) -> None:
-        while not self._ended.wait(self.INTERVAL):
-            self.tick()
+        with self._at_work:
+            while not self._ended.wait(self.INTERVAL):
+                self.tick()

@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, partial
+from functools import cache
 from types import FrameType
 from typing import NoReturn
 
@@ -67,8 +67,9 @@ def end_cleanly_on_signals() -> None:
         reader, writer = os.pipe()
         os.set_blocking(writer, False)
         signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-        with suppress(RuntimeError):  # the system gives no more threads
-            threading.Thread(target=_end_unheard, args=(reader,), daemon=True).start()
+        # `threading.Thread.start` would wait for ever for a thread that has no memory to begin.
+        with suppress(RuntimeError, MemoryError):  # the system gives no more threads
+            _thread.start_new_thread(_end_unheard, (reader,))
             _PIPE[:] = reader, writer
 
 
@@ -160,9 +161,17 @@ def _raise_again(unraisable: sys.UnraisableHookArgs) -> None:
         return
     number = getattr(unraisable.exc_value, "signal_number", int(signal.SIGINT))
     signal.signal(number, _interrupt if number == signal.SIGINT else _terminate)
+    with suppress(RuntimeError, MemoryError):
+        _thread.start_new_thread(_send_later, (number,))
+
+
+def _send_later(number: int) -> None:
+    time.sleep(_AGAIN)
     # A signal of the system ends a wait of the main thread, too.
-    send = _thread.interrupt_main if os.name == "nt" else partial(os.kill, os.getpid())
-    threading.Timer(_AGAIN, send, [number]).start()
+    if os.name == "nt":
+        _thread.interrupt_main(signal.Signals(number))
+    else:
+        os.kill(os.getpid(), number)
 
 
 def _end_unheard(reader: int) -> NoReturn:

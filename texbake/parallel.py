@@ -89,7 +89,7 @@ def run_bands(
     try:  # an interrupt may come at any line, also before all helpers have started
         with suppress(RuntimeError, MemoryError):  # the system gives fewer threads for the work
             for at_work in helpers:
-                _require_memory()
+                require_thread_memory()
                 _thread.start_new_thread(help_out, (at_work,))
         # The calling thread works like the others.
         while waiting:
@@ -107,10 +107,11 @@ def run_bands(
         raise MemoryError("a thread ended before its work")
 
 
-def _require_memory() -> None:
+def require_thread_memory() -> None:
     """Raise `MemoryError` where a thread would have none for its stack and its first objects.
 
-    Such a thread would print a traceback that nobody can catch. This notices only a limit on
+    Such a thread would print a traceback that nobody can catch, and `threading.Thread.start` would
+    wait for it for ever. This notices only a limit on
     memory, not a machine that runs out.
     """
     if sys.platform == "linux":

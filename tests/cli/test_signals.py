@@ -185,3 +185,27 @@ def test_the_exit_code_of_a_command_that_has_ended_stands(ending: str, name: str
         )
         assert (done.returncode, done.stderr) == (code, said)
         assert bool(done.stdout) == (code == 0)
+
+
+# A thread that was started and had no memory for its first line, as `threading` sees it.
+NEVER_BEGINS = """
+import _thread, threading
+_thread.start_new_thread = threading._start_new_thread = lambda function, arguments: 1
+from texbake_cli.progress_lines import Lines
+from texbake_cli.signals import _raise_again, end_cleanly_on_signals
+from texbake.core.signal_watch import end_with_parent
+import types
+
+end_cleanly_on_signals()
+end_with_parent()
+_raise_again(types.SimpleNamespace(exc_type=KeyboardInterrupt, exc_value=KeyboardInterrupt()))
+with Lines(print):
+    print("all of it")
+"""
+
+
+def test_a_thread_that_never_begins_is_not_waited_for() -> None:
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", NEVER_BEGINS], capture_output=True, text=True, timeout=20
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "all of it\n", "")

@@ -35,6 +35,7 @@ from texbake.building.task import (
 from texbake.core.signal_watch import end_with_parent
 from texbake.files import new_scratch_folder
 from texbake.machine_memory import limit_own_memory
+from texbake.parallel import require_thread_memory
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
@@ -85,6 +86,7 @@ class LocalWorkers:
     def submit(self, number: int, task: Task) -> None:
         """Start a task as soon as a worker is free."""
         if len(self._crew) < self.slots:
+            require_thread_memory()
             thread = threading.Thread(target=self._serve, args=(len(self._crew),), daemon=True)
             thread.start()
             self._crew.append(thread)
@@ -254,6 +256,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    require_thread_memory()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
     while True:
         outcome = run_task(json.loads(tasks.get()))

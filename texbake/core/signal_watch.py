@@ -7,14 +7,15 @@ Kernel: `core/signal_watch.c`. NumPy is not imported here: this begins before th
 
 from __future__ import annotations
 
+import _thread
 import ctypes
 import os
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
 from texbake.core.library import core
+from texbake.parallel import require_thread_memory
 from texbake.unfinished import NOTES
 
 
@@ -71,5 +72,7 @@ def end_with_parent(descriptor: int = 0) -> None:
     if os.name != "nt":
         wait = core.library.end_with_pipe
         wait.argtypes, wait.restype = [ctypes.c_int64], ctypes.c_int64
-        with suppress(RuntimeError):  # the system gives no more threads
-            threading.Thread(target=wait, args=(descriptor,), daemon=True).start()
+        # `threading.Thread.start` would wait for ever for a thread that has no memory to begin.
+        with suppress(RuntimeError, MemoryError):  # the system gives no more threads
+            require_thread_memory()
+            _thread.start_new_thread(wait, (descriptor,))
