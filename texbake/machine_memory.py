@@ -15,6 +15,7 @@ from pathlib import Path
 # Share of the memory that one process may take: the rest is for libraries, tables of the system,
 # and the process that has started this one.
 _SHARE = 0.95
+_NEAR = 0.5  # share of a limit
 
 
 def machine_memory() -> int:
@@ -48,6 +49,18 @@ def limit_own_memory() -> None:
     if soft == resource.RLIM_INFINITY:
         with suppress(OSError, ValueError):  # above the hard limit
             resource.setrlimit(resource.RLIMIT_DATA, (_most_data(machine_memory()), hard))
+
+
+def came_near_limit(status: Path = Path("/proc/self/status")) -> bool:
+    """Whether this process has ever had half of the memory that a limit lets it have.
+
+    One that has not cannot have run out of it. True where the system does not say.
+    """
+    limits = [*_process_limits("RLIMIT_AS"), *_process_limits("RLIMIT_DATA")]
+    with suppress(OSError, ValueError, IndexError, MemoryError):
+        peak = int(status.read_text().split("VmPeak:")[1].split()[0]) << 10
+        return any(peak > _NEAR * limit for limit in limits)
+    return True
 
 
 def _most_data(memory: int) -> int:

@@ -20,6 +20,7 @@ from texbake_cli.main import texbake
 from texbake_cli.signals import Terminated
 
 import texbake as package
+from texbake import machine_memory
 from texbake.errors import FileError, OptionError
 
 CONTEXT = click.Context(texbake, info_name="texbake")
@@ -118,7 +119,6 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
         (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
         (RuntimeError("can't start new thread"), 1, "texbake: out of memory; try"),
-        (SystemError("error return without exception set"), 1, "texbake: out of memory; try"),
         (ImportError("a.so: failed to map segment"), 1, "texbake: out of memory; try"),
         (OSError("a.so: cannot create shared object descriptor"), 1, "texbake: out of memory; try"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
@@ -135,6 +135,22 @@ def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) 
     assert caught.value.exit_code == exit_code
     assert line in caught.value.message
     assert "\n" not in caught.value.message
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how much was taken")
+@pytest.mark.parametrize("reached", [0.1, 0.9])
+def test_an_error_without_exception_is_a_fault_where_there_was_memory(
+    monkeypatch: pytest.MonkeyPatch, reached: float
+) -> None:
+    peak = int(Path("/proc/self/status").read_text().split("VmPeak:")[1].split()[0]) << 10
+    monkeypatch.setattr(
+        machine_memory,
+        "_process_limits",
+        lambda kind: [int(peak / reached)] if kind == "RLIMIT_DATA" else [],
+    )
+    expected = click.ClickException if reached > 0.5 else SystemError
+    with pytest.raises(expected), failures_as_one_line(CONTEXT):
+        raise SystemError("error return without exception set")
 
 
 def test_out_of_memory_names_what_the_command_has() -> None:
