@@ -15,7 +15,7 @@
 #include "numbers.h"
 
 struct procedure_points {
-    const double *points; /* n_coordinates per point, 2 or 3; a missing third is 0 */
+    const double *points; /* n_coordinates per point, up to 3; missing ones are 0 */
     const float *widths;  /* n_widths per point, 1 or as many as coordinates; NULL: no filter */
     int64_t n_coordinates, n_widths;
 };
@@ -37,7 +37,8 @@ static inline struct point point_at(const struct procedure_points *given, int64_
 {
     const double *at = given->points + i * given->n_coordinates;
     const struct point point = {
-        bound_coordinate(at[0]), bound_coordinate(at[1]),
+        given->n_coordinates > 0 ? bound_coordinate(at[0]) : 0.0,
+        given->n_coordinates > 1 ? bound_coordinate(at[1]) : 0.0,
         given->n_coordinates > 2 ? bound_coordinate(at[2]) : 0.0};
     return point;
 }
@@ -45,7 +46,7 @@ static inline struct point point_at(const struct procedure_points *given, int64_
 /* Width of a pixel along an axis; 0 where nothing is filtered or it is not a number. */
 static inline double width_along(const struct procedure_points *given, int64_t i, int64_t axis)
 {
-    if (!given->widths || (given->n_widths > 1 && axis >= given->n_widths))
+    if (!given->widths || given->n_widths < 1 || (given->n_widths > 1 && axis >= given->n_widths))
         return 0.0;
     const double width = given->widths[i * given->n_widths + (given->n_widths > 1 ? axis : 0)];
     /* Every pattern has reached its mean long before. */
