@@ -363,6 +363,17 @@ def test_what_many_materials_share_is_looked_at_once(tmp_path, monkeypatch):
     assert looked.count("properties") <= len(objects) + 2
 
 
+def test_a_name_of_a_megabyte_is_held_once(tmp_path):
+    """Each material of a model makes a group that begins with its name."""
+    path = tmp_path / "a.fbx"
+    nodes = rich_scene(7400)
+    model = next(node for node in nodes[1][2] if node[1][1].startswith("wall"))
+    model[1][1] = model[1][1].replace("wall", "w" * 100_000)
+    path.write_bytes(binary(nodes))
+    names = read_mesh(path).group_names
+    assert [len(name) for name in names[:2]] == [400 + len("/red"), 400 + len("/blue")]
+
+
 def test_images_that_are_sheared_in_more_ways_than_a_mesh_has_sets_are_refused():
     """Each takes as much memory as the coordinates of the mesh."""
 

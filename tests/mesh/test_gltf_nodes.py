@@ -175,6 +175,22 @@ def test_primitives_without_triangles_are_looked_at_once(instances, monkeypatch,
     assert len(looked) < 5000
 
 
+@pytest.mark.parametrize("owner", ["nodes", "meshes"])
+def test_a_name_of_a_megabyte_is_held_once(instances, owner):
+    """Each primitive of each node gets a name that begins with it."""
+
+    def change(document):
+        document[owner][0]["name"] = "n" * 100_000
+        document["meshes"][0]["primitives"] *= 2
+
+    path = changed(instances(10), change)
+    mesh = read_mesh(path)
+    names = [*mesh.group_names, *(item.name for item in read_scene(path).objects)]
+    assert len(names) == 40
+    assert max(map(len, names)) == 402
+    assert mesh.group_names[0].startswith("nnn") and mesh.group_names[0].endswith("n 0")
+
+
 @pytest.mark.parametrize("kind", ["mesh", "scene"])
 def test_true_is_no_index(instances, kind):
     def change(document):

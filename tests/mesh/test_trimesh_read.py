@@ -274,6 +274,19 @@ def test_a_node_of_collada_that_many_place_is_looked_at_once(
     assert len(looked) <= 2 * 3
 
 
+@pytest.mark.parametrize("kind", ["node", "geometry"])
+def test_long_names_of_collada_are_refused(kind: str, tmp_path: Path) -> None:
+    """Each node that is placed gets a name of its own, made from them."""
+    path = nested(tmp_path, 2, 3)
+    text = path.read_text("utf-8")
+    key = "name" if kind == "node" else "id"
+    text, n = re.subn(f'(<{kind} [^>]*{key}=")[^"]*', rf"\g<1>{'n' * 401}", text, count=1)
+    assert n == 1
+    path.write_text(text, "utf-8")
+    with pytest.raises(FileFormatError, match="a name in it has 401 characters, more than 400"):
+        texbake.read_mesh(path)
+
+
 def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:
     path = nested(tmp_path, 2, 3)
     assert texbake.read_mesh(path).n_faces == 10 * uv_sphere(4, 6).n_faces

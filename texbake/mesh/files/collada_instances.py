@@ -13,6 +13,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, read_bytes
+from texbake.limits import LONGEST_NAME
 
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
@@ -25,7 +26,8 @@ def require_few_instances(path: PathLike) -> None:
     """Raise `FileFormatError` if the nodes of a .dae or .zae file are placed without measure.
 
     A file may place 200,000 nodes, or as many as it has, and 100 million triangles, or as many as
-    it has characters. A node that places itself is left to the reader, which refuses it.
+    it has characters. Names have 400 characters at most. A node that places itself is left to the
+    reader, which refuses it.
     """
     for file in _documents(path):
         with file:
@@ -33,6 +35,11 @@ def require_few_instances(path: PathLike) -> None:
                 graph = _Graph(file)
             except (ParseError, ValueError, LookupError):
                 continue  # the reader says what is wrong
+        if graph.longest_name > LONGEST_NAME:  # each node that is placed gets a name of its own
+            raise FileFormatError(
+                f"{path}: a name in it has {graph.longest_name:,} characters, more than "
+                f"{LONGEST_NAME}; shorten it in the program that made the file"
+            )
         n_nodes, n_triangles = graph.placed()
         if n_nodes > max(_MOST_NODES, graph.n_nodes):
             raise FileFormatError(
@@ -66,6 +73,7 @@ class _Graph:
 
     def __init__(self, file: IO[bytes]) -> None:
         self.n_characters = 0
+        self.longest_name = 0  # of nodes and geometries
         self._nodes: list[tuple[list[int], list[str], list[str]]] = []
         self._by_id: dict[str, int] = {}
         self._triangles: dict[str, int] = {}
@@ -84,6 +92,9 @@ class _Graph:
         for event, element in iterparse(file, events=("start", "end")):
             tag = element.tag.rpartition("}")[2]
             is_start = event == "start"
+            if is_start and tag in ("node", "geometry"):
+                names = (element.get("id", ""), element.get("name", ""))
+                self.longest_name = max(self.longest_name, *map(len, names))
             if tag == "node":
                 if is_start:
                     self._add_node(element.get("id", ""), inside, n_scenes > 0)

@@ -19,7 +19,7 @@ from texbake.mesh.files.fbx_ascii import read_ascii
 from texbake.mesh.files.fbx_binary import MAGIC, read_binary
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_transforms import WORLD, geometric, place, scene_axes
-from texbake.mesh.files.source import decode_name, parsed, read_array
+from texbake.mesh.files.source import decode_name, parsed, read_array, short_name
 from texbake.mesh.mesh import FloatArray
 
 Id = int | str
@@ -139,9 +139,9 @@ def _object(node: Node) -> FbxObject:
     values = node.values
     if values and isinstance(values[0], int):
         name = node.text(1)
-        return FbxObject(values[0], _short_name(name), node.text(2), node)
+        return FbxObject(values[0], _name_alone(name), node.text(2), node)
     name = node.text(0)
-    return FbxObject(_full_name(name), _short_name(name), node.text(1), node)
+    return FbxObject(_full_name(name), _name_alone(name), node.text(1), node)
 
 
 def _full_name(name: str) -> str:
@@ -150,12 +150,12 @@ def _full_name(name: str) -> str:
     return f"{kind}::{short}" if separator else name
 
 
-def _short_name(name: str) -> str:
-    short, separator, _ = name.partition("\0\1")
-    if separator:
-        return short
-    _, separator, short = name.partition("::")
-    return short if separator else name
+def _name_alone(name: str) -> str:
+    """Return the name of an object without its class."""
+    alone, separator, _ = name.partition("\0\1")
+    if not separator:
+        _, separator, alone = name.partition("::")
+    return short_name(alone if separator else name)
 
 
 def _members(root: Node) -> dict[Id, list[tuple[Id, str]]]:

@@ -35,7 +35,7 @@ from texbake.mesh.files.gltf_nodes import (
 )
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
-from texbake.mesh.files.source import without_cycle_search
+from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count
 from texbake.mesh.uv_sets import UvSet, require_few_sets
 
@@ -96,7 +96,7 @@ def _placed_parts(placed: PlacedNodes) -> _Parts:
         if "mesh" not in node:
             continue
         mesh_name, pieces = reader.mesh(node["mesh"])
-        name = str(node.get("name") or mesh_name)
+        name = short_name(node.get("name") or mesh_name)
         for ending, piece, uv_sets in pieces:
             # Instances could ask for more than the file has; indices are 32-bit.
             n_corners += max(piece.faces.size, len(piece.positions))
@@ -157,7 +157,7 @@ class _MeshReader:
             names = uv_set_names(self.document, mesh, numbers) if numbers else {}
             uv_sets = {name: number for number, name in names.items()}
             found.append(_Piece("" if len(primitives) == 1 else f" {i}", piece, uv_sets))
-        self._meshes[index] = str(mesh.get("name") or f"mesh {index}"), found
+        self._meshes[index] = short_name(mesh.get("name") or f"mesh {index}"), found
         return self._meshes[index]
 
     def _piece(self, primitive: dict[str, Any], further: list[int]) -> PrimitiveMesh | None:

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, quoted
+from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike, read_bytes
+from texbake.limits import LONGEST_NAME
 
 ByteArray = npt.NDArray[np.uint8]
 Parsed = TypeVar("Parsed")
@@ -91,6 +92,15 @@ def decode_name(word: bytes) -> str:
         return word.decode("utf-8")
     except UnicodeDecodeError:
         return word.decode("latin-1")
+
+
+def short_name(name: object) -> str:
+    """Text of a name, with an ellipsis for its middle where it is longer than any program shows.
+
+    Parts take their names from those of nodes and meshes: a name of a megabyte would be held once
+    for each of them.
+    """
+    return shortened(str(name), LONGEST_NAME)
 
 
 class TextLine(NamedTuple):

@@ -23,6 +23,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
+from texbake.mesh.files.source import short_name
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet
@@ -145,7 +146,7 @@ class _Reader:
     def _add_mesh(self, node: dict[str, Any], matrix: FloatArray) -> None:
         index = node["mesh"]
         source = self.document.item("meshes", index)
-        name = str(node.get("name") or source.get("name") or f"mesh {index}")
+        name = short_name(node.get("name") or source.get("name") or f"mesh {index}")
         primitives = self.document.objects(source, "primitives")
         for i in self.shown.get(index, range(len(primitives))):
             primitive = primitives[i]
