@@ -5,7 +5,9 @@ import re
 import sys
 import tracemalloc
 import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import DracoPy
 import numpy as np
@@ -18,6 +20,7 @@ from texbake.mesh.files import (
     MESH_SUFFIXES,
     WRITABLE_MESH_SUFFIXES,
     collada_instances,
+    threemf_instances,
     trimesh_read,
 )
 from texbake.mesh.files.gltf_compression import decode_draco
@@ -339,3 +342,84 @@ def test_a_part_that_is_larger_than_its_archive_says_is_refused_piece_by_piece(
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 8_000_000
+
+
+def built(
+    folder: Path,
+    items: Sequence[str],
+    components: Mapping[str, Sequence[str]] | None = None,
+    *,
+    n_triangles: int = 1,
+    name: str = "part",
+) -> Path:
+    """A .3mf file that builds objects, `1` of triangles, and others that consist of some."""
+    points = "".join(f'<vertex x="{x}" y="{y}" z="0"/>' for x, y in ((0, 0), (1, 0), (0, 1)))
+    triangles = '<triangle v1="0" v2="1" v3="2"/>' * n_triangles
+    objects = (
+        f'<object id="1" name="{name}"><mesh><vertices>{points}</vertices>'
+        f"<triangles>{triangles}</triangles></mesh></object>"
+    )
+    for index, placed in (components or {}).items():
+        parts = "".join(f'<component objectid="{other}"/>' for other in placed)
+        objects += f'<object id="{index}"><components>{parts}</components></object>'
+    text = (
+        '<model unit="meter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+        f"<resources>{objects}</resources>"
+        f"<build>{''.join(f'<item objectid={item}/>' for item in items)}</build></model>"
+    )
+    with zipfile.ZipFile(folder / "a.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", text)
+    return folder / "a.3mf"
+
+
+ONE = '"1"'
+
+
+def test_objects_of_3mf_are_read_as_often_as_they_are_built(tmp_path: Path) -> None:
+    assert texbake.read_mesh(built(tmp_path, [ONE] * 20)).n_faces == 20
+    assert texbake.read_mesh(built(tmp_path, ['"2"'] * 2, {"2": "111"})).n_faces == 6
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        ({"items": [ONE] * 10_001}, "places 10,001 objects, more than 10,000"),
+        ({"items": [ONE] * 3000, "n_triangles": 9000}, "27,000,000 triangles, more than 20,000,0"),
+        ({"items": [ONE], "name": "n" * 401}, "a name in it has 401 characters"),
+        (
+            {"items": ['"9"'], "components": {str(i + 1): str(i) * 100 for i in range(1, 9)}},
+            r"places at least 1,000,000,000,000 objects",
+        ),
+        # trimesh would leave some of them out, without a word.
+        ({"items": ['"2"'] * 10, "components": {"2": "1" * 50}}, "some of them would be lost"),
+        ({"items": ['"1" partnumber="a"'] * 2}, "some of them would be lost"),
+    ],
+    ids=["objects", "triangles", "name", "levels", "steps", "twins"],
+)
+def test_objects_of_3mf_that_are_built_without_measure_are_refused(
+    made: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(FileFormatError, match=message):
+        texbake.read_mesh(built(tmp_path, **made))
+
+
+def test_a_3mf_file_without_a_model_is_one_error(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.3mf", "w") as archive:
+        archive.writestr("other", "text")
+    with pytest.raises(FileFormatError, match=r"it is not a \.3mf file"):
+        texbake.read_mesh(tmp_path / "a.3mf")
+
+
+def test_triangles_in_other_parts_of_a_3mf_file_count(tmp_path: Path) -> None:
+    path = built(tmp_path, ['"2"'], {"2": ["3"] * 3})
+    with zipfile.ZipFile(path) as archive:
+        text = archive.read("3D/3dmodel.model").decode()
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(
+            "3D/3dmodel.model",
+            text.replace('objectid="3"', 'objectid="3" path="/3D/other.model"'),
+        )
+        archive.writestr("3D/other.model", text)
+    with zipfile.ZipFile(path) as archive:
+        # As trimesh does, each of the three appends the part to the object that they place.
+        assert threemf_instances._Build(archive).placed() == (4, 9)

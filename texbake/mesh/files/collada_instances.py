@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator
-from typing import IO
+from collections.abc import Callable, Iterator, Sequence
+from typing import IO, TypeVar
 from xml.etree.ElementTree import ParseError, iterparse
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, read_bytes
 from texbake.limits import LONGEST_NAME
+
+Node = TypeVar("Node", int, str)
 
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
@@ -43,17 +45,18 @@ def require_few_instances(path: PathLike) -> None:
         n_nodes, n_triangles = graph.placed()
         if n_nodes > max(_MOST_NODES, graph.n_nodes):
             raise FileFormatError(
-                f"{path}: its nodes place {_about(n_nodes)} nodes, more than {_MOST_NODES:,}; "
+                f"{path}: its nodes place {about(n_nodes)} nodes, more than {_MOST_NODES:,}; "
                 "join them in the program that made the file"
             )
         if n_triangles > max(_MOST_TRIANGLES, graph.n_characters):
             raise FileFormatError(
-                f"{path}: its nodes repeat up to {_about(n_triangles)} triangles, more than "
+                f"{path}: its nodes repeat up to {about(n_triangles)} triangles, more than "
                 f"{_MOST_TRIANGLES:,}; join them in the program that made the file"
             )
 
 
-def _about(number: int) -> str:
+def about(number: int) -> str:
+    """Return a count in words, where it may have stopped at 10^12."""
     return f"{number:,}" if number < _COUNTLESS else f"at least {_COUNTLESS:,}"
 
 
@@ -127,30 +130,53 @@ class _Graph:
 
     def placed(self) -> tuple[int, int]:
         """Return the nodes and, at most, the triangles that the scenes of the file place."""
-        totals: dict[int, tuple[int, int]] = {}
-        open_nodes: set[int] = set()
-        waiting = list(self._roots)
-        while waiting:
-            index = waiting[-1]
-            if index in totals:  # many nodes may place it
-                waiting.pop()
-                continue
-            below = self._below(index)
-            later = [i for i in below if i not in totals and i not in open_nodes]
-            if index not in open_nodes and later:
-                open_nodes.add(index)
-                waiting += later
-                continue
-            waiting.pop()
-            open_nodes.discard(index)
-            known = [totals.get(i, (0, 0)) for i in below]  # a circle counts as nothing
-            own = sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
-            n_nodes = 1 + sum(n for n, _ in known)
-            n_triangles = own + sum(t for _, t in known)
-            totals[index] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
-        found = [totals[i] for i in self._roots]
-        return sum(n for n, _ in found), sum(t for _, t in found)
+
+        def triangles_of(index: int) -> int:
+            return sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
+
+        return placed_counts(self._roots, self._below, triangles_of)
 
     def _below(self, index: int) -> list[int]:
         nested, names, _ = self._nodes[index]
         return [*nested, *(self._by_id[name] for name in names if name in self._by_id)]
+
+
+def placed_counts(
+    roots: Sequence[Node], below: Callable[[Node], list[Node]], own: Callable[[Node], int]
+) -> tuple[int, int]:
+    """Count what nodes place that place other nodes, each as often as it is placed.
+
+    Parameters
+    ----------
+    roots
+        Nodes at the top.
+    below, own
+        Functions that return the nodes that a node places, and how many triangles it has itself.
+
+    Returns
+    -------
+    n_nodes, n_triangles : int
+        Those of each root are 10^12 at most; a circle counts as nothing.
+    """
+    totals: dict[Node, tuple[int, int]] = {}
+    open_nodes: set[Node] = set()
+    waiting = list(roots)
+    while waiting:
+        node = waiting[-1]
+        if node in totals:  # many nodes may place it
+            waiting.pop()
+            continue
+        placed = below(node)
+        later = [other for other in placed if other not in totals and other not in open_nodes]
+        if node not in open_nodes and later:
+            open_nodes.add(node)
+            waiting += later
+            continue
+        waiting.pop()
+        open_nodes.discard(node)
+        known = [totals.get(other, (0, 0)) for other in placed]
+        n_nodes = 1 + sum(n for n, _ in known)
+        n_triangles = own(node) + sum(t for _, t in known)
+        totals[node] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
+    found = [totals[node] for node in roots]
+    return sum(n for n, _ in found), sum(t for _, t in found)

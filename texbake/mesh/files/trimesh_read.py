@@ -22,6 +22,7 @@ from texbake.errors import DependencyError, FileFormatError, one_line
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import read_array
+from texbake.mesh.files.threemf_instances import require_few_objects
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -66,6 +67,8 @@ def read_with_trimesh(path: PathLike) -> Mesh:
     _require_small_archive(path)
     if suffix in (".dae", ".zae"):
         require_few_instances(path)
+    elif suffix == ".3mf":
+        require_few_objects(path)
     scene = _load(path, suffix)
     return _welded(from_trimesh(scene, name=Path(path).name))
 
