@@ -33,6 +33,21 @@ def test_those_of_an_obj_file(tmp_path: Path) -> None:
     assert [path.name for path in companions(tmp_path / "my stuff.mtl")] == names
 
 
+@pytest.mark.parametrize(
+    ("statement", "name"),
+    [(b"MAP_KD wood.png", "wood.png"), (b"map_kd h\xf6lz.png", "h\u00f6lz.png")],
+)
+def test_the_image_that_the_reader_finds_counts(
+    statement: bytes, name: str, tmp_path: Path
+) -> None:
+    (tmp_path / "a.obj").write_text(OBJ.replace("my stuff", "a"))
+    (tmp_path / "a.mtl").write_bytes(b"newmtl a\n" + statement)
+    (tmp_path / name).write_bytes(b"image")
+    found = texbake.read_materials(tmp_path / "a.obj", texbake.read_mesh(tmp_path / "a.obj"))
+    assert found is not None and not found.missing
+    assert companions(tmp_path / "a.mtl") == [tmp_path / name]
+
+
 def test_those_of_a_gltf_file(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_text(
         '{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}],'

@@ -22,10 +22,13 @@ from texbake.errors import TexbakeError
 from texbake.files import read_bytes, require_file
 from texbake.limits import allows_outside, is_within
 from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
+from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_process import ask_usd
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-_MAP = re.compile(rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
+_MAP = re.compile(
+    rb"^[^\S\r\n]*(?:map_\w+|bump|disp|norm)[^\S\r\n]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE
+)
 
 
 def companions(path: Path) -> list[Path]:
@@ -103,7 +106,7 @@ def _of_mtl(path: Path) -> Iterator[str]:
 
 
 def _text(name: bytes) -> str:
-    return name.decode("utf-8", "surrogateescape").strip().replace("\\", "/")
+    return decode_name(name).strip().replace("\\", "/")
 
 
 def _of_usd(path: Path) -> Iterator[str]:
