@@ -12,8 +12,12 @@ from typing import Any
 import pytest
 
 import texbake
+from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.building.build import build
 from texbake.building.companions import companions, is_followed
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.uv_sets import UvSet
 
 OBJ = "mtllib my stuff.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
 MTL = "newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 my wood.png\nbump -bm 0.5 gone.png\n"
@@ -24,7 +28,7 @@ def test_those_of_an_obj_file(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     # As one name and as two: which is meant depends on which files there are.
     found = [path.name for path in companions(tmp_path / "a.obj")]
-    assert found == ["my stuff.mtl", "my", "stuff.mtl"]
+    assert found == ["my stuff.mtl", "my", "stuff.mtl", "a.uvs.npz"]
     (tmp_path / "my stuff.mtl").write_text(MTL)
     (tmp_path / "my wood.png").write_text("x")
     names = [path.name for path in companions(tmp_path / "my stuff.mtl")]
@@ -46,6 +50,30 @@ def test_the_image_that_the_reader_finds_counts(
     found = texbake.read_materials(tmp_path / "a.obj", texbake.read_mesh(tmp_path / "a.obj"))
     assert found is not None and not found.missing
     assert companions(tmp_path / "a.mtl") == [tmp_path / name]
+
+
+def test_those_of_an_fbx_file(tmp_path: Path) -> None:
+    nodes = rich_scene(7400)
+    file = ("RelativeFilename", ["maps\\wood.png"], [])
+    nodes[1][2].append(("Texture", [60, "paint\0\1Texture", ""], [file]))
+    (tmp_path / "a.fbx").write_bytes(binary(nodes))
+    names = [path.relative_to(tmp_path).as_posix() for path in companions(tmp_path / "a.fbx")]
+    assert names == ["maps/wood.png", "wood.png"]
+    (tmp_path / "a.fbx").write_bytes(b"none")
+    assert companions(tmp_path / "a.fbx") == []
+
+
+def test_further_uv_sets_of_an_obj_file_count(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    mesh = uv_sphere(4, 6)
+    assert mesh.uvs is not None and mesh.uv_faces is not None
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    for scale in (1.0, 0.5):
+        sets = {"light": UvSet(scale * mesh.uvs, mesh.uv_faces)}
+        write_mesh(mesh.replace(uv_sets=sets), tmp_path / "a.obj")
+        assert run(path)[1] == ["a.r"]
+    assert run(path)[1] == []
 
 
 def test_those_of_a_gltf_file(tmp_path: Path) -> None:
@@ -103,7 +131,7 @@ def test_names_without_measure_take_no_more_than_the_file(tmp_path: Path) -> Non
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd " + "a " * 100_000)
     assert len(companions(tmp_path / "a.mtl")) == 1
     (tmp_path / "a.obj").write_text("mtllib " + " ".join(map(str, range(10_000))))
-    assert len(companions(tmp_path / "a.obj")) == 10_001
+    assert len(companions(tmp_path / "a.obj")) == 10_002
     (tmp_path / "a.obj").write_text("".join(f"mtllib {i}\n" for i in range(10_000)))
     assert len(companions(tmp_path / "a.obj")) < 3_000
     (tmp_path / "a.gltf").write_text("[" * 100_000)

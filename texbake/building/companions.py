@@ -21,7 +21,10 @@ from texbake.building.locations import is_url
 from texbake.errors import TexbakeError
 from texbake.files import read_bytes, require_file
 from texbake.limits import allows_outside, is_within
+from texbake.mesh.files.fbx_scene import read_scene
+from texbake.mesh.files.fbx_textures import image_names
 from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
+from texbake.mesh.files.obj_uv_sets import uv_sets_path
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_process import ask_usd
 
@@ -98,11 +101,19 @@ def _of_obj(path: Path) -> Iterator[str]:
         if len(names) > 2 * MOST_LIBRARIES:  # the reader refuses the file
             break
     yield from names
+    yield uv_sets_path(path).name
 
 
 def _of_mtl(path: Path) -> Iterator[str]:
     for value in _MAP.findall(read_bytes(path)):
         yield map_name(_text(value))[0]
+
+
+def _of_fbx(path: Path) -> Iterator[str]:
+    scene = read_scene(path)
+    for item in scene.objects.values():
+        if item.node.name in ("Texture", "Video"):
+            yield from image_names(item)
 
 
 def _text(name: bytes) -> str:
@@ -114,7 +125,7 @@ def _of_usd(path: Path) -> Iterator[str]:
 
 
 _READERS = {
-    ".gltf": _of_gltf, ".glb": _of_glb, ".obj": _of_obj, ".mtl": _of_mtl,
+    ".gltf": _of_gltf, ".glb": _of_glb, ".obj": _of_obj, ".mtl": _of_mtl, ".fbx": _of_fbx,
     ".usd": _of_usd, ".usda": _of_usd, ".usdc": _of_usd,
 }  # fmt: skip
 SUFFIXES = tuple(_READERS)

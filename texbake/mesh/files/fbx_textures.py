@@ -14,6 +14,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -59,31 +60,32 @@ def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
                 scene.images[label] = _unwrapped(value)
             yield scene.images[label], label
     folder = Path(scene.path).resolve().parent
-    for holder in holders:
-        for entry in _FILES:
-            words = PurePosixPath(holder.node.child_text(entry).replace("\\", "/"))
-            if not words.name:
-                continue
-            for place in (folder / words, folder / words.name):
-                try:
-                    is_there = place.resolve().is_relative_to(folder) and place.is_file()
-                except (OSError, ValueError):
-                    continue
-                if is_there:
-                    real = str(place.resolve())
-                    if real not in scene.images:
-                        scene.images[real] = read_bytes(place)
-                    yield scene.images[real], str(place)
+    for name in chain.from_iterable(map(image_names, holders)):
+        place = folder / name
+        try:
+            is_there = place.resolve().is_relative_to(folder) and place.is_file()
+        except (OSError, ValueError):
+            continue
+        if is_there:
+            real = str(place.resolve())
+            if real not in scene.images:
+                scene.images[real] = read_bytes(place)
+            yield scene.images[real], str(place)
+
+
+def image_names(holder: FbxObject) -> Iterator[str]:
+    """Names under which the image of a texture or video is looked for in the folder of the file."""
+    for entry in _FILES:
+        words = PurePosixPath(holder.node.child_text(entry).replace("\\", "/"))
+        if words.name:
+            yield str(words)
+            yield words.name
 
 
 def _file_name(scene: FbxScene, texture: FbxObject) -> str:
     """File name of the image that a texture asks for; empty where it names none."""
-    for holder in (*scene.members_of(texture.key, "Video"), texture):
-        for entry in _FILES:
-            name = PurePosixPath(holder.node.child_text(entry).replace("\\", "/")).name
-            if name:
-                return name
-    return ""
+    holders = (*scene.members_of(texture.key, "Video"), texture)
+    return PurePosixPath(next(chain.from_iterable(map(image_names, holders)), "")).name
 
 
 def _unwrapped(content: bytes) -> bytes:
