@@ -18,6 +18,8 @@ from texbake.core.library import core
 from texbake.parallel import require_thread_memory
 from texbake.unfinished import NOTES
 
+_TO_BEGIN = 1.0  # seconds that a thread is waited for
+
 
 def signal_watch(
     descriptor: int, flags: bytearray, *, patience: float, to_end: float
@@ -72,7 +74,16 @@ def end_with_parent(descriptor: int = 0) -> None:
     if os.name != "nt":
         wait = core.library.end_with_pipe
         wait.argtypes, wait.restype = [ctypes.c_int64], ctypes.c_int64
+        runs = _thread.allocate_lock()
+        runs.acquire()
+
+        def run() -> None:
+            runs.release()
+            wait(descriptor)
+
         # `threading.Thread.start` would wait for ever for a thread that has no memory to begin.
         with suppress(RuntimeError, MemoryError):  # the system gives no more threads
             require_thread_memory()
-            _thread.start_new_thread(wait, (descriptor,))
+            _thread.start_new_thread(run, ())
+            # Work that keeps the interpreter to itself would keep the thread from beginning.
+            runs.acquire(timeout=_TO_BEGIN)
