@@ -83,7 +83,7 @@ def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) 
         for entry in entries:
             manifest = store.find(entry.name)
             assert manifest is not None
-            store.check(manifest, Digests(tmp_path / "none", trusting=False))
+            store.check(manifest, Digests(tmp_path / "none", trusting=False), ())
 
 
 def test_two_builds_at_once(write: Any, tmp_path: Path, contents: Callable[..., Any]) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from texbake.baking.memory import TREE_FACE
 from texbake.building.build import build
+from texbake.building.digests import checksum
 from texbake.building.memory import IDLE_WORKER, size_by_length, size_of
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, Outlook
@@ -33,6 +34,7 @@ output = "{asset}.ply"
 
 def orange_task(tmp_path: Path, number: int, triangles: int) -> Task:
     kind = STEP_KINDS["make"]
+    ingredients = {"number": number}
     return Task(
         asset="a",
         step="make",
@@ -40,8 +42,8 @@ def orange_task(tmp_path: Path, number: int, triangles: int) -> Task:
         settings=kind.settings({"shape": "orange", "triangles": triangles}),
         inputs={},
         outputs={"mesh": "mesh.ply"},
-        key=f"{number:064x}",
-        ingredients={},
+        key=checksum(ingredients),
+        ingredients=ingredients,
         store=str(tmp_path / "store"),
         threads=1,
     )

@@ -37,6 +37,16 @@ def checksum(value: Any) -> str:
     return hashlib.sha256(canonical(value)).hexdigest()
 
 
+def _is_entry(known: Any) -> bool:
+    """Whether it can be what is remembered of a file; whoever may write to a store chooses it."""
+    return (
+        isinstance(known, list)
+        and 2 <= len(known) <= 3
+        and isinstance(known[1], str)
+        and all(isinstance(names, list) for names in known[2:])
+    )
+
+
 def file_digest(path: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of a file.
 
@@ -68,10 +78,11 @@ class Digests:
         self._path = path
         self._known: dict[str, list[Any]] = {}
         if trusting:
-            with suppress(OSError, ValueError, TypeError, KeyError):
+            with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, RecursionError):
                 kept = json.loads(path.read_bytes())
                 if checksum(kept["files"]) == kept["checksum"]:
-                    self._known = kept["files"]
+                    files = kept["files"].items()
+                    self._known = {path: known for path, known in files if _is_entry(known)}
         self._changed = False
 
     def digest(self, path: str) -> str:

@@ -79,9 +79,9 @@ class LastKeys:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._keys: dict[str, dict[str, str]] = {}
-        with suppress(OSError, ValueError, AttributeError, TypeError):
-            keys = json.loads(path.read_bytes())
-            self._keys = {asset: dict(steps) for asset, steps in keys.items()}
+        with suppress(OSError, ValueError, AttributeError, TypeError, RecursionError):
+            for asset, steps in json.loads(path.read_bytes()).items():
+                self._keys[asset] = {step: str(key) for step, key in steps.items()}
 
     def __getitem__(self, step: Id) -> str | None:
         return self._keys.get(step[0], {}).get(step[1])

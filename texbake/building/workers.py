@@ -39,6 +39,7 @@ from texbake.parallel import require_thread_memory
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
+_LAST_WORDS = 1 << 16  # bytes of what a worker has printed in which its last line is looked for
 
 
 class Executor(Protocol):
@@ -238,7 +239,7 @@ class _Process:
         if code < 0:
             with suppress(ValueError):
                 how = signal.Signals(-code).name
-        self._said.seek(0)
+        self._said.seek(max(self._said.seek(0, os.SEEK_END) - _LAST_WORDS, 0))
         said = self._said.read().decode("utf-8", "replace").split("\n")
         last = next((line.strip() for line in reversed(said) if line.strip()), "")
         message = f"its worker ended ({how}), twice"
