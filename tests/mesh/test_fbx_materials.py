@@ -13,6 +13,7 @@ from tests.hard_cases.fbx_writer import (
     written,
 )
 from texbake.errors import MeshError
+from texbake.limits import raised_limits
 from texbake.mesh.files import fbx_materials, fbx_scene, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_nodes import Node
@@ -316,6 +317,16 @@ def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     assert "blue" in found.notes(["base-color"])[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
     assert read(texture).sources("base-color")[1].image.data == b"inside"
+
+
+def test_links_lead_out_of_the_folder_and_names_where_that_is_allowed(read, tmp_path):
+    (tmp_path / "b.png").write_bytes(b"outside")
+    (tmp_path / "model" / "link.png").symlink_to(tmp_path / "b.png")
+    linked = read([("RelativeFilename", ["link.png"], [])])
+    assert linked.sources("base-color")[1].image.data == b"outside"
+    with raised_limits(allow_outside=True):
+        named = read([("RelativeFilename", ["../b.png"], [])])
+    assert named.sources("base-color")[1].image.data == b"outside"
 
 
 def test_an_image_that_many_textures_name_is_read_once(tmp_path):

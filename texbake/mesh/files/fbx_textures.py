@@ -15,11 +15,13 @@ import base64
 import math
 from collections.abc import Iterator
 from itertools import chain
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import numpy as np
 
+from texbake.errors import FileError
 from texbake.files import read_bytes
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
 from texbake.mesh.materials import UNPLACED, Placing
 from texbake.mesh.mesh import FloatArray
@@ -59,15 +61,14 @@ def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
             if label not in scene.images:
                 scene.images[label] = _unwrapped(value)
             yield scene.images[label], label
-    folder = Path(scene.path).resolve().parent
     for name in chain.from_iterable(map(image_names, holders)):
-        place = folder / name
         try:
-            is_there = place.resolve().is_relative_to(folder) and place.is_file()
-        except (OSError, ValueError):
+            place = file_beside(scene.path, name)
+            is_there = place.is_file()
+        except (FileError, OSError, ValueError):
             continue
         if is_there:
-            real = str(place.resolve())
+            real = real_path(scene.path, name)
             if real not in scene.images:
                 scene.images[real] = read_bytes(place)
             yield scene.images[real], str(place)
