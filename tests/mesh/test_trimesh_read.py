@@ -312,6 +312,44 @@ def test_a_node_of_collada_that_places_itself_is_one_error(tmp_path: Path) -> No
         texbake.read_mesh(path)
 
 
+def test_nodes_of_collada_are_counted_in_every_encoding_that_is_read(tmp_path: Path) -> None:
+    """The reader knows EUC-JP, and the parser that counts does not."""
+    path = nested(tmp_path, 10, 10)
+    text = re.sub(r"<\?xml[^>]*\?>", "", path.read_text("utf-8"))
+    path.write_text(f'<?xml version="1.0" encoding="EUC-JP"?>{text}', "utf-8")
+    with pytest.raises(FileFormatError, match=r"nested\.dae: it is not a \.dae file"):
+        texbake.read_mesh(path)
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_polygons_of_collada_that_count_more_corners_than_they_have_are_refused(
+    is_first: bool, tmp_path: Path
+) -> None:
+    """Two billion corners in 1 kB took 7 GB."""
+    path = tmp_path / "polygons.dae"
+    texbake.to_trimesh(uv_sphere(4, 6)).export(path)
+    text = path.read_text("utf-8").replace("triangles", "polylist")
+
+    def with_counts(counts: str) -> str:
+        counts = f"<vcount>{counts}</vcount>"
+        return re.sub("<p>.*?</p>", rf"{counts}\g<0>" if is_first else rf"\g<0>{counts}", text)
+
+    n_faces = uv_sphere(4, 6).n_faces
+    path.write_text(with_counts("3 " * n_faces), "utf-8")
+    assert texbake.read_mesh(path).n_faces == n_faces
+    path.write_text(with_counts("3 2000000000"), "utf-8")
+    with pytest.raises(FileFormatError, match=r"counts 2,000,000,003 corners and has fewer"):
+        texbake.read_mesh(path)
+
+
+def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path: Path) -> None:
+    texbake.to_trimesh(uv_sphere(4, 6)).export(tmp_path / "sphere.dae")
+    with zipfile.ZipFile(tmp_path / "sphere.zae", "w") as archive:
+        archive.write(tmp_path / "sphere.dae", "sphere.dae")
+        archive.writestr("__MACOSX/._sphere.dae", b"\0\5\x16\7" + bytes(100))
+    assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == uv_sphere(4, 6).n_faces
+
+
 @pytest.mark.parametrize("method", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
 def test_a_part_that_cannot_be_unpacked_a_piece_at_a_time_is_refused(tmp_path, method):
     path = tmp_path / "a.3mf"

@@ -1,6 +1,7 @@
 """How often a COLLADA file places its nodes, before any of them is placed.
 
 Nodes may place other nodes, which place others: ten levels of ten are 3.7 kB and ten billion nodes.
+Polygons may say that they have billions of corners.
 """
 
 from __future__ import annotations
@@ -8,10 +9,11 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import IO, TypeVar
 from xml.etree.ElementTree import ParseError, iterparse
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, read_bytes
 from texbake.limits import LONGEST_NAME
 
@@ -22,6 +24,7 @@ _MOST_TRIANGLES = 100_000_000
 _CHARACTERS = 6  # of the three indices of a triangle, at least
 # Counts stop here: each level of nodes could add digits, up to gigabytes of them.
 _COUNTLESS = 10**12
+_HEAD_OF_MACOS = b"\0\5\x16\7"  # of the files about files, ._NAME, that macOS adds to archives
 
 
 def require_few_instances(path: PathLike) -> None:
@@ -29,14 +32,18 @@ def require_few_instances(path: PathLike) -> None:
 
     A file may place 200,000 nodes, or as many as it has, and 100 million triangles, or as many as
     it has characters. Names have 400 characters at most. A node that places itself is left to the
-    reader, which refuses it.
+    reader, which refuses it. What cannot be counted is refused, too: the reader knows encodings
+    that are not known here.
     """
     for file in _documents(path):
         with file:
             try:
                 graph = _Graph(file)
-            except (ParseError, ValueError, LookupError):
-                continue  # the reader says what is wrong
+            except (ParseError, ValueError, LookupError) as error:
+                raise FileFormatError(
+                    f"{path}: it is not a {Path(path).suffix.lower()} file, or it is damaged: "
+                    f"{one_line(error)}; export it again"
+                ) from error
         if graph.longest_name > LONGEST_NAME:  # each node that is placed gets a name of its own
             raise FileFormatError(
                 f"{path}: a name in it has {graph.longest_name:,} characters, more than "
@@ -68,7 +75,14 @@ def _documents(path: PathLike) -> Iterator[IO[bytes]]:
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             if name.lower().endswith(".dae"):
-                yield io.BytesIO(archive.read(name))
+                content = archive.read(name)
+                if not content.startswith(_HEAD_OF_MACOS):
+                    yield io.BytesIO(content)
+
+
+def _require_corners(n_corners: int, n_characters: int) -> None:
+    if n_corners > n_characters:
+        raise ValueError(f"a list of polygons counts {n_corners:,} corners and has fewer")
 
 
 class _Graph:
@@ -92,6 +106,7 @@ class _Graph:
         inside: list[int] = []  # the nodes around what is read
         n_scenes = 0  # those around it
         geometry = ""
+        n_corners, n_written = 0, None  # that polygons say they have, and characters of them
         for event, element in iterparse(file, events=("start", "end")):
             tag = element.tag.rpartition("}")[2]
             is_start = event == "start"
@@ -108,10 +123,17 @@ class _Graph:
             elif tag == "geometry" and is_start:
                 geometry = element.get("id", "")
                 self._triangles.setdefault(geometry, 0)
-            elif tag == "p" and not is_start and geometry:
+            elif tag == "p" and not is_start:
                 n = len(element.text or "")
-                self.n_characters += n
-                self._triangles[geometry] += n // _CHARACTERS
+                n_written = n if n_written is None else n_written  # the reader takes the first
+                if geometry:
+                    self.n_characters += n
+                    self._triangles[geometry] += n // _CHARACTERS
+            elif tag == "vcount" and not is_start:
+                n_corners += sum(abs(int(count)) for count in (element.text or "").split())
+            elif tag == "polylist" and not is_start:
+                _require_corners(n_corners, n_written or 0)
+                n_corners, n_written = 0, None
             elif inside and is_start and tag in ("instance_node", "instance_geometry"):
                 placed = self._nodes[inside[-1]][1 if tag == "instance_node" else 2]
                 placed.append(element.get("url", "").lstrip("#"))
