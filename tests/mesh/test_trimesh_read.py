@@ -461,3 +461,44 @@ def test_triangles_in_other_parts_of_a_3mf_file_count(tmp_path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         # As trimesh does, each of the three appends the part to the object that they place.
         assert threemf_instances._Build(archive).placed() == (4, 9)
+
+
+def nested_3mf(tmp_path: Path, n_levels: int, inside: str = "") -> Path:
+    """A triangle, which each level places once more; `inside` is added to each of them."""
+    vertices = "".join(f'<vertex x="{x}" y="{y}" z="0"/>' for x, y in [(0, 0), (1, 0), (0, 1)])
+    mesh = (
+        f"<mesh><vertices>{vertices}</vertices>"
+        '<triangles><triangle v1="0" v2="1" v3="2"/></triangles></mesh>'
+    )
+    objects = f'<object id="level0">{mesh}</object>' + "".join(
+        f'<object id="level{i}"><components><component objectid="level{i - 1}"/>'
+        f"{inside}</components></object>"
+        for i in range(1, n_levels + 1)
+    )
+    with zipfile.ZipFile(tmp_path / "nested.3mf", "w") as archive:
+        archive.writestr(
+            "3D/3dmodel.model",
+            f"<model><resources>{objects}</resources>"
+            f'<build><item objectid="level{n_levels}"/></build></model>',
+        )
+    return tmp_path / "nested.3mf"
+
+
+def test_objects_of_3mf_in_very_many_levels_are_refused(tmp_path: Path) -> None:
+    assert texbake.read_mesh(nested_3mf(tmp_path, 60)).n_faces == 1
+    for path in (
+        nested_3mf(tmp_path, 3000),
+        nested_3mf(tmp_path, 2, '<component objectid="level2"/>'),
+    ):
+        with pytest.raises(FileFormatError, match="in more than 64 levels"):
+            texbake.read_mesh(path)
+
+
+def test_a_3mf_file_that_cannot_be_counted_is_refused(tmp_path: Path) -> None:
+    path = nested_3mf(tmp_path, 1)
+    with zipfile.ZipFile(path) as archive:
+        text = archive.read("3D/3dmodel.model")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", b'<?xml version="1.0" encoding="EUC-JP"?>' + text)
+    with pytest.raises(FileFormatError, match=r"not a \.3mf file, or it is damaged"):
+        texbake.read_mesh(path)

@@ -1,9 +1,9 @@
 """How often a 3MF file places its objects, before any of them is placed.
 
 The build of a file lists objects, which consist of others, as often as they like. trimesh takes
-time with the square of the objects that are placed. Without a word, it stops at a number of steps
-that two levels of objects can exceed, and leaves out all but one object of a part number. So all of
-this is refused.
+time with the square of the objects that are placed, and with that of their levels. Without a word,
+it stops at a number of steps that two levels of objects can exceed, and leaves out all but one
+object of a part number. So all of this is refused.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from typing import IO
 from xml.etree.ElementTree import Element, ParseError, iterparse
 from zipfile import BadZipFile, ZipFile
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike
 from texbake.limits import LONGEST_NAME
 from texbake.mesh.files.collada_instances import about, placed_counts
 
 _MODEL = "3d/3dmodel.model"
 _MOST_OBJECTS = 10_000
+_MOST_LEVELS = 64
 _MOST_TRIANGLES = 20_000_000
 _NAMES = ("id", "name", "objectid", "partnumber")
 
@@ -28,20 +29,29 @@ _NAMES = ("id", "name", "objectid", "partnumber")
 def require_few_objects(path: PathLike) -> None:
     """Raise `FileFormatError` if a .3mf file places its objects without measure.
 
-    It may place 10,000 objects and 20 million triangles, or as many as it has bytes when it is
-    unpacked.
+    It may place 10,000 objects in 64 levels, and 20 million triangles, or as many as it has bytes
+    when it is unpacked. What cannot be counted is refused, too: the reader knows encodings that are
+    not known here.
     """
     try:
         with ZipFile(path) as archive:
             build = _Build(archive)
             n_bytes = sum(part.file_size for part in archive.infolist())
-    except (BadZipFile, ParseError, ValueError, LookupError):
+    except (BadZipFile, KeyError):
         return  # the reader says what is wrong
+    except (ParseError, ValueError, LookupError) as error:
+        raise FileFormatError(
+            f"{path}: it is not a .3mf file, or it is damaged: {one_line(error)}; export it again"
+        ) from error
     advice = "write it as a .glb file"
     if build.longest_name > LONGEST_NAME:
         raise FileFormatError(
             f"{path}: a name in it has {build.longest_name:,} characters, more than "
             f"{LONGEST_NAME}; {advice}"
+        )
+    if build.n_levels > _MOST_LEVELS:
+        raise FileFormatError(
+            f"{path}: its objects consist of others in more than {_MOST_LEVELS} levels; {advice}"
         )
     n_objects, n_triangles = build.placed()
     if n_objects > _MOST_OBJECTS:
@@ -92,6 +102,22 @@ class _Build:
             lambda name: self._components.get(name, []),
             lambda name: self._triangles.get(name, 0),
         )
+
+    @property
+    def n_levels(self) -> int:
+        """Levels in which the build places objects, or one more than it may; also of cycles."""
+        known: dict[str, int] = {}
+
+        def levels(name: str, level: int) -> int:
+            if level > _MOST_LEVELS:
+                return 1
+            if name not in known:
+                known[name] = _MOST_LEVELS + 1  # for those below that place it again
+                below = (levels(part, level + 1) for part in self._components.get(name, ()))
+                known[name] = 1 + max(below, default=0)
+            return known[name]
+
+        return max((levels(name, 1) for name in self._items), default=0)
 
     def _read(self, file: IO[bytes], archive: ZipFile) -> None:
         index = ""
