@@ -71,7 +71,7 @@ class Terminal:
         """Print the paths of the files written."""
         if not self.quiet:
             for path in paths:
-                say(f"wrote {path}")
+                say(f"wrote {in_line(str(path))}")
 
     def clock(self) -> BudgetClock:
         """Return the clock of a time budget, which began with the process."""

@@ -15,6 +15,10 @@ from texbake.files import PathLike
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
+_PALETTE = 3
+_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), _PALETTE: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+_LONGEST_SIDE = 1_000_000  # of libpng
+
 
 def png_description(path: PathLike) -> str:
     """Check a PNG file; return the text under the keyword "Description", or "" if there is none.
@@ -22,13 +26,35 @@ def png_description(path: PathLike) -> str:
     Raises
     ------
     FileFormatError
-        The file is not a PNG file, it is truncated, or a checksum is wrong.
+        The file is not a PNG file, it is truncated, a checksum is wrong, its header is none, or it
+        lacks its palette.
     """
     description = ""
+    needs_palette: bool | None = None
     for kind, data in _chunks(path):
+        if needs_palette is None:
+            needs_palette = _color_type(path, kind, data) == _PALETTE
+        needs_palette &= kind != b"PLTE"
+        if kind == b"IDAT" and needs_palette:
+            raise FileFormatError(f"{path}: the PNG file lacks its palette; get it again")
         if kind == b"tEXt" and data.startswith(b"Description\0"):
             description = data.split(b"\0", 1)[1].decode("latin-1")
     return description
+
+
+def _color_type(path: PathLike, kind: bytes, header: bytes) -> int:
+    """Check the first chunk, of which libpng would complain in a line of its own."""
+    if kind != b"IHDR" or len(header) != 13:
+        raise FileFormatError(f"{path}: the PNG file has no header; get it again")
+    width, height, bits, color, *methods = struct.unpack(">IIBBBBB", header)
+    if bits not in _BITS.get(color, ()) or methods not in ([0, 0, 0], [0, 0, 1]):
+        raise FileFormatError(f"{path}: the header of the PNG file is damaged; get it again")
+    if not 0 < min(width, height) <= max(width, height) <= _LONGEST_SIDE:
+        raise FileFormatError(
+            f"{path}: it has {width} x {height} pixels; the sides of a PNG file have 1 to "
+            f"{_LONGEST_SIDE:,}"
+        )
+    return int(color)
 
 
 def is_png(path: PathLike) -> bool:

@@ -502,3 +502,15 @@ def test_a_3mf_file_that_cannot_be_counted_is_refused(tmp_path: Path) -> None:
         archive.writestr("3D/3dmodel.model", b'<?xml version="1.0" encoding="EUC-JP"?>' + text)
     with pytest.raises(FileFormatError, match=r"not a \.3mf file, or it is damaged"):
         texbake.read_mesh(path)
+
+
+@pytest.mark.parametrize("index", ["-1", "99999999999999999999"])
+def test_indices_of_collada_that_are_none_are_refused(index: str, tmp_path: Path) -> None:
+    """The reader took another vertex without a word."""
+    path = tmp_path / "indices.dae"
+    texbake.to_trimesh(uv_sphere(4, 6)).export(path)
+    text = path.read_text("utf-8")
+    start = text.index("<p>") + 3
+    path.write_text(text[:start] + index + text[text.index(" ", start) :], "utf-8")
+    with pytest.raises(FileFormatError, match="an index of its faces is out of range"):
+        texbake.read_mesh(path)

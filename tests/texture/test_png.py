@@ -6,7 +6,8 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
-from texbake.png import is_png, png_description
+from texbake.png import SIGNATURE, is_png, png_description
+from texbake.texture.image import read_image
 from texbake.texture.png_files import write_png
 
 
@@ -135,3 +136,38 @@ def test_any_changed_byte_is_an_error(tmp_path, codes):
         data[at] ^= 0x55
         with pytest.raises(FileFormatError):
             png_description(tmp_path / "bad.png")
+
+
+def png_of(header, *more):
+    """A PNG file with this header, and checksums that fit."""
+    pixels = zlib.compress(bytes(8))
+    parts = [(b"IHDR", struct.pack(">IIBBBBB", *header)), *more, (b"IDAT", pixels), (b"IEND", b"")]
+    return SIGNATURE + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "complaint"),
+    [
+        ((0, 1, 8, 0, 0, 0, 0), "has 0 x 1 pixels"),
+        ((1, 2**31, 8, 0, 0, 0, 0), "sides of a PNG file"),
+        ((1_000_001, 1, 1, 0, 0, 0, 0), "sides of a PNG file"),
+        ((1, 1, 8, 5, 0, 0, 0), "header of the PNG file is damaged"),
+        ((1, 1, 1, 2, 0, 0, 0), "header of the PNG file is damaged"),
+        ((1, 1, 8, 0, 1, 0, 0), "header of the PNG file is damaged"),
+        ((1, 1, 8, 0, 0, 0, 2), "header of the PNG file is damaged"),
+        ((1, 1, 8, 3, 0, 0, 0), "lacks its palette"),
+    ],
+)
+def test_what_libpng_would_complain_about_is_one_error(tmp_path, capfd, header, complaint):
+    (tmp_path / "a.png").write_bytes(png_of(header))
+    with pytest.raises(FileFormatError, match=complaint):
+        read_image(tmp_path / "a.png", color=False)
+    assert capfd.readouterr().err == ""
+
+
+def test_images_with_a_palette_are_read(tmp_path):
+    (tmp_path / "a.png").write_bytes(png_of((1, 1, 8, 3, 0, 0, 0), (b"PLTE", bytes([9, 8, 7]))))
+    assert read_image(tmp_path / "a.png", color=False).pixels.shape == (1, 1, 3)

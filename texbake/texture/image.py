@@ -32,6 +32,7 @@ from texbake.texture.encoding import (
     quantize_srgb,
     quantize_unsigned,
 )
+from texbake.texture.exr import require_few_attributes
 from texbake.texture.image_formats import (
     PNG,
     check_image_format,
@@ -274,6 +275,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
         # Checked before libpng sees it, which would print its complaints.
         description = png_description(path) if is_png(path) else ""
         require_few_scans(path)
+        require_few_attributes(path)
     except FileFormatError:
         raise
     except OSError as error:

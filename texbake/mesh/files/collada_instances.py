@@ -7,6 +7,7 @@ Polygons may say that they have billions of corners.
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ Node = TypeVar("Node", int, str)
 
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
+_NO_INDEX = re.compile(r"-|\d{11}")
 _CHARACTERS = 6  # of the three indices of a triangle, at least
 # Counts stop here: each level of nodes could add digits, up to gigabytes of them.
 _COUNTLESS = 10**12
@@ -124,7 +126,10 @@ class _Graph:
                 geometry = element.get("id", "")
                 self._triangles.setdefault(geometry, 0)
             elif tag == "p" and not is_start:
-                n = len(element.text or "")
+                text = element.text or ""
+                if _NO_INDEX.search(text):  # the reader would take another vertex
+                    raise ValueError("an index of its faces is out of range")
+                n = len(text)
                 n_written = n if n_written is None else n_written  # the reader takes the first
                 if geometry:
                     self.n_characters += n
