@@ -1,7 +1,9 @@
 """Fixtures shared by all tests."""
 
 import os
+import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,6 +14,13 @@ from hypothesis import settings
 # The same examples in every run. None is too slow: machines are busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+# A process that was started in the background, or by nohup, ignores signals, and so would all that
+# it starts.
+for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    with suppress(AttributeError, ValueError):  # not on this system, or not in this thread
+        if signal.getsignal(_number := getattr(signal, _name)) is signal.SIG_IGN:
+            signal.signal(_number, _handler)
 
 # For embreex_oracle and displaced_mesh.
 sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")]
