@@ -25,6 +25,7 @@ from texbake import (
     RenderOptions,
     option_field,
     option_fields,
+    whole_number,
 )
 
 from .types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam
@@ -157,7 +158,8 @@ def _metavar(field: OptionField) -> str | None:
 
 def number_or_word(text: str | int) -> int | str:
     """Parse a number and leave words unchanged; the option class checks them."""
-    return int(text) if str(text).isdecimal() and len(str(text)) < 19 else text
+    number = whole_number(str(text))
+    return text if number is None else number
 
 
 def build_options(*, without: Collection[str] = ()) -> Decorator[Any]:

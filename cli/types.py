@@ -11,7 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-_MOST_DIGITS = 18  # of a whole number
+from texbake import whole_number
 
 
 class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
@@ -62,10 +62,10 @@ class ViewParam(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes n
             return value  # type: ignore[no-any-return]  # a default
         word, colon, count = value.partition(":")
         if colon and word == "turntable":
-            # Python reads no number of thousands of digits.
-            if not count.isdecimal() or len(count) > _MOST_DIGITS or int(count) < 1:
+            n_views = whole_number(count)
+            if not n_views:
                 self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
-            return Turntable(int(count))
+            return Turntable(n_views)
         try:
             numbers = tuple(float(number) for number in value.split(","))
         except ValueError:

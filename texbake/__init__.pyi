@@ -156,7 +156,10 @@ from .jobs.uv_pictures import (
     render_checker as render_checker,
     write_layout as write_layout,
 )
-from .limits import raised_limits as raised_limits
+from .limits import (
+    raised_limits as raised_limits,
+    whole_number as whole_number,
+)
 from .machine_memory import limit_own_memory as limit_own_memory
 from .mapping.classical.projector import read_matrix as read_matrix
 from .mapping.distortion import (

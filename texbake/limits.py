@@ -24,6 +24,7 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
 DEFAULT_MAX_IMAGE = 16384
+_MOST_DIGITS = 18  # which 64 bits hold
 _MOST_CHANNELS = 4  # of the greatest image; one of more channels has fewer pixels
 _MOST_IMAGES = 4  # of the greatest size that a file may hold, or as many pixels in smaller ones
 _PIXELS_PER_BYTE = 16  # photographs never have so many
@@ -69,6 +70,17 @@ def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) 
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
+
+
+def whole_number(text: str) -> int | None:
+    """Return the number that a text is; None if it is none, or has more than 18 digits.
+
+    Python raises an error of its own for thousands of digits.
+
+    >>> whole_number("16384"), whole_number("-1"), whole_number("9" * 5000)
+    (16384, None, None)
+    """
+    return int(text) if text.isdecimal() and len(text) <= _MOST_DIGITS else None
 
 
 def require_image_size(path: PathLike, width: int, height: int, n_channels: int) -> None:
@@ -139,9 +151,10 @@ def _side_of(n_pixels: int) -> int:
 
 def _max_image() -> int:
     text = os.environ.get(MAX_IMAGE, "") or str(DEFAULT_MAX_IMAGE)
-    if not text.isdecimal() or len(text) > 9 or not 1 <= int(text) <= 1 << 20:
+    side = whole_number(text)
+    if side is None or not 1 <= side <= 1 << 20:
         raise OptionError(f"{MAX_IMAGE}: {quoted(text)} is not a number of pixels, such as 16384")
-    return int(text)
+    return side
 
 
 def allows_outside() -> bool:

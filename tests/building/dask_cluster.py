@@ -15,8 +15,9 @@ LOGGING = """
 import os
 from texbake.building.store import Store
 def logged(self, key, *arguments, commit=Store.commit):
+    again = " again" * (self.find(key) is not None)
     with open(os.environ["STEPS_MADE"], "a") as file:
-        file.write(key + chr(10))
+        file.write(key + again + chr(10))
     return commit(self, key, *arguments)
 if Store.commit.__name__ != "logged":
     Store.commit = logged
@@ -110,8 +111,16 @@ class Cluster:
     @property
     def steps_made(self) -> Counter[str]:
         """How often each key was made."""
+        return Counter(line.split()[0] for line in self._made())
+
+    @property
+    def made_again(self) -> list[str]:
+        """Keys that were made though the store had their results already."""
+        return [line.split()[0] for line in self._made() if line.endswith("again")]
+
+    def _made(self) -> list[str]:
         file = self.folder / "steps_made"
-        return Counter(file.read_text().split()) if file.exists() else Counter()
+        return file.read_text().splitlines() if file.exists() else []
 
     def close(self) -> None:
         for process in (*self.workers, self.scheduler):

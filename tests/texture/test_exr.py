@@ -7,6 +7,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
+from texbake.texture.exr import require_few_attributes
 from texbake.texture.image import read_image, write_image
 
 
@@ -43,6 +44,13 @@ def test_a_header_of_many_bytes_and_attributes_is_read(tmp_path):
         source.specmod().attribute(f"note{i}", "x" * 2000)
     source.write(str(tmp_path / "b.exr"))
     assert (read_image(tmp_path / "b.exr", color=False).pixels == image).all()
+
+
+def test_what_follows_the_header_is_none(tmp_path):
+    """Pixels may look like attributes."""
+    pixels = attribute(b"a", b"b", b"") * 20_000
+    (tmp_path / "a.exr").write_bytes(exr_of([attribute(b"a", b"int", bytes(4))]) + pixels)
+    require_few_attributes(tmp_path / "a.exr")
 
 
 @pytest.mark.parametrize("content", [b"", b"\0" * 50, b"a\0int\0\xff\xff\xff\xff", b"a" * 5000])

@@ -14,6 +14,7 @@ from texbake.files import PathLike
 _MAGIC = b"\x76\x2f\x31\x01"
 _MOST_ATTRIBUTES = 10_000  # of all parts together; programs write some dozens
 _MOST_BYTES_OF_CHANNELS = 1 << 18  # thousands of channels
+_HAS_PARTS = 0x1000  # of the flags that follow the magic number
 _LONGEST_WORD = 256
 
 
@@ -25,10 +26,10 @@ def require_few_attributes(path: PathLike) -> None:
     with Path(path).open("rb") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             return
-        file.read(4)  # version and flags
+        has_parts = int.from_bytes(file.read(4), "little") & _HAS_PARTS
         n_read = 0
-        # Parts follow each other; after the last one, or in what is no header, there is no name.
-        while _word(file) or _word(file):
+        # The header of a part ends with an empty name, and the last one of several with two.
+        while _word(file) or (has_parts and _word(file)):
             kind, size = _word(file), int.from_bytes(file.read(4), "little", signed=True)
             n_read += 1
             if size < 0:

@@ -9,23 +9,20 @@ from __future__ import annotations
 import io
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import IO, TypeVar
+from collections.abc import Iterator
+from typing import IO
 from xml.etree.ElementTree import ParseError, iterparse
 
-from texbake.errors import FileFormatError, one_line
+from texbake.errors import FileFormatError
 from texbake.files import PathLike, read_bytes
 from texbake.limits import LONGEST_NAME
-
-Node = TypeVar("Node", int, str)
+from texbake.mesh.files.placed_counts import Placed, about, count_placed
+from texbake.mesh.files.source import damaged
 
 _MOST_NODES = 200_000
 _MOST_TRIANGLES = 100_000_000
 _NO_INDEX = re.compile(r"-|\d{11}")
 _CHARACTERS = 6  # of the three indices of a triangle, at least
-# Counts stop here: each level of nodes could add digits, up to gigabytes of them.
-_COUNTLESS = 10**12
 _HEAD_OF_MACOS = b"\0\5\x16\7"  # of the files about files, ._NAME, that macOS adds to archives
 
 
@@ -42,16 +39,14 @@ def require_few_instances(path: PathLike) -> None:
             try:
                 graph = _Graph(file)
             except (ParseError, ValueError, LookupError) as error:
-                raise FileFormatError(
-                    f"{path}: it is not a {Path(path).suffix.lower()} file, or it is damaged: "
-                    f"{one_line(error)}; export it again"
-                ) from error
+                raise damaged(path, error) from error
         if graph.longest_name > LONGEST_NAME:  # each node that is placed gets a name of its own
             raise FileFormatError(
                 f"{path}: a name in it has {graph.longest_name:,} characters, more than "
                 f"{LONGEST_NAME}; shorten it in the program that made the file"
             )
-        n_nodes, n_triangles = graph.placed()
+        placed = graph.placed()
+        n_nodes, n_triangles = placed.nodes, placed.triangles
         if n_nodes > max(_MOST_NODES, graph.n_nodes):
             raise FileFormatError(
                 f"{path}: its nodes place {about(n_nodes)} nodes, more than {_MOST_NODES:,}; "
@@ -62,11 +57,6 @@ def require_few_instances(path: PathLike) -> None:
                 f"{path}: its nodes repeat up to {about(n_triangles)} triangles, more than "
                 f"{_MOST_TRIANGLES:,}; join them in the program that made the file"
             )
-
-
-def about(number: int) -> str:
-    """Return a count in words, where it may have stopped at 10^12."""
-    return f"{number:,}" if number < _COUNTLESS else f"at least {_COUNTLESS:,}"
 
 
 def _documents(path: PathLike) -> Iterator[IO[bytes]]:
@@ -155,55 +145,14 @@ class _Graph:
         self._by_id.setdefault(name, index)
         inside.append(index)
 
-    def placed(self) -> tuple[int, int]:
-        """Return the nodes and, at most, the triangles that the scenes of the file place."""
+    def placed(self) -> Placed:
+        """Count what the scenes of the file place, triangles at most."""
 
         def triangles_of(index: int) -> int:
             return sum(self._triangles.get(name, 0) for name in self._nodes[index][2])
 
-        return placed_counts(self._roots, self._below, triangles_of)
+        return count_placed(self._roots, self._below, triangles_of)
 
     def _below(self, index: int) -> list[int]:
         nested, names, _ = self._nodes[index]
         return [*nested, *(self._by_id[name] for name in names if name in self._by_id)]
-
-
-def placed_counts(
-    roots: Sequence[Node], below: Callable[[Node], list[Node]], own: Callable[[Node], int]
-) -> tuple[int, int]:
-    """Count what nodes place that place other nodes, each as often as it is placed.
-
-    Parameters
-    ----------
-    roots
-        Nodes at the top.
-    below, own
-        Functions that return the nodes that a node places, and how many triangles it has itself.
-
-    Returns
-    -------
-    n_nodes, n_triangles : int
-        Those of each root are 10^12 at most; a circle counts as nothing.
-    """
-    totals: dict[Node, tuple[int, int]] = {}
-    open_nodes: set[Node] = set()
-    waiting = list(roots)
-    while waiting:
-        node = waiting[-1]
-        if node in totals:  # many nodes may place it
-            waiting.pop()
-            continue
-        placed = below(node)
-        later = [other for other in placed if other not in totals and other not in open_nodes]
-        if node not in open_nodes and later:
-            open_nodes.add(node)
-            waiting += later
-            continue
-        waiting.pop()
-        open_nodes.discard(node)
-        known = [totals.get(other, (0, 0)) for other in placed]
-        n_nodes = 1 + sum(n for n, _ in known)
-        n_triangles = own(node) + sum(t for _, t in known)
-        totals[node] = min(n_nodes, _COUNTLESS), min(n_triangles, _COUNTLESS)
-    found = [totals[node] for node in roots]
-    return sum(n for n, _ in found), sum(t for _, t in found)

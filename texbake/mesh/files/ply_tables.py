@@ -17,6 +17,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
+from texbake.limits import whole_number
 from texbake.mesh.files.source import ByteArray
 
 # numpy's code of each type, without byte order.
@@ -106,8 +107,8 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
                 pass
             case ["format", name, _] if name in _ORDERS:
                 order = _ORDERS[name]
-            case ["element", name, count] if count.isdecimal() and len(count) < 19:
-                elements.append((name, int(count), []))
+            case ["element", name, text] if (count := whole_number(text)) is not None:
+                elements.append((name, count, []))
             case ["property", "list", count_type, value_type, name] if (
                 elements and TYPES.get(count_type, "f")[0] in "iu" and value_type in TYPES
             ):

@@ -8,12 +8,13 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, quoted, shortened
+from texbake.errors import FileFormatError, one_line, quoted, shortened
 from texbake.files import PathLike, read_bytes
 from texbake.limits import LONGEST_NAME
 
@@ -92,6 +93,15 @@ def decode_name(word: bytes) -> str:
         return word.decode("utf-8")
     except UnicodeDecodeError:
         return word.decode("latin-1")
+
+
+def damaged(path: PathLike, error: Exception) -> FileFormatError:
+    """Return the error for a file that a library cannot read, with what the library says."""
+    reason = one_line(error).rstrip(".") or type(error).__name__
+    return FileFormatError(
+        f"{path}: it is not a {Path(path).suffix.lower()} file, or it is damaged: {reason}; "
+        "export it again"
+    )
 
 
 def short_name(name: object) -> str:

@@ -14,10 +14,11 @@ from typing import IO
 from xml.etree.ElementTree import Element, ParseError, iterparse
 from zipfile import BadZipFile, ZipFile
 
-from texbake.errors import FileFormatError, one_line
+from texbake.errors import FileFormatError
 from texbake.files import PathLike
 from texbake.limits import LONGEST_NAME
-from texbake.mesh.files.collada_instances import about, placed_counts
+from texbake.mesh.files.placed_counts import Placed, about, count_placed
+from texbake.mesh.files.source import damaged
 
 _MODEL = "3d/3dmodel.model"
 _MOST_OBJECTS = 10_000
@@ -40,30 +41,29 @@ def require_few_objects(path: PathLike) -> None:
     except (BadZipFile, KeyError):
         return  # the reader says what is wrong
     except (ParseError, ValueError, LookupError) as error:
-        raise FileFormatError(
-            f"{path}: it is not a .3mf file, or it is damaged: {one_line(error)}; export it again"
-        ) from error
+        raise damaged(path, error) from error
     advice = "write it as a .glb file"
     if build.longest_name > LONGEST_NAME:
         raise FileFormatError(
             f"{path}: a name in it has {build.longest_name:,} characters, more than "
             f"{LONGEST_NAME}; {advice}"
         )
-    if build.n_levels > _MOST_LEVELS:
+    placed = build.placed()
+    if placed.levels > _MOST_LEVELS:
         raise FileFormatError(
             f"{path}: its objects consist of others in more than {_MOST_LEVELS} levels; {advice}"
         )
-    n_objects, n_triangles = build.placed()
-    if n_objects > _MOST_OBJECTS:
+    if placed.nodes > _MOST_OBJECTS:
         raise FileFormatError(
-            f"{path}: it places {about(n_objects)} objects, more than {_MOST_OBJECTS:,}; {advice}"
+            f"{path}: it places {about(placed.nodes)} objects, more than {_MOST_OBJECTS:,}; "
+            f"{advice}"
         )
-    if n_triangles > max(_MOST_TRIANGLES, n_bytes):
+    if placed.triangles > max(_MOST_TRIANGLES, n_bytes):
         raise FileFormatError(
-            f"{path}: it places up to {about(n_triangles)} triangles, more than "
+            f"{path}: it places up to {about(placed.triangles)} triangles, more than "
             f"{_MOST_TRIANGLES:,}; {advice}"
         )
-    if n_objects > build.n_steps or build.has_twins:
+    if placed.nodes > build.n_steps or build.has_twins:
         raise FileFormatError(
             f"{path}: it places its objects in a way in which some of them would be lost; {advice}"
         )
@@ -95,29 +95,13 @@ class _Build:
         placed = [*self._items, *chain.from_iterable(self._components.values())]
         return len(placed) * len({"the build", *placed, *self._components})
 
-    def placed(self) -> tuple[int, int]:
-        """Return the objects and, at most, the triangles that the build places."""
-        return placed_counts(
+    def placed(self) -> Placed:
+        """Count what the build places, triangles at most."""
+        return count_placed(
             self._items,
             lambda name: self._components.get(name, []),
             lambda name: self._triangles.get(name, 0),
         )
-
-    @property
-    def n_levels(self) -> int:
-        """Levels in which the build places objects, or one more than it may; also of cycles."""
-        known: dict[str, int] = {}
-
-        def levels(name: str, level: int) -> int:
-            if level > _MOST_LEVELS:
-                return 1
-            if name not in known:
-                known[name] = _MOST_LEVELS + 1  # for those below that place it again
-                below = (levels(part, level + 1) for part in self._components.get(name, ()))
-                known[name] = 1 + max(below, default=0)
-            return known[name]
-
-        return max((levels(name, 1) for name in self._items), default=0)
 
     def _read(self, file: IO[bytes], archive: ZipFile) -> None:
         index = ""

@@ -21,7 +21,7 @@ import numpy as np
 from texbake.errors import DependencyError, FileFormatError, one_line
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
-from texbake.mesh.files.source import read_array
+from texbake.mesh.files.source import damaged, read_array
 from texbake.mesh.files.threemf_instances import require_few_objects
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -125,10 +125,7 @@ def _load(path: PathLike, suffix: str) -> Any:
     except MemoryError:
         raise
     except Exception as error:
-        reason = one_line(error).rstrip(".") or type(error).__name__
-        raise FileFormatError(
-            f"{path}: it is not a {suffix} file, or it is damaged: {reason}; export it again"
-        ) from error
+        raise damaged(path, error) from error
 
 
 def _welded(mesh: Mesh) -> Mesh:

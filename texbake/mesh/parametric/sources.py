@@ -44,6 +44,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
+from texbake.limits import whole_number
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
 
@@ -179,7 +180,7 @@ def read_patches(path: PathLike) -> FloatArray:
         n_patches, rest = _count(path, lines[0], "patches"), lines[1:]
         width = len(rest[0].words) if rest else 0
         # Only shared points have a second number alone on its line; a hole must not hide them.
-        if width in (2, *POINT_WIDTHS) and not any(_is_count(line) for line in rest):
+        if width in (2, *POINT_WIDTHS) and not any(_count_in(line) is not None for line in rest):
             points = (_with_degrees if width == 2 else _separate)(path, rest, n_patches)
         else:
             points = _shared(path, rest, n_patches)
@@ -279,18 +280,19 @@ def _width(of_points: Sequence[TextLine]) -> int:
     return width if width in POINT_WIDTHS else POINT_WIDTHS[0]
 
 
-def _is_count(line: TextLine) -> bool:
-    """Whether a line is a whole number, alone."""
-    return len(line.words) == 1 and line.words[0].isdecimal() and len(line.words[0]) < 19
+def _count_in(line: TextLine) -> int | None:
+    """Return the whole number that stands in a line, alone."""
+    return whole_number(line.words[0]) if len(line.words) == 1 else None
 
 
 def _count(path: PathLike, line: TextLine, what: str) -> int:
     """Read a number of things, alone on its line."""
-    if not _is_count(line) or int(line.words[0]) < 1:
+    count = _count_in(line)
+    if not count:
         raise FileFormatError(
             f"{path}: line {line.number}: {quoted(' '.join(line.words))} is not a number of {what}"
         )
-    return int(line.words[0])
+    return count
 
 
 def _refuse_more(path: PathLike, lines: Sequence[TextLine], n_points: int) -> None:
