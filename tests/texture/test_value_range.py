@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
+from texbake.texture.value_range import (
+    channel_ranges,
+    count_clipped,
+    height_range,
+    size_at_percentile,
+)
 
 
 @pytest.mark.parametrize("percentile", [0.0, 33.0, 99.0, 100.0])
@@ -39,6 +44,21 @@ def test_vectors_count_only_where_they_are_covered():
     covered[3, 4] = False
     clipped = np.count_nonzero(np.abs(vectors[covered]) > 1.0)
     assert count_clipped(vectors, covered, mid=0.5, scale=2.0) == clipped
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (50, 60), (900, 800, 3)])
+def test_ranges_are_those_of_each_channel_where_texels_are_covered(shape):
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=shape).astype(np.float32)
+    covered = rng.random(shape[:2]) < 0.5
+    covered[0, 0] = True
+    values[~covered] = 9.0
+    rows = values[covered].reshape(np.count_nonzero(covered), -1)
+    expected = np.stack([rows.min(axis=0), rows.max(axis=0)], axis=1)
+    np.testing.assert_array_equal(channel_ranges(values, covered), expected)
+    values[covered] = np.nan
+    nothing = np.tile(np.float32([np.inf, -np.inf]), (rows.shape[1], 1))
+    np.testing.assert_array_equal(channel_ranges(values, covered), nothing)
 
 
 def test_results_do_not_depend_on_threads():

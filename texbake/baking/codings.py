@@ -37,7 +37,12 @@ from texbake.texture.encoding import (
     quantize_unsigned,
 )
 from texbake.texture.image_formats import check_image_format, format_of, holds_floats
-from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
+from texbake.texture.value_range import (
+    channel_ranges,
+    count_clipped,
+    height_range,
+    size_at_percentile,
+)
 
 if TYPE_CHECKING:
     from texbake.baking.maps.kind import MapKind
@@ -199,7 +204,8 @@ def _curvatures(baked: BakedMap, encoding: FileEncoding) -> Coded:
 def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> Coded:
     scale = 1.0
     if encoding.bits != FLOAT:
-        greatest = float(baked.values[baked.covered].max(initial=0.0))
+        ranges = channel_ranges(baked.values, baked.has_data, threads=baked.options.threads)
+        greatest = float(ranges[:, 1].max(initial=0.0))
         scale = baked.options.thickness_distance or greatest or 1.0
     pixels = encode_heights(
         baked.values, bits=encoding.bits, mid=0.0, scale=scale, threads=baked.options.threads

@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
+from texbake.texture.value_range import channel_ranges
 
 # Values that a surface has without the map, by its name.
 _PLAIN = {
@@ -38,19 +40,20 @@ def needless_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
         Of the low-poly mesh: heights below half a step of 16 bits of it count as none.
     """
     for name, item in maps.items():
-        values = item.values[item.has_data]
-        if not len(values):
+        ranges = channel_ranges(item.values, item.has_data, threads=item.options.threads)
+        if not np.isfinite(ranges).all():  # nothing was hit
             continue
         rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
         plain = _PLAIN.get(name)
         if name in _IN_TANGENT_SPACE and item.options.space != "tangent":
             plain = None
-        if plain is not None and float(np.abs(values - plain).max()) <= rounding:
+        if plain is not None and float(np.abs(ranges.T - plain).max()) <= rounding:
             yield f"{name}: it is the same as no map at every texel; it can be left out"
-        elif item.kind.coding in ("color", "mask") and _is_constant(values) and plain is None:
-            shown = ", ".join(f"{value:.4g}" for value in values[0])
+        elif item.kind.coding in ("color", "mask") and plain is None and _are_constant(ranges):
+            first = np.unravel_index(int(item.has_data.argmax()), item.has_data.shape)
+            shown = ", ".join(f"{value:.4g}" for value in item.values[first])
             yield f"{name}: every texel is {shown}; a factor of the material says the same"
 
 
-def _is_constant(values: np.ndarray) -> bool:
-    return bool(np.ptp(values, axis=0).max() <= _ROUNDING)
+def _are_constant(ranges: npt.NDArray[np.float32]) -> bool:
+    return bool((ranges[:, 1] - ranges[:, 0]).max() <= _ROUNDING)

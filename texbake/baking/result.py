@@ -115,11 +115,6 @@ class BakedMap:
         )
         return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
 
-    @property
-    def covered(self) -> npt.NDArray[np.bool_]:
-        """(H, W, C) bool: `has_data` for each value."""
-        return np.broadcast_to(self.has_data[:, :, np.newaxis], self.values.shape)
-
 
 @dataclass(frozen=True, eq=False)
 class BakeResult:

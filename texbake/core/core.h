@@ -1208,9 +1208,9 @@ void fill_value_noise(
     const double values[256], float out[n][1], int64_t interpolation, int64_t start, int64_t stop);
 
 /* value_range.c */
-void measure_range(
+void measure_ranges(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
-    float range[2], int64_t start, int64_t stop);
+    float ranges[n_channels][2], int64_t start, int64_t stop);
 
 int64_t count_outside(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],

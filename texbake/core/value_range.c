@@ -14,25 +14,23 @@
 
 #include "core.h"
 
-/* Widen `range`, least and greatest, to the finite values of texels that are covered. */
-void measure_range(
+/* Widen the range of each channel, least and greatest, to the finite values of covered texels. */
+void measure_ranges(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
-    float range[2], int64_t start, int64_t stop)
+    float ranges[n_channels][2], int64_t start, int64_t stop)
 {
-    float low = range[0], high = range[1];
     for (int64_t i = start; i < stop; i++) {
         if (!covered[i])
             continue;
         for (int64_t channel = 0; channel < n_channels; channel++) {
             const float value = values[i][channel];
+            float *range = ranges[channel];
             if (!isfinite(value))
                 continue;
-            low = value < low ? value : low;
-            high = value > high ? value : high;
+            range[0] = value < range[0] ? value : range[0];
+            range[1] = value > range[1] ? value : range[1];
         }
     }
-    range[0] = low;
-    range[1] = high;
 }
 
 /* Values of covered texels whose level, value / scale + mid, is below `least` or above `most`. */

@@ -23,6 +23,35 @@ IntArray = npt.NDArray[np.int64]
 _BAND = 1 << 19
 
 
+def channel_ranges(
+    values: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Return the least and the greatest finite value of each channel, over the covered texels.
+
+    Parameters
+    ----------
+    values : (H, W) or (H, W, C) float32
+    covered : (H, W) bool
+
+    Returns
+    -------
+    (C, 2) float32
+        (inf, -inf) for a channel without such a value.
+    """
+    rows, texels = _of_texels(values, covered)
+    nothing = np.tile(np.array([np.inf, -np.inf], np.float32), (rows.shape[1], 1))
+    found = [nothing]
+
+    def work(start: int, stop: int) -> None:
+        ranges = nothing.copy()
+        core.measure_ranges(rows, texels, ranges, start, stop)
+        found.append(ranges)
+
+    run_bands(work, len(texels), band=_BAND, threads=threads)
+    lows, highs = np.min(found, axis=0)[:, 0], np.max(found, axis=0)[:, 1]
+    return np.stack([lows, highs], axis=1)
+
+
 def height_range(
     heights: npt.NDArray[Any],
     covered: npt.NDArray[np.bool_],
@@ -60,17 +89,8 @@ def height_range(
     mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
     if not 0.0 <= mid <= 1.0:
         raise OptionError(f"mid: {mid} is not a level between 0 and 1")
-    values, texels = _of_texels(heights, covered)
-    ranges: list[npt.NDArray[np.float32]] = []
-
-    def work(start: int, stop: int) -> None:
-        limits = np.zeros(2, np.float32)
-        core.measure_range(values, texels, limits, start, stop)
-        ranges.append(limits)
-
-    run_bands(work, len(texels), band=_BAND, threads=threads)
-    above = max((float(limits[1]) for limits in ranges), default=0.0)
-    below = max((-float(limits[0]) for limits in ranges), default=0.0)
+    ranges = channel_ranges(heights, covered, threads=threads)
+    below, above = -float(ranges[:, 0].min(initial=0.0)), float(ranges[:, 1].max(initial=0.0))
     if (above > 0.0 and mid == 1.0) or (below > 0.0 and mid == 0.0):
         raise OptionError(
             f"mid: {mid} leaves no room for heights from {-below:.6g} to {above:.6g}; use 0.5"
