@@ -347,6 +347,21 @@ void find_owners(
     const int32_t faces[n_listed], int64_t n_columns, const int64_t points[n][2],
     int32_t owners[n], double weights[n][2]);
 
+/* elementary.c */
+void array_sin(int64_t n, const double x[n], double out[n]);
+void array_cos(int64_t n, const double x[n], double out[n]);
+void array_tan(int64_t n, const double x[n], double out[n]);
+void array_asin(int64_t n, const double x[n], double out[n]);
+void array_acos(int64_t n, const double x[n], double out[n]);
+void array_atan(int64_t n, const double x[n], double out[n]);
+void array_exp(int64_t n, const double x[n], double out[n]);
+void array_log(int64_t n, const double x[n], double out[n]);
+void array_log2(int64_t n, const double x[n], double out[n]);
+void array_log10(int64_t n, const double x[n], double out[n]);
+void array_atan2(int64_t n, const double x[n], const double y[n], double out[n]);
+void array_hypot(int64_t n, const double x[n], const double y[n], double out[n]);
+void array_power(int64_t n, const double x[n], const double y[n], double out[n]);
+
 /* elliptical_weighted_average.c */
 int64_t sample_ellipses(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
@@ -1018,6 +1033,22 @@ int64_t end_with_pipe(int64_t descriptor);
 int64_t end_after_signals(
     int64_t descriptor, double patience, double to_end, int64_t n_flags, uint8_t flags[n_flags],
     int64_t n_notes, uint8_t notes[n_notes]);
+
+/* small_matrices.c */
+void sum_row_products(
+    int64_t n, int64_t inner, const double a[n][inner], const double b[n][inner], double out[n]);
+void multiply_matrices(
+    int64_t n_a, int64_t n_b, int64_t n, int64_t rows, int64_t inner, int64_t columns,
+    const double a[n_a][rows][inner], const double b[n_b][inner][columns],
+    double out[n][rows][columns]);
+void solve_systems(
+    int64_t n, int64_t size, int64_t columns, double matrices[n][size][size],
+    double sides[n][size][columns], double determinants[n]);
+void orthogonalize_columns(
+    int64_t n, int64_t rows, int64_t columns, double matrices[n][rows][columns],
+    double rotations[n][columns][columns]);
+void diagonalize(
+    int64_t n, int64_t size, double matrices[n][size][size], double rotations[n][size][size]);
 
 /* solid_patterns.c */
 void fill_marble(

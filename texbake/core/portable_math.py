@@ -1,0 +1,230 @@
+"""Elementary functions and small linear algebra with the same bits on every processor.
+
+NumPy's `sin`, `exp`, `power` and the like, its products of matrices, and the functions of C and of
+`math` round as the processor and the library like. What reaches a file or decides something is
+computed by these functions, which are named as in NumPy. Addition, multiplication, division and
+square roots need no care: IEEE 754 prescribes their results. `tests/test_architecture.py` keeps the
+others out.
+
+The elementary functions take numbers or arrays, broadcast, and return a float for numbers. They
+work in float64 and are off by less than 0.7 units in the last place; the result for float32 arrays
+is rounded to float32. Kernels: `core/elementary.c` and `core/small_matrices.c`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core.library import core
+
+Array = npt.NDArray[Any]
+
+
+class _Unary:
+    """A function of one number, by the name of its kernel."""
+
+    def __init__(self, kernel: str) -> None:
+        self._kernel = kernel
+
+    @overload
+    def __call__(self, x: float, /) -> float: ...
+    @overload
+    def __call__(self, x: Array, /) -> Array: ...
+
+    def __call__(self, x: Any, /) -> Any:
+        values, rounded = _prepared(x)
+        out = np.empty(values.shape)
+        getattr(core, self._kernel)(values.reshape(-1), out.reshape(-1))
+        return _finished(out, x, rounded=rounded)
+
+
+class _Binary:
+    """A function of two numbers, by the name of its kernel."""
+
+    def __init__(self, kernel: str) -> None:
+        self._kernel = kernel
+
+    @overload
+    def __call__(self, x: float, y: float, /) -> float: ...
+    @overload
+    def __call__(self, x: Array, y: Array | float, /) -> Array: ...
+    @overload
+    def __call__(self, x: float, y: Array, /) -> Array: ...
+
+    def __call__(self, x: Any, y: Any, /) -> Any:
+        a, b = np.broadcast_arrays(x, y)
+        first, rounded = _prepared(a)
+        second, other = _prepared(b)
+        out = np.empty(first.shape)
+        getattr(core, self._kernel)(first.reshape(-1), second.reshape(-1), out.reshape(-1))
+        return _finished(out, a if np.ndim(x) or np.ndim(y) else 0.0, rounded=rounded and other)
+
+
+def _prepared(x: Any) -> tuple[npt.NDArray[np.float64], bool]:
+    """The values as contiguous float64, and whether they were float32."""
+    return np.ascontiguousarray(x, np.float64).reshape(np.shape(x)), _is_float32(x)
+
+
+def _is_float32(x: Any) -> bool:
+    return isinstance(x, np.ndarray) and x.dtype == np.float32
+
+
+def _finished(out: npt.NDArray[np.float64], x: Any, *, rounded: bool) -> Any:
+    if np.ndim(x) == 0:
+        return float(out)
+    return out.astype(np.float32) if rounded else out
+
+
+sin, cos, tan = _Unary("array_sin"), _Unary("array_cos"), _Unary("array_tan")
+arcsin, arccos, arctan = _Unary("array_asin"), _Unary("array_acos"), _Unary("array_atan")
+exp, log = _Unary("array_exp"), _Unary("array_log")
+log2, log10 = _Unary("array_log2"), _Unary("array_log10")
+arctan2, hypot = _Binary("array_atan2"), _Binary("array_hypot")
+power = _Binary("array_power")
+
+
+def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
+    """Sums of products along the last axis, added in its order; the other axes broadcast.
+
+    float32 vectors are multiplied in float64, and the sums are rounded to float32; so in all
+    products below.
+    """
+    first, second = np.broadcast_arrays(a, b)
+    inner, shape = first.shape[-1], first.shape[:-1]
+    out = np.empty(shape)
+    core.sum_row_products(_rows(first, inner), _rows(second, inner), out.reshape(-1))
+    return _as_given(out, first, second)
+
+
+def matmul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
+    """Products of matrices (..., n, k) and (..., k, m), or of one with a vector, as `a @ b`."""
+    first, second = np.asarray(a), np.asarray(b)
+    if first.ndim == 1 and second.ndim == 1:
+        return vecdot(first, second)
+    if first.ndim == 1:
+        return matmul(first[None], second)[..., 0, :]
+    if second.ndim == 1:
+        return matmul(first, second[:, None])[..., 0]
+    (rows, inner), (of_inner, columns) = first.shape[-2:], second.shape[-2:]
+    if inner != of_inner:
+        raise ValueError(f"matmul: shapes {first.shape} and {second.shape} do not match")
+    if second.ndim == 2 and first.ndim > 2:  # as one long list of rows
+        product = matmul(first.reshape(-1, inner), second)
+        return np.asarray(product.reshape(*first.shape[:-1], columns))
+    shape = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
+    out = np.empty((*shape, rows, columns))
+    core.multiply_matrices(
+        _matrices(first, shape), _matrices(second, shape), out.reshape(-1, rows, columns)
+    )
+    return _as_given(out, first, second)
+
+
+def matvec(matrices: npt.ArrayLike, vectors: npt.ArrayLike) -> Array:
+    """Products of matrices (..., n, k) with vectors (..., k)."""
+    return matmul(matrices, np.asarray(vectors)[..., None])[..., 0]
+
+
+def vecmat(vectors: npt.ArrayLike, matrices: npt.ArrayLike) -> Array:
+    """Products of vectors (..., k) with matrices (..., k, m): weighted sums of their rows."""
+    return matmul(np.asarray(vectors)[..., None, :], matrices)[..., 0, :]
+
+
+def norm(
+    vectors: npt.ArrayLike, axis: int | tuple[int, int] | None = None, *, keepdims: bool = False
+) -> Any:
+    """Lengths of vectors along an axis; without one, the root of the sum of all squares."""
+    values = np.asarray(vectors)
+    values = values if values.dtype == np.float32 else values.astype(np.float64, copy=False)
+    return np.sqrt((values * values).sum(axis=axis, keepdims=keepdims))
+
+
+def det(matrices: npt.ArrayLike) -> Any:
+    """Determinants of square matrices (..., n, n)."""
+    a = np.array(matrices, np.float64)
+    out = np.empty(a.shape[:-2])
+    core.solve_systems(
+        a.reshape(-1, *a.shape[-2:]), np.empty((out.size, a.shape[-1], 0)), out.reshape(-1)
+    )
+    return out if a.ndim > 2 else float(out)
+
+
+def solve(matrices: npt.ArrayLike, sides: npt.ArrayLike) -> Array:
+    """Solutions x of `matrices @ x = sides`, for matrices (..., n, n) and sides (..., n, m) or (n,).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        A matrix is singular.
+    """
+    if np.ndim(sides) == 1:
+        return solve(matrices, np.asarray(sides)[:, None])[:, 0]
+    a, b = np.array(matrices, np.float64), np.asarray(sides, np.float64)
+    out = np.broadcast_to(b, (*a.shape[:-2], *b.shape[-2:])).copy()
+    determinants = np.empty(out.shape[:-2])
+    core.solve_systems(
+        a.reshape(-1, *a.shape[-2:]), out.reshape(-1, *out.shape[-2:]), determinants.reshape(-1)
+    )
+    if not determinants.all():
+        raise np.linalg.LinAlgError("Singular matrix")
+    return out
+
+
+def inv(matrices: npt.ArrayLike) -> Array:
+    """Inverses of square matrices; raises `numpy.linalg.LinAlgError` if one is singular."""
+    return solve(matrices, np.eye(np.shape(matrices)[-1]))
+
+
+def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
+    """Eigenvalues (..., n) of symmetric matrices, ascending, and eigenvectors as columns."""
+    a = np.array(matrices, np.float64)
+    vectors = np.empty_like(a)
+    core.diagonalize(a.reshape(-1, *a.shape[-2:]), vectors.reshape(-1, *a.shape[-2:]))
+    values = np.diagonal(a, axis1=-2, axis2=-1)
+    order = np.argsort(values, axis=-1, kind="stable")
+    return (
+        np.take_along_axis(values, order, axis=-1),
+        np.take_along_axis(vectors, order[..., None, :], axis=-1),
+    )
+
+
+def svd(matrix: npt.ArrayLike) -> tuple[Array, Array]:
+    """Singular values of a matrix (m, n), descending, and all n right singular vectors as rows."""
+    a = np.array(matrix, np.float64)[None]
+    vectors = np.empty((1, a.shape[2], a.shape[2]))
+    core.orthogonalize_columns(a, vectors)
+    sizes = norm(a[0], axis=0)
+    order = np.argsort(-sizes, kind="stable")
+    return sizes[order][: min(a.shape[1:])], np.ascontiguousarray(vectors[0].T[order])
+
+
+def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple[Array, int]:
+    """The shortest x that brings `matrix @ x` closest to sides (m,), and the rank of the matrix.
+
+    Singular values below `rcond` times the largest count as 0.
+    """
+    a = np.asarray(matrix, np.float64)
+    sizes, directions = svd(a)
+    rank = int(np.count_nonzero(sizes > rcond * sizes[0]))
+    kept = directions[:rank]
+    images = matmul(a, kept.T)
+    shares = matmul(images.T, sides) / np.square(sizes[:rank])
+    return matmul(shares, kept), rank
+
+
+def _rows(values: Array, inner: int) -> npt.NDArray[np.float64]:
+    return np.ascontiguousarray(values, np.float64).reshape(-1, inner)
+
+
+def _matrices(values: Array, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """A list of matrices; one alone where it is the same for the whole list."""
+    matrices = values.shape[-2:]
+    if values.ndim > 2 and values.shape[:-2] != shape:
+        values = np.broadcast_to(values, (*shape, *matrices))
+    return np.ascontiguousarray(values, np.float64).reshape(-1, *matrices)
+
+
+def _as_given(out: npt.NDArray[np.float64], *arrays: Array) -> Array:
+    return out.astype(np.float32) if all(map(_is_float32, arrays)) else out
