@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from texbake.colors import diverging
 from texbake.errors import UvError
 from texbake.mapping.layout import SAMPLES, add_faces, add_lines, draw_layout
 from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.oklch import diverging
 from texbake.mesh.shapes import cube, plane
 
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.colors import linear_from_oklch
 from texbake.errors import OptionError
+from texbake.mesh.oklch import linear_from_oklch
 from texbake.metadata import (
     CONVENTION,
     CURVATURE_MID,

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.texels import NO_FACE
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.texture.padding import nearest_owner, push_pull
@@ -104,6 +104,6 @@ class ChartPadding:
 def _normalize(values: Float32Array, chosen: npt.NDArray[np.bool_]) -> None:
     """Normalize the chosen vectors in place; zero vectors stay zero."""
     vectors = values[chosen]
-    lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    lengths = np.sqrt(pm.vecdot(vectors, vectors))
     lengths[lengths == 0.0] = 1.0
     values[chosen] = vectors / lengths[:, np.newaxis]

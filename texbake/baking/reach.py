@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -133,7 +134,7 @@ def _sides(low: Mesh) -> npt.NDArray[np.intp]:
     faces = weld_rows(low.positions)[low.faces].astype(np.int32)
     pairs = edge_neighbors(faces)
     normals = face_normals(low)
-    cosines = np.einsum("ij,ij->i", normals[pairs.first], normals[pairs.second])
+    cosines = pm.vecdot(normals[pairs.first], normals[pairs.second])
     smooth = cosines > _EDGE
     labels = merged_labels(
         low.n_faces, pairs.first[smooth].astype(np.int32), pairs.second[smooth].astype(np.int32)
@@ -163,9 +164,9 @@ def _add_high(
     distances, faces, weights = tree.closest_points(corners, threads=threads)
     low_triangles = positions[low.faces[faces]]
     normals = _normals(low_triangles)
-    offsets = corners - np.einsum("ni,nij->nj", weights, low_triangles)
-    agrees = np.einsum("ij,ij->i", facing, normals) > 0.0
-    is_out = np.einsum("ij,ij->i", offsets, normals) >= 0.0
+    offsets = corners - pm.vecmat(weights, low_triangles)
+    agrees = pm.vecdot(facing, normals) > 0.0
+    is_out = pm.vecdot(offsets, normals) >= 0.0
     for side, chosen in enumerate((agrees & is_out, agrees & ~is_out)):
         np.maximum.at(of_faces[:, side], faces[chosen], distances[chosen])
 

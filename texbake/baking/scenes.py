@@ -18,6 +18,7 @@ from texbake.baking.clearance import ClearRays
 from texbake.baking.rays import RayField
 from texbake.baking.reach import LEAST_EXTENT, MARGIN, CornerReach, Look, measure_reach
 from texbake.baking.texels import Samples
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import sample_surface
@@ -222,9 +223,9 @@ def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, 
     points = frame.to_local(_spread_points(scene.source))
     distances, faces, weights = tree.closest_points(points, threads=threads)
     corners = positions[low.faces[faces]]
-    closest = np.einsum("ni,nij->nj", weights, corners)
+    closest = pm.vecmat(weights, corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outside = np.einsum("ij,ij->i", points - closest, normals) >= 0.0
+    outside = pm.vecdot(points - closest, normals) >= 0.0
     return _greatest(distances[outside]), _greatest(distances[~outside])
 
 

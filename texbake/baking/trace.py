@@ -22,6 +22,7 @@ from texbake.baking.texels import (
     owned_bands,
     snap_uvs,
 )
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
@@ -289,7 +290,7 @@ class SampleCaster:
             found = faces != NO_HIT
             rows, faces, weights = rows[found], faces[found], weights[found]
             corners = tree.positions[tree.faces[faces]]
-            offsets = np.einsum("nc,ncx->nx", weights, corners) - points[found]
+            offsets = pm.vecmat(weights, corners) - points[found]
             hits.high_faces[rows] = faces
             hits.high_barycentrics[rows] = weights[:, 1:]
             hits.offsets[rows] = scenes.frame.length_to_model(offsets)

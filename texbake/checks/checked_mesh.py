@@ -12,6 +12,7 @@ import numpy.typing as npt
 from texbake.checks.finding import Finding
 from texbake.checks.kinds import KINDS
 from texbake.checks.options import CheckOptions
+from texbake.core import portable_math as pm
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.frame import unit_scale
@@ -102,7 +103,7 @@ class CheckedMesh:
     def diagonal(self) -> float:
         """Length of the bounding box's diagonal, scaled."""
         low, high = self.mesh.bounds * self.scale
-        return float(np.linalg.norm(high - low))
+        return float(pm.norm(high - low))
 
     @cached_property
     def firsts(self) -> IntArray:
@@ -129,7 +130,7 @@ class CheckedMesh:
         """(F,) float64: scaled areas, 0 where `has_area` is false."""
         a, b, c = (self.corners[:, corner] for corner in range(3))
         crosses = np.cross(b - a, c - a)
-        return np.asarray(np.where(self.has_area, np.linalg.norm(crosses, axis=1) / 2.0, 0.0))
+        return np.asarray(np.where(self.has_area, pm.norm(crosses, axis=1) / 2.0, 0.0))
 
     @cached_property
     def duplicates(self) -> BoolArray:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
 from texbake.checks.finding import Finding
+from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -140,7 +141,7 @@ def chart_widths(checked: CheckedMesh) -> FloatArray:
     areas = np.bincount(charts, np.abs(checked.uv_areas), n_charts) * sides.prod()
     used_once = np.bincount(checked.texture_edges.ravel())[checked.texture_edges] == 1
     steps = (np.roll(checked.uvs, -1, axis=1) - checked.uvs) * sides
-    lengths = np.where(used_once, np.hypot(steps[..., 0], steps[..., 1]), 0.0).sum(axis=1)
+    lengths = np.where(used_once, pm.hypot(steps[..., 0], steps[..., 1]), 0.0).sum(axis=1)
     outlines = np.bincount(charts, lengths, n_charts)
     # w l = area, 2 (w + l) = outline; what is rounder than a square counts as one.
     roots = np.sqrt(np.maximum(outlines**2 - 16.0 * areas, 0.0))

@@ -15,6 +15,7 @@ from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.options import CheckOptions
 from texbake.checks.pair import APART, MeshPair, opposite_sides
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
 
@@ -33,7 +34,7 @@ def misfit(pair: MeshPair) -> list[Finding | None]:
     if not pair.apart:
         return []
     sides, other_sides = pair.sides
-    size, other_size = float(np.linalg.norm(sides)), float(np.linalg.norm(other_sides))
+    size, other_size = float(pm.norm(sides)), float(pm.norm(other_sides))
     ratio = other_size / size if size > 0.0 else math.inf
     if not 1.0 / _SAME_SCALE < ratio < _SAME_SCALE:
         return [make_finding("differing-scale", "low", 1, ratio=ratio)]
@@ -42,8 +43,8 @@ def misfit(pair: MeshPair) -> list[Finding | None]:
     if axes:
         return [make_finding("differing-axes", "low", 1, axes=axes)]
     offset = pair.frame.length_to_model(pair.middles[1] - pair.middles[0])
-    distance = float(np.linalg.norm(offset))
-    if float(np.linalg.norm(pair.middles[1] - pair.middles[0])) <= APART * pair.size:
+    distance = float(pm.norm(offset))
+    if float(pm.norm(pair.middles[1] - pair.middles[0])) <= APART * pair.size:
         return []
     words = ", ".join(f"{value:.6g}" for value in offset)
     return [
@@ -70,12 +71,12 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
     pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
     if not pair.apart:
         return
-    sides = [float(np.linalg.norm(side)) for side in pair.sides]
+    sides = [float(pm.norm(side)) for side in pair.sides]
     ratio = sides[1] / sides[0] if sides[0] > 0.0 else math.inf
     same = 1.0 / _SAME_SCALE < ratio < _SAME_SCALE
     if not math.isfinite(ratio) or not pair.fits_scaled(1.0 if same else ratio):
         return
-    moved = float(np.linalg.norm(pair.middles[1] - pair.middles[0])) / pair.size
+    moved = float(pm.norm(pair.middles[1] - pair.middles[0])) / pair.size
     harmless = {
         "differing-scale": 1.0 / _INFLATED <= ratio <= _INFLATED,
         "differing-place": moved < _BESIDE,

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
 from texbake.checks.finding import Finding
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -117,7 +117,7 @@ class _Shells:
             self._high = np.maximum.reduceat(grouped.max(axis=1), starts, axis=0)
         middles = (self._low + self._high) / 2.0
         a, b, c = np.moveaxis(self._corners - middles[self.of_rows][:, None], 1, 0)
-        sixfold = np.einsum("ij,ij->i", a, np.cross(b, c))
+        sixfold = pm.vecdot(a, np.cross(b, c))
         self._volumes = np.bincount(self.of_rows, sixfold, self._n) / 6.0
 
     def negative(self) -> list[int]:
@@ -146,12 +146,12 @@ class _Shells:
 def _solid_angle(corners: FloatArray, point: npt.NDArray[Any]) -> float:
     """Signed solid angle of triangles seen from a point; 4 π for a shell around it."""
     a, b, c = np.moveaxis(corners - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(edge, axis=1) for edge in (a, b, c))
-    above = np.einsum("ij,ij->i", a, np.cross(b, c))
+    la, lb, lc = (pm.norm(edge, axis=1) for edge in (a, b, c))
+    above = pm.vecdot(a, np.cross(b, c))
     below = la * lb * lc
     for x, y, length in ((a, b, lc), (b, c, la), (c, a, lb)):
-        below += np.einsum("ij,ij->i", x, y) * length
-    return float(2.0 * np.arctan2(above, below).sum())
+        below += pm.vecdot(x, y) * length
+    return float(2.0 * pm.arctan2(above, below).sum())
 
 
 def no_normals(checked: CheckedMesh) -> Finding | None:
@@ -177,8 +177,8 @@ def turned_normals(checked: CheckedMesh) -> Finding | None:
     cosines = np.full(mesh.n_faces, np.inf)
     for corner in range(3):
         shading = mesh.normals[mesh.normal_faces[:, corner]]
-        np.minimum(cosines, np.einsum("ij,ij->i", shading, checked.normals), out=cosines)
-    faces = np.flatnonzero(cosines < -math.sin(NORMAL_ROUNDING))
+        np.minimum(cosines, pm.vecdot(shading, checked.normals), out=cosines)
+    faces = np.flatnonzero(cosines < -pm.sin(NORMAL_ROUNDING))
     return make_finding("turned-normals", checked.role, len(faces), faces, -cosines[faces])
 
 

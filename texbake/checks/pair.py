@@ -18,6 +18,7 @@ from texbake.baking.texels import NO_FACE
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
+from texbake.core import portable_math as pm
 from texbake.mapping.options.texture import MAX_SIZE
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -65,7 +66,7 @@ class MeshPair:
         box, other = self.frame.to_local(low.mesh.bounds), self.frame.to_local(high.mesh.bounds)
         self.sides = box[1] - box[0], other[1] - other[0]
         self.middles = box.mean(axis=0), other.mean(axis=0)
-        self.size = float(np.linalg.norm(self.sides[0]))
+        self.size = float(pm.norm(self.sides[0]))
 
     @cached_property
     def from_low(self) -> ClosestPoints:
@@ -114,7 +115,7 @@ class MeshPair:
         tree = self._tree(self.high)
         best, least = None, APART * self.size * scale
         for turn in _right_angle_rotations():
-            points = arms @ turn.T + self.middles[1]
+            points = pm.matmul(arms, turn.T) + self.middles[1]
             distances_to_other, *_ = tree.closest_points(points, threads=self.low.options.threads)
             median = float(np.median(distances_to_other))
             if median <= least:
@@ -132,7 +133,7 @@ class MeshPair:
         if turn is None:
             return False
         arms = self.frame.to_local(self.low.mesh.positions) - self.middles[0]
-        positions = scale * arms @ turn.T + self.middles[1]
+        positions = pm.matmul(scale * arms, turn.T) + self.middles[1]
         tree = TriangleTree.build(positions, self.low.mesh.faces, threads=self.low.options.threads)
         step = -(-self.high.mesh.n_faces // _MAX_TRIED)
         points = self._centers(self.high, np.arange(0, self.high.mesh.n_faces, step))
@@ -149,7 +150,7 @@ class MeshPair:
         """(n,) float64: between the normals of low-poly faces and the high-poly surface."""
         nearest = self.from_low
         normals = self.low.normals[nearest.faces], self.high.normals[nearest.others]
-        return np.asarray(np.einsum("ij,ij->i", *normals))
+        return np.asarray(pm.vecdot(*normals))
 
     @cached_property
     def opposite(self) -> bool:
@@ -206,7 +207,7 @@ def detail_below_texels(pair: MeshPair, owners: TexelOwners) -> Finding | None:
     faces = pair.high.mesh.n_faces / n_texels
     side = max(options.width_px, options.height_px)
     wanted = side * math.sqrt(faces / _MAX_FACES_PER_TEXEL)
-    size = min(1 << math.ceil(math.log2(wanted)), MAX_SIZE) if faces > 1.0 else side
+    size = min(1 << math.ceil(pm.log2(wanted)), MAX_SIZE) if faces > 1.0 else side
     return make_finding(
         "detail-below-texels", "high", int(faces > _MAX_FACES_PER_TEXEL), per_texel=faces, size=size
     )
@@ -217,6 +218,6 @@ def _right_angle_rotations() -> list[FloatArray]:
     rotations = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         turn = np.diag(signs)[:, list(order)]
-        if np.linalg.det(turn) > 0.0:
+        if pm.det(turn) > 0.0:
             rotations.append(turn)
     return rotations

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.finding import Finding
+from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.layout_view import (
     BACKGROUND,
@@ -102,7 +103,7 @@ def ring(picture: Picture, x: float, y: float, color: FloatArray) -> None:
     if part.size == 0:
         return
     ys, xs = np.mgrid[rows, columns] + 0.5
-    distances = np.abs(np.hypot(xs - x, ys - y) - radius)
+    distances = np.abs(pm.hypot(xs - x, ys - y) - radius)
     ink = np.clip(half + 0.5 - distances, 0.0, 1.0)[:, :, None].astype(np.float32)
     part += ink * (color.astype(np.float32) - part)
 

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.areas import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
@@ -205,7 +205,7 @@ def _n_distinct(indices: npt.NDArray[np.integer[Any]]) -> int:
 
 def _near_pairs(points: npt.NDArray[np.float64], distance: float) -> tuple[IdArray, IdArray]:
     """Pairs of points within a distance, found among neighbors along a slanted line."""
-    heights = points @ _SLANTED
+    heights = pm.matmul(points, _SLANTED)
     order = np.argsort(heights, kind="stable")
     heights, sorted_points = heights[order], points[order]
     ones, others = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
@@ -216,7 +216,7 @@ def _near_pairs(points: npt.NDArray[np.float64], distance: float) -> tuple[IdArr
         if len(lower) == 0:
             break
         offsets = sorted_points[lower + step] - sorted_points[lower]
-        near = lower[np.einsum("ij,ij->i", offsets, offsets) <= distance**2]
+        near = lower[pm.vecdot(offsets, offsets) <= distance**2]
         ones.append(order[near])
         others.append(order[near + step])
     return np.concatenate(ones), np.concatenate(others)
@@ -290,7 +290,7 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     positions = frozen(np.ascontiguousarray(frame.to_local(mesh.positions)))
     low, high = mesh.bounds * frame.scale
     depth = max(
-        _DEPTH * float(np.linalg.norm(high - low)),
+        _DEPTH * float(pm.norm(high - low)),
         _RELATIVE_DEPTH * float(np.abs([low, high]).max()),
     )
     normals = _normals_of_thick_faces(positions[mesh.faces], checked.normals, depth)
@@ -310,7 +310,7 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
 def _normals_of_thick_faces(corners: FloatArray, normals: FloatArray, depth: float) -> FloatArray:
     """(F, 3) float64: unit normals, zero for faces no wider than `depth`."""
     edges = np.roll(corners, -1, axis=1) - corners
-    longest = np.sqrt(np.einsum("fci,fci->fc", edges, edges).max(axis=1))
-    doubles = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    longest = np.sqrt(pm.vecdot(edges, edges).max(axis=1))
+    doubles = pm.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     thick = doubles > depth * longest
     return frozen(np.ascontiguousarray(np.where(thick[:, None], normals, 0.0)))

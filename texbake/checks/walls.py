@@ -21,6 +21,7 @@ from texbake.baking.texels import Samples
 from texbake.checks.checked_mesh import BoolArray, make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.pair import MeshPair
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
@@ -85,7 +86,7 @@ def probe_walls(pair: MeshPair) -> WallProbe:
             probe = Rays(on_face + _LEAVES * there, there, lengths, np.zeros(len(faces)))
             met = scene.cast(probe, cull_back_faces=False)
             # A ray that leaves a wall meets its back, which faces along the ray.
-            facing = np.einsum("ij,ij->i", low.normals[met.faces], there)
+            facing = pm.vecdot(low.normals[met.faces], there)
             meets = (met.faces != NO_HIT) & ((facing > 0.0) if sign > 0.0 else True)
             distances.append(np.where(meets, met.distances + _LEAVES, np.inf))
     return WallProbe(faces, step, distances[0], distances[1], heights, reach)

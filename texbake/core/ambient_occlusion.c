@@ -15,6 +15,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 static const double PI = 3.141592653589793;
@@ -150,7 +151,7 @@ static double horizon_of(const struct search *search, const struct pixel *pixel,
 /* Light between the view direction and a horizon, weighted by the cosine to the normal. */
 static double arc_light(double horizon, double tilt)
 {
-    return 0.25 * (-cos(2.0 * horizon - tilt) + cos(tilt) + 2.0 * horizon * sin(tilt));
+    return 0.25 * (-portable_cos(2.0 * horizon - tilt) + portable_cos(tilt) + 2.0 * horizon * portable_sin(tilt));
 }
 
 /* Add the unoccluded light in one slice through the view direction, and the total without
@@ -174,13 +175,13 @@ static void add_slice(
     const double projected = sqrt(across * across + toward * toward);
     if (projected < 1e-6) /* the slice lies in the surface */
         return;
-    const double tilt = atan2(across, toward);
+    const double tilt = portable_atan2(across, toward);
     const double ahead = horizon_of(search, pixel, cosine, sine);
     const double behind = horizon_of(search, pixel, -cosine, -sine);
     /* Horizons as angles from the view direction, limited by the surface itself. */
     const double most = tilt + 0.5 * PI, least = tilt - 0.5 * PI;
-    const double first = min_f64(acos(clamp_f64(ahead, -1.0, 1.0)), most);
-    const double second = max_f64(-acos(clamp_f64(behind, -1.0, 1.0)), least);
+    const double first = min_f64(portable_acos(clamp_f64(ahead, -1.0, 1.0)), most);
+    const double second = max_f64(-portable_acos(clamp_f64(behind, -1.0, 1.0)), least);
     *arriving += projected * (arc_light(first, tilt) + arc_light(second, tilt));
     *total += projected * (arc_light(most, tilt) + arc_light(least, tilt));
 }
@@ -209,7 +210,7 @@ void find_arriving_shares(
             double arriving = 0.0, total = 0.0;
             for (int64_t s = 0; s < n_slices; s++) {
                 const double angle = PI * (s + (turn * 7 % 16) / 16.0) / n_slices;
-                add_slice(&search, &pixel, cos(angle), sin(angle), &arriving, &total);
+                add_slice(&search, &pixel, portable_cos(angle), portable_sin(angle), &arriving, &total);
             }
             /* Relative to the unoccluded light in the same slices, so that a plane gives 1. */
             out[row][column] = total > 0.0 ? (float)clamp_f64(arriving / total, 0.0, 1.0) : 1.0f;

@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* Dividing helps if it leaves less than `HELP` of the stretch above 1: on a smooth surface about a
@@ -192,7 +193,7 @@ static void filter_normals(struct cutting *cutting, double similar)
                 const double *next = cutting->normals[other];
                 const double cosine =
                     normal[0] * next[0] + normal[1] * next[1] + normal[2] * next[2];
-                const double weight = cutting->areas[other] * exp((cosine - 1.0) / similar);
+                const double weight = cutting->areas[other] * portable_exp((cosine - 1.0) / similar);
                 for (int axis = 0; axis < 3; axis++)
                     sums[face][axis] += weight * next[axis];
             }

@@ -361,6 +361,7 @@ void array_log10(int64_t n, const double x[n], double out[n]);
 void array_atan2(int64_t n, const double x[n], const double y[n], double out[n]);
 void array_hypot(int64_t n, const double x[n], const double y[n], double out[n]);
 void array_power(int64_t n, const double x[n], const double y[n], double out[n]);
+void array_float_power(int64_t n, const float x[n], const float y[n], float out[n]);
 
 /* elliptical_weighted_average.c */
 int64_t sample_ellipses(

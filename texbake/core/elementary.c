@@ -32,3 +32,9 @@ OVER_ARRAY(log10)
 OVER_PAIRS(atan2)
 OVER_PAIRS(hypot)
 OVER_PAIRS(power)
+
+void array_float_power(int64_t n, const float x[n], const float y[n], float out[n])
+{
+    for (int64_t i = 0; i < n; i++)
+        out[i] = (float)short_power(x[i], y[i]);
+}

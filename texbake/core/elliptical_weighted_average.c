@@ -20,6 +20,7 @@
 
 #include "arena.h"
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "texture_lookup.h"
 
@@ -67,7 +68,7 @@ static struct quadratic_form bound_form(
 {
     const double squared = max_anisotropy * max_anisotropy;
     const double middle = 0.5 * (form->xx + form->yy);
-    const double half_gap = hypot(0.5 * (form->xx - form->yy), form->xy);
+    const double half_gap = portable_hypot(0.5 * (form->xx - form->yy), form->xy);
     const double major = middle + half_gap;
     const double minor = max_f64(middle - half_gap, 0.0);
     const double new_minor = min_f64(max_f64(minor, major / squared), largest * largest);
@@ -152,7 +153,7 @@ static void average_pixel(
 {
     const double u = wrap_to_period(uv[0], wrap_along_u(filter->wraps));
     const double v = wrap_to_period(uv[1], wrap_along_v(filter->wraps));
-    const double level = minor > 1.0 ? log2(minor) : 0.0;
+    const double level = minor > 1.0 ? portable_log2(minor) : 0.0;
     const int64_t fine = (int64_t)level;
     const float blend = (float)(level - (double)fine);
     for (int64_t k = fine; k < fine + (blend > 0.0f ? 2 : 1); k++) {

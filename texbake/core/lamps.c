@@ -11,6 +11,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "fragment_values.h"
 #include "numbers.h"
 
@@ -40,7 +41,7 @@ void find_arriving_light(
         directions[i][0] = (float)x;
         directions[i][1] = (float)y;
         directions[i][2] = (float)z;
-        double strength = pow(max_f64(distance, NEAREST), -decay);
+        double strength = short_power(max_f64(distance, NEAREST), -decay);
         if (outer > -1.0) {
             const double cosine = -(x * axis[0] + y * axis[1] + z * axis[2]);
             if (cosine <= outer) {
@@ -108,7 +109,8 @@ void reflect_blinn_phong(
         double shine = 0.0;
         if (at.halfway > 0.0) {
             const double power = exponent[row_of(n_exponent, i)][0];
-            shine = gloss[row_of(n_gloss, i)][0] * pow(at.halfway / sqrt(at.squared), power);
+            shine = gloss[row_of(n_gloss, i)][0] *
+                    short_power(at.halfway / sqrt(at.squared), power);
         }
         for (int k = 0; k < 3; k++) {
             const double reflected = color[k] * at.facing + highlight[k] * shine;

@@ -12,6 +12,7 @@
 #include "arena.h"
 #include "core.h"
 #include "cube_lookup.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "texture_lookup.h"
 
@@ -35,8 +36,8 @@ static void add_from_image(
     const float image[height][width][n_channels], double x, double y, double z, double weight,
     double sums[n_channels])
 {
-    const double column = (atan2(x, -z) / (2 * PI) + 0.5) * (double)width - 0.5;
-    const double v = asin(clamp_f64(y, -1.0, 1.0)) / PI + 0.5;
+    const double column = (portable_atan2(x, -z) / (2 * PI) + 0.5) * (double)width - 0.5;
+    const double v = portable_asin(clamp_f64(y, -1.0, 1.0)) / PI + 0.5;
     const double row = row_of_v(v, (double)height) - 0.5;
     const int64_t above = (int64_t)floor(row);
     for (int64_t corner = 0; corner < 2; corner++) {
@@ -109,7 +110,7 @@ int64_t convert_from_cube(
     for (int64_t row = start; row < stop; row++) {
         /* Toward the poles texels are narrower, and need fewer lookups across. */
         const double middle = (0.5 - ((double)row + 0.5) / (double)height) * PI;
-        const int64_t n_across = max_i64(1, (int64_t)ceil((double)n_lookups * cos(middle)));
+        const int64_t n_across = max_i64(1, (int64_t)ceil((double)n_lookups * portable_cos(middle)));
         for (int64_t column = 0; column < width; column++) {
             double total = 0.0;
             for (int64_t channel = 0; channel < n_channels; channel++)
@@ -117,12 +118,12 @@ int64_t convert_from_cube(
             for (int64_t i = 0; i < n_lookups; i++) {
                 const double at = (double)row + ((double)i + 0.5) / (double)n_lookups;
                 const double latitude = (row_of_v(at / (double)height, 1.0) - 0.5) * PI;
-                const double weight = cos(latitude), y = sin(latitude);
+                const double weight = portable_cos(latitude), y = portable_sin(latitude);
                 for (int64_t j = 0; j < n_across; j++) {
                     const double across = (double)column + ((double)j + 0.5) / (double)n_across;
                     const double longitude = (across / (double)width - 0.5) * 2 * PI;
                     const struct cube_place place = find_cube_place(
-                        weight * sin(longitude), y, -weight * cos(longitude));
+                        weight * portable_sin(longitude), y, -weight * portable_cos(longitude));
                     const struct cube_cell cell = find_cube_cell(0, size, &place);
                     for (int64_t channel = 0; channel < n_channels; channel++)
                         sums[channel] +=

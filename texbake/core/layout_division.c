@@ -11,6 +11,7 @@
 
 #include "chart_cutting.h"
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "union_find.h"
 
@@ -67,7 +68,7 @@ static int32_t label_sides(
         keys[face] = (struct key){0.0, face};
         for (int corner = 0; corner < 3; corner++) {
             const double *uv = part->uvs[part->faces[face][corner]];
-            keys[face].at += cos(angle) * uv[0] + sin(angle) * uv[1];
+            keys[face].at += portable_cos(angle) * uv[0] + portable_sin(angle) * uv[1];
         }
         labels[face] = face;
     }

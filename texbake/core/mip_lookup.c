@@ -11,6 +11,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "texture_lookup.h"
 
@@ -25,7 +26,9 @@ static inline float footprint_level(const float derivatives[4], float width, flo
     /* Comparisons are false for what is not a number. */
     float squared = right > 0.0f ? right : 0.0f;
     squared = down > squared ? down : squared;
-    return 0.5f * log2f(squared);
+    if (squared > 0.0f && squared < INFINITY)
+        return (float)(0.5 * short_log2(squared));
+    return squared > 0.0f ? squared : -INFINITY;
 }
 
 void find_mip_levels(

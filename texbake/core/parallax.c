@@ -13,6 +13,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "texture_lookup.h"
 
@@ -84,8 +85,8 @@ void follow_rays(
         const struct height_map map = {
             n_channels, texels[0], offsets[levels[i]], size[1], size[0], wraps, border, factor};
         const double *step = steps[i];
-        const double last = 1.0 / max_f64(hypot(step[0], step[1]), 1.0);
-        const double crossed = hypot(last * step[0] * size[1], last * step[1] * size[0]);
+        const double last = 1.0 / max_f64(portable_hypot(step[0], step[1]), 1.0);
+        const double crossed = portable_hypot(last * step[0] * size[1], last * step[1] * size[0]);
         const int64_t n_steps =
             crossed > 1.0 && layers > 1 ? (int64_t)min_f64(ceil(crossed), (double)layers) : 1;
         double near = 0.0, far = 0.0;

@@ -8,6 +8,7 @@
 
 #include "chart_cutting.h"
 #include "core.h"
+#include "elementary.h"
 #include "flatten.h"
 #include "numbers.h"
 #include "planar_overlap.h"
@@ -142,7 +143,7 @@ void measure_hull(struct part *part)
 {
     double extents[2 * N_DIRECTIONS];
     for (int i = 0; i < N_DIRECTIONS; i++) {
-        const double x = cos(PI * i / N_DIRECTIONS), y = sin(PI * i / N_DIRECTIONS);
+        const double x = portable_cos(PI * i / N_DIRECTIONS), y = portable_sin(PI * i / N_DIRECTIONS);
         double low = INFINITY, high = -INFINITY;
         for (int64_t vertex = 0; vertex < part->n_vertices; vertex++) {
             const double at = x * part->uvs[vertex][0] + y * part->uvs[vertex][1];
@@ -157,8 +158,8 @@ void measure_hull(struct part *part)
     for (int i = 0; i < 2 * N_DIRECTIONS; i++) {
         const double before = extents[(i + 2 * N_DIRECTIONS - 1) % (2 * N_DIRECTIONS)];
         const double after = extents[(i + 1) % (2 * N_DIRECTIONS)];
-        const double side = before + after - 2.0 * extents[i] * cos(step);
-        part->hull_area += extents[i] * side / (2.0 * sin(step));
+        const double side = before + after - 2.0 * extents[i] * portable_cos(step);
+        part->hull_area += extents[i] * side / (2.0 * portable_sin(step));
         part->length =
             max_f64(part->length, extents[i] + extents[(i + N_DIRECTIONS) % (2 * N_DIRECTIONS)]);
     }

@@ -11,6 +11,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* 0 outside the unit square and on its border, 1 from `feather` inwards, smoothly between. */
@@ -59,7 +60,7 @@ void weigh_by_camera(
         const double share = (smooth / sqrt(square) - least_cosine) / (1.0 - least_cosine);
         if (!(flat > 0.0 && share > 0.0))
             continue;
-        weights[i] = border * pow(min_f64(share, 1.0), falloff);
+        weights[i] = border * short_power(min_f64(share, 1.0), falloff);
         coordinates[i][0] = u;
         coordinates[i][1] = v;
         const double (*step)[2] = steps[faces[i]];
@@ -86,6 +87,6 @@ void weigh_by_area(
         const double share = min_f64(a * turned[0] + b * turned[1] + c * turned[2], 1.0);
         coordinates[i][0] = u;
         coordinates[i][1] = v;
-        weights[i] = share > 0.0 ? border_weight(u, v, feather) * pow(share, falloff) : 0.0;
+        weights[i] = share > 0.0 ? border_weight(u, v, feather) * short_power(share, falloff) : 0.0;
     }
 }

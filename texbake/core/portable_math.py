@@ -152,7 +152,7 @@ def det(matrices: npt.ArrayLike) -> Any:
 
 
 def solve(matrices: npt.ArrayLike, sides: npt.ArrayLike) -> Array:
-    """Solutions x of `matrices @ x = sides`, for matrices (..., n, n) and sides (..., n, m) or (n,).
+    """Solutions of `matrices @ x = sides`, for matrices (..., n, n) and sides (..., n, m) or (n,).
 
     Raises
     ------

@@ -17,6 +17,7 @@
 #include <math.h>
 #include <stdint.h>
 
+#include "elementary.h"
 #include "numbers.h"
 
 /* As in texbake/texture/procedures/patterns.py. */
@@ -30,10 +31,10 @@ static inline double pulse_at(int64_t pattern, double width, double t)
         return t < width ? 1.0 : 0.0;
     if (t < width) {
         t /= width;
-        return pattern == PULSE_SINE ? 0.5 + 0.5 * sin(PULSE_PI * t) : t;
+        return pattern == PULSE_SINE ? 0.5 + 0.5 * portable_sin(PULSE_PI * t) : t;
     }
     t = (1.0 - t) / (1.0 - width);
-    return pattern == PULSE_SINE ? 0.5 - 0.5 * sin(PULSE_PI * t) : t;
+    return pattern == PULSE_SINE ? 0.5 - 0.5 * portable_sin(PULSE_PI * t) : t;
 }
 
 /* Integral of a pattern from 0 to t, in [0, 1]. */
@@ -44,8 +45,8 @@ static inline double pulse_integral(int64_t pattern, double width, double t)
         return first;
     const double rest = max_f64(t - width, 0.0), other = 1.0 - width;
     if (pattern == PULSE_SINE) {
-        const double above = width * (1.0 - cos(PULSE_PI * first / width));
-        const double below = other * (1.0 - cos(PULSE_PI * rest / other));
+        const double above = width * (1.0 - portable_cos(PULSE_PI * first / width));
+        const double below = other * (1.0 - portable_cos(PULSE_PI * rest / other));
         return 0.5 * t + 0.5 * (above - below) / PULSE_PI;
     }
     return 0.5 * first * first / width + rest - 0.5 * rest * rest / other;

@@ -9,6 +9,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* Shading error relative to the second difference: 1/8 for a bend, up to 1/2 for a discontinuity. */
@@ -120,7 +121,7 @@ static double coded(double light)
 {
     if (light <= 0.0031308)
         return 12.92 * max_f64(light, 0.0);
-    return light >= 1.0 ? 1.0 : 1.055 * pow(light, 1.0 / 2.4) - 0.055;
+    return light >= 1.0 ? 1.0 : 1.055 * short_power(light, 1.0 / 2.4) - 0.055;
 }
 
 /* Write the encoded means of some rows of pixels. */
@@ -233,7 +234,7 @@ void judge_edges(
         for (int64_t column = 0; column < width; column++) {
             const int64_t left = max_i64(column - 1, 0), right = min_i64(column + 1, width - 1);
             const double n = (double)max_i64(counts[row][column], 1);
-            const double share = pow(n, -0.75);
+            const double share = short_power(n, -0.75);
             double error = 0.0;
             for (int k = 0; k < 4; k++) {
                 const double mean = light[row][column][k] / n;

@@ -13,6 +13,7 @@
 
 #include "arena.h"
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* Samples along each side of a pixel, which Python knows as well, and in all: as many as an outline
@@ -121,7 +122,7 @@ static void set_lines(struct face *face, double area)
     const double *x = face->x, *y = face->y;
     for (int i = 0; i < 3; i++) {
         const int j = (i + 1) % 3;
-        const double length = copysign(hypot(x[j] - x[i], y[j] - y[i]), area);
+        const double length = copysign(portable_hypot(x[j] - x[i], y[j] - y[i]), area);
         double *line = face->lines[i];
         line[0] = (y[i] - y[j]) / length;
         line[1] = (x[j] - x[i]) / length;
@@ -246,7 +247,7 @@ static void add_line_row(
             const double x = column + (sample % SAMPLES + 0.5) / SAMPLES - line->x0;
             const double y = row + (sample / SAMPLES + 0.5) / SAMPLES - line->y0;
             const double t = min_f64(max_f64((x * dx + y * dy) / square, 0.0), 1.0);
-            if (hypot(x - t * dx, y - t * dy) <= line->radius)
+            if (portable_hypot(x - t * dx, y - t * dy) <= line->radius)
                 *mask |= (uint16_t)(1u << sample);
         }
         finish_pixel(todo, row, column, *mask == UINT16_MAX);

@@ -12,6 +12,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "gradient_noise.h"
 #include "numbers.h"
 #include "procedure_points.h"
@@ -68,12 +69,12 @@ void fill_marble(
         const double total = sum_octaves(
             &lattice, &octaves, &finer, widest(&given, i) * turbulence_frequency, &lost);
         const double along = direction[0] * at.x + direction[1] * at.y + direction[2] * at.z;
-        const double layer = sin(frequency * along + amount * total);
-        double kept = exp(-0.5 * amount * amount * variance * lost);
+        const double layer = portable_sin(frequency * along + amount * total);
+        double kept = portable_exp(-0.5 * amount * amount * variance * lost);
         const double half = 0.5 * frequency * span_along(&given, i, direction);
         /* Beyond one whole period the mean of a sine swings about 0; there it stays 0. */
         if (half > 0.0)
-            kept *= half < PULSE_PI ? sin(half) / half : 0.0;
+            kept *= half < PULSE_PI ? portable_sin(half) / half : 0.0;
         write_color(
             &ramp, 0.5 + 0.5 * kept * layer, 0.5 + 0.5 * layer, kept, n_channels, out[i]);
     }
@@ -128,7 +129,7 @@ void fill_wood(
 /* A sum taken to an even distribution. */
 static inline double even_out(double total, double variance)
 {
-    return 1.0 / (1.0 + exp(-1.702 * total / sqrt(variance)));
+    return 1.0 / (1.0 + portable_exp(-1.702 * total / sqrt(variance)));
 }
 
 /* Grains: a fractal sum, taken to an even distribution. `squares` is the sum of the squared amplitudes

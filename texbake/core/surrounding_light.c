@@ -10,6 +10,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "fragment_values.h"
 #include "numbers.h"
 
@@ -145,7 +146,7 @@ static double left_after(double distance, int64_t mode, double density, double s
     if (mode == 0)
         return clamp_f64((end - distance) / (end - start), 0.0, 1.0);
     const double thickness = density * distance;
-    return exp(mode == 1 ? -thickness : -thickness * thickness);
+    return portable_exp(mode == 1 ? -thickness : -thickness * thickness);
 }
 
 /* Mix light with the fog's color by the distance from the camera. */

@@ -21,6 +21,7 @@
 #include "boundary_meeting.h"
 #include "conjugate_gradient.h"
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* Newton systems are solved until the residual is this share of the right side. A step of full
@@ -155,20 +156,20 @@ struct eigensystem {
    turn, is left out. */
 static inline struct eigensystem eigensystem_of(const struct jacobian *j, double area)
 {
-    const double total = hypot(j->m00 + j->m11, j->m10 - j->m01);
-    const double spread = hypot(j->m00 - j->m11, j->m10 + j->m01);
+    const double total = portable_hypot(j->m00 + j->m11, j->m10 - j->m01);
+    const double spread = portable_hypot(j->m00 - j->m11, j->m10 + j->m01);
     const double first = 0.5 * (total + spread);
     const double second = j->determinant / first;
-    const double minus = atan2(j->m10 - j->m01, j->m00 + j->m11);
-    const double plus = atan2(j->m10 + j->m01, j->m00 - j->m11);
+    const double minus = portable_atan2(j->m10 - j->m01, j->m00 + j->m11);
+    const double plus = portable_atan2(j->m10 + j->m01, j->m00 - j->m11);
     const double first_2 = first * first, second_2 = second * second;
     const double cubed = j->determinant * (j->determinant * j->determinant);
     const double shear = area * (2.0 + 2.0 * (j->square + j->determinant) / cubed);
     const double turn = area * (2.0 - 2.0 * (j->square - j->determinant) / cubed);
     const double twist = max_f64(turn, 0.0);
     return (struct eigensystem){
-        cos(0.5 * (plus + minus)), sin(0.5 * (plus + minus)), cos(0.5 * (plus - minus)),
-        sin(0.5 * (plus - minus)), area * (2.0 + 6.0 / (first_2 * first_2)),
+        portable_cos(0.5 * (plus + minus)), portable_sin(0.5 * (plus + minus)), portable_cos(0.5 * (plus - minus)),
+        portable_sin(0.5 * (plus - minus)), area * (2.0 + 6.0 / (first_2 * first_2)),
         area * (2.0 + 6.0 / (second_2 * second_2)), 0.5 * (shear + twist), 0.5 * (shear - twist)};
 }
 

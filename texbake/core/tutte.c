@@ -13,6 +13,7 @@
 #include "arena.h"
 #include "conjugate_gradient.h"
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 
 /* Edge weights are those of harmonic maps (cotangents), clamped to these bounds: positive, or
@@ -120,8 +121,8 @@ static void put_on_circle(
     for (int64_t at = first; at <= last; at++) {
         const int32_t vertex = patch->loop_vertices[at];
         circle[vertex] = true;
-        uvs[vertex][0] = cos(2.0 * PI * turn);
-        uvs[vertex][1] = sin(2.0 * PI * turn);
+        uvs[vertex][0] = portable_cos(2.0 * PI * turn);
+        uvs[vertex][1] = portable_sin(2.0 * PI * turn);
         if (at < last)
             turn += even + scale * distance(points[vertex], points[patch->loop_vertices[at + 1]]);
     }

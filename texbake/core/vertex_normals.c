@@ -8,6 +8,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "vectors.h"
 
@@ -80,8 +81,8 @@ void add_vertex_normals(
         const double length = area_length(ab, ac, across, rounding);
         if (length == 0.0)
             continue;
-        const double angle_a = atan2(length, dot(ab, ac));
-        const double angle_b = atan2(length, -dot(ab, minus(ac, ab)));
+        const double angle_a = portable_atan2(length, dot(ab, ac));
+        const double angle_b = portable_atan2(length, -dot(ab, minus(ac, ab)));
         const struct vector unit = {across.x / length, across.y / length, across.z / length};
         if (owns_a)
             add_weighted(normals[row_a], angle_a, unit);

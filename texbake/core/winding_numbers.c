@@ -11,6 +11,7 @@
 #include <math.h>
 
 #include "core.h"
+#include "elementary.h"
 #include "numbers.h"
 #include "vectors.h"
 
@@ -59,7 +60,7 @@ static double solid_angle(const double (*positions)[3], const int32_t face[3], s
     const struct vector c = minus(vector_at(positions[face[2]]), p);
     const double la = sqrt(dot(a, a)), lb = sqrt(dot(b, b)), lc = sqrt(dot(c, c));
     const double below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
-    return 2.0 * atan2(dot(a, cross(b, c)), below);
+    return 2.0 * portable_atan2(dot(a, cross(b, c)), below);
 }
 
 /* The winding numbers of points start to stop - 1, none of which lies on the surface. The faces of

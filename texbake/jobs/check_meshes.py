@@ -12,6 +12,7 @@ from texbake.checks.finding import Finding
 from texbake.checks.options import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.checks.report import CheckReport
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import (
@@ -193,7 +194,7 @@ def _colored(mesh: Mesh, finding: Finding) -> Mesh:
 def _facing(camera: Camera, points: FloatArray, normals: FloatArray) -> FloatArray:
     """Cosine between each face's normal and the direction to the camera."""
     to_eye = camera.eye - points
-    return np.asarray(np.einsum("ij,ij->i", to_eye, normals) / np.linalg.norm(to_eye, axis=1))
+    return np.asarray(pm.vecdot(to_eye, normals) / pm.norm(to_eye, axis=1))
 
 
 def _pixels(
@@ -201,7 +202,7 @@ def _pixels(
 ) -> list[tuple[float, float]]:
     """Where points lie in the picture, from its upper left corner."""
     matrix = camera.clip_from_world(options.width / options.height)
-    clip = np.column_stack([points, np.ones(len(points))]) @ matrix.T
+    clip = pm.matmul(np.column_stack([points, np.ones(len(points))]), matrix.T)
     x, y = (clip[:, :2] / clip[:, 3:]).T
     return list(
         zip(

@@ -26,6 +26,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo, PhotoCamera
 from texbake.baking.texture.photos import bake_photos
+from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, uv_sphere
@@ -250,7 +251,7 @@ def _turned(
 
 def _scene(item: SceneObject, light_deg: float) -> Scene:
     azimuth = math.radians(_LIGHT_DEG + light_deg)
-    shine = -math.sin(azimuth), -0.5, -math.cos(azimuth)
+    shine = -pm.sin(azimuth), -0.5, -pm.cos(azimuth)
     return Scene(
         objects=(item,), lighting=Lighting(lights=(Light(direction=shine),), ambient=_AMBIENT)
     )
@@ -259,7 +260,7 @@ def _scene(item: SceneObject, light_deg: float) -> Scene:
 def _eye(viewer_deg: float) -> tuple[float, float, float]:
     """Where the viewer stands, a little above the orange's middle."""
     azimuth = math.radians(viewer_deg)
-    return _DISTANCE * math.sin(azimuth), 0.2 * _DISTANCE, _DISTANCE * math.cos(azimuth)
+    return _DISTANCE * pm.sin(azimuth), 0.2 * _DISTANCE, _DISTANCE * pm.cos(azimuth)
 
 
 def _camera(viewer_deg: float) -> Camera:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.baking.texels import Samples
+from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, shading_normals
@@ -86,9 +87,7 @@ class StaticLight:
             if slide is not None:
                 arrived.radiance = arrived.radiance * slide_colors(slide, points)
             if receives and light.shadow is not None and self._scene is not None:
-                facing = np.einsum(
-                    "ij,ij->i", normals, np.broadcast_to(arrived.directions, out.shape)
-                )
+                facing = pm.vecdot(normals, np.broadcast_to(arrived.directions, out.shape))
                 dark = (facing <= 0.0) | ~arrived.radiance.any(axis=1)
                 dark[~dark] = self._hidden(at, points[~dark], sides[~dark])
                 arrived.radiance = arrived.radiance * ~dark[:, None]
@@ -104,12 +103,12 @@ class StaticLight:
             lengths = np.full(len(points), _THROUGH)
         else:
             toward = self._frame.to_local(light.position) - origins
-            lengths = np.linalg.norm(toward, axis=1)
+            lengths = pm.norm(toward, axis=1)
             toward = toward / np.where(lengths > 0.0, lengths, 1.0)[:, None]
             # The surface that the lamp itself lies on does not hide it.
             lengths = np.maximum(lengths - 2.0 * _START, 0.0)
         # Start on the side of the face toward which the ray leaves.
-        leaving = np.where(np.einsum("ij,ij->i", sides, toward) < 0.0, -_START, _START)
+        leaving = np.where(pm.vecdot(sides, toward) < 0.0, -_START, _START)
         origins += leaving[:, None] * sides
         rays = Rays(origins, np.ascontiguousarray(toward), lengths, np.zeros(len(points)))
         return np.asarray(self._scene.cast(rays, cull_back_faces=False).faces != NO_HIT)
@@ -135,11 +134,9 @@ class LitSurface:
         weights = np.stack([1.0 - second - third, second, third], axis=1)
         corners = self.mesh.positions[self.mesh.faces[samples.faces]]
         # From the first corner: exact where the others' weights are 0.
-        points = corners[:, 0] + np.einsum(
-            "nc,nck->nk", weights[:, 1:], corners[:, 1:] - corners[:, :1]
-        )
-        normals = np.einsum("nc,nck->nk", weights, self.normals[self.normal_faces[samples.faces]])
+        points = corners[:, 0] + pm.vecmat(weights[:, 1:], corners[:, 1:] - corners[:, :1])
+        normals = pm.vecmat(weights, self.normals[self.normal_faces[samples.faces]])
         sides = self.sides[samples.faces]
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = pm.norm(normals, axis=1, keepdims=True)
         normals = np.where(lengths > 0.0, normals / np.where(lengths > 0.0, lengths, 1.0), sides)
         return points, np.ascontiguousarray(normals, np.float32), sides

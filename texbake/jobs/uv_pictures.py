@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, check_writable, replacing
 from texbake.mapping.areas import measurable_uvs, signed_areas
@@ -98,7 +99,7 @@ def _texels_for(mesh: Mesh, n_cells: int) -> int:
     The more often the texture repeats over the surface, the smaller it is in the picture.
     """
     repeats = math.sqrt(max(float(np.abs(signed_areas(measurable_uvs(mesh))).sum()), 1.0))
-    halvings = math.ceil(math.log2(repeats)) if repeats < _TEXELS else _TEXELS
+    halvings = math.ceil(pm.log2(repeats)) if repeats < _TEXELS else _TEXELS
     return max(_TEXELS >> min(halvings, 30), _LEAST_CELL * n_cells)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, UvError
 from texbake.mesh.mesh import FloatArray, Mesh
 
@@ -47,7 +48,7 @@ def surface_areas(corners: FloatArray) -> FloatArray:
         0 for a triangle without area.
     """
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(np.linalg.norm(crosses, axis=1) / 2.0)
+    return np.asarray(pm.norm(crosses, axis=1) / 2.0)
 
 
 def unmeasurable_size(mesh: Mesh) -> tuple[float, float] | None:

@@ -6,12 +6,10 @@ darker than the borders of the surface itself.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.areas import measurable_uvs
 from texbake.mapping.layout_view import (
     BACKGROUND,
@@ -164,7 +162,7 @@ def _legend(width: int) -> LayoutPixels:
     strip[size // 2 : size // 2 + size, left:right] = bar[: max(width - left, 0)]
     for stretch, label in HEAT_TICKS:
         ink = text_coverage(label, size)
-        x = left + (math.log(stretch, HEAT_RANGE) + 1.0) / 2.0 * (right - left)
+        x = left + (pm.log(stretch) / pm.log(HEAT_RANGE) + 1.0) / 2.0 * (right - left)
         _stamp(strip, ink, round(x - ink.shape[1] / 2.0), 2 * size - size // 4)
     if has_words:
         middle = size - len(words[0]) // 2

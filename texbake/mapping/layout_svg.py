@@ -10,7 +10,6 @@ Based on: Scalable Vector Graphics (SVG) 1.1 (Second Edition), W3C, 2011.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from html import escape
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.areas import measurable_uvs, signed_areas
 from texbake.mapping.layout_view import (
     BACKGROUND,
@@ -102,7 +101,7 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
     """Layers of filled faces: by chart or by color of the heat map, and mirrored faces."""
     charts = chart_ids(mesh)
     levels = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
-    colors = levels @ np.array([1 << 16, 1 << 8, 1])
+    colors = (levels << np.array([16, 8, 0])).sum(axis=1)
     mirrored = signed_areas(mesh.corner_uvs()) < 0.0
     groups: Ids = charts
     if heat:
@@ -263,7 +262,7 @@ def _scale(window: LayoutWindow) -> Iterator[str]:
     shares = [step / _BAR_STEPS for step in range(_BAR_STEPS + 1)]
     stops = "".join(
         f'<stop offset="{share:g}" '
-        f'stop-color="{_hex(heat_color(HEAT_RANGE ** (2.0 * share - 1.0)))}"/>'
+        f'stop-color="{_hex(heat_color(pm.power(HEAT_RANGE, 2.0 * share - 1.0)))}"/>'
         for share in shares
     )
     yield f'<linearGradient id="stretch">{stops}</linearGradient>\n'
@@ -272,7 +271,7 @@ def _scale(window: LayoutWindow) -> Iterator[str]:
     )
     yield f'<rect x="{x}" y="{y}" width="{width}" height="{height}" fill="url(#stretch)"/>\n'
     for stretch, label in HEAT_TICKS:
-        share = (math.log(stretch, HEAT_RANGE) + 1.0) / 2.0
+        share = (pm.log(stretch) / pm.log(HEAT_RANGE) + 1.0) / 2.0
         x_px = left + share * (right - left)
         yield _text(label, x_px, top + 2.6 * size, size, anchor="middle")
     if left > 2.0 * size:

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.colors import diverging
+from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.areas import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.oklch import diverging
 
 # sRGB-coded colors.
 BACKGROUND = (0.96, 0.96, 0.96)
@@ -163,18 +164,18 @@ def legend_size(width: int) -> int:
 
 def heat_color(stretch: float) -> tuple[float, float, float]:
     """The sRGB-coded color of an L2 stretch."""
-    red, green, blue = coded(diverging(math.log(stretch, HEAT_RANGE))).tolist()
+    red, green, blue = coded(diverging(pm.log(stretch) / pm.log(HEAT_RANGE))).tolist()
     return red, green, blue
 
 
 def linear(colors: FloatArray | tuple[float, float, float]) -> FloatArray:
     """Linear values of coded colors."""
-    return np.asarray(np.asarray(colors, dtype=np.float64) ** _GAMMA)
+    return np.asarray(pm.power(np.asarray(colors, dtype=np.float64), _GAMMA))
 
 
 def coded(colors: FloatArray) -> FloatArray:
     """Coded values of linear colors."""
-    return np.asarray(colors ** (1.0 / _GAMMA))
+    return np.asarray(pm.power(colors, 1.0 / _GAMMA))
 
 
 def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
@@ -186,7 +187,7 @@ def _heat_colors(mesh: Mesh, size: int | tuple[int, int]) -> FloatArray:
         found = face_stretch(mesh, size)
     except UvError:  # no face has an area: there is nothing to color
         return colors
-    levels = np.clip(np.log(found.l2) / math.log(HEAT_RANGE), -1.0, 1.0)
+    levels = np.clip(pm.log(found.l2) / pm.log(HEAT_RANGE), -1.0, 1.0)
     colors[found.faces] = coded(diverging(np.rint(levels * _HEAT_STEPS) / _HEAT_STEPS))
     return colors
 

@@ -11,14 +11,13 @@ Kernels: `core/planar_overlap.c`.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -160,10 +159,9 @@ def _along_their_edges(corners: FloatArray) -> FloatArray:
     edges = np.roll(corners, -1, axis=1) - corners
     lengths = (edges**2).sum(axis=2)
     # Squared as complex numbers, edges of opposite directions are equal.
-    squared = (edges[..., 0] + 1j * edges[..., 1]) ** 2
-    longest = np.take_along_axis(squared, lengths.argmax(axis=1)[:, None], axis=1)
-    angle = -np.angle(longest.sum()) / 2.0
-    cos, sin = math.cos(angle), math.sin(angle)
+    x, y = np.take_along_axis(edges, lengths.argmax(axis=1)[:, None, None], axis=1)[:, 0].T
+    angle = -pm.arctan2(float((2.0 * x * y).sum()), float((x * x - y * y).sum())) / 2.0
+    cos, sin = pm.cos(angle), pm.sin(angle)
     s, t = corners[..., 0], corners[..., 1]
     return np.ascontiguousarray(np.stack([cos * s - sin * t, sin * s + cos * t], axis=2))
 

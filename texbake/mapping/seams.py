@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.topology import face_components
@@ -122,7 +122,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
     rows, starts = np.nonzero(seam_edges(mesh, faces))
     tails = mesh.positions[mesh.faces[rows, starts]]
     heads = mesh.positions[mesh.faces[rows, (starts + 1) % 3]]
-    return float(np.linalg.norm(heads - tails, axis=1).sum()) / 2.0
+    return float(pm.norm(heads - tails, axis=1).sum()) / 2.0
 
 
 def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
@@ -88,7 +89,7 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
     quarters, rest = divmod(degrees, 90.0)
     cos, sin = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][int(quarters) % 4]
     if rest:
-        cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        cos, sin = pm.cos(math.radians(degrees)), pm.sin(math.radians(degrees))
     x, y = flat[:, 0] - 0.5, flat[:, 1] - 0.5
     return np.stack([cos * x - sin * y + 0.5, sin * x + cos * y + 0.5], axis=1)
 
@@ -131,7 +132,7 @@ def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
     """
     about = coordinates - _MIDDLE
     angles = np.radians(degrees) * _weights(about)
-    cos, sin = np.cos(angles), np.sin(angles)
+    cos, sin = pm.cos(angles), pm.sin(angles)
     turned = np.stack(
         [about[:, 0] * cos - about[:, 1] * sin, about[:, 0] * sin + about[:, 1] * cos], axis=1
     )
@@ -159,7 +160,7 @@ def power(coordinates: FloatArray, exponent: float) -> FloatArray:
            [-0.75,  1.  ]])
     """
     tiles = np.floor(coordinates)
-    return np.asarray(tiles + (coordinates - tiles) ** exponent)
+    return np.asarray(tiles + pm.power(coordinates - tiles, exponent))
 
 
 _WARPS: dict[str, Callable[[FloatArray, float], FloatArray]] = {
@@ -171,7 +172,7 @@ _WARPS: dict[str, Callable[[FloatArray, float], FloatArray]] = {
 
 def _weights(about: FloatArray) -> FloatArray:
     """(n,): 1 at the center, falling to 0 at the radius, where the slope is 0 too."""
-    squares = np.minimum(np.einsum("ij,ij->i", about, about) / _RADIUS**2, 1.0)
+    squares = np.minimum(pm.vecdot(about, about) / _RADIUS**2, 1.0)
     return np.asarray((1.0 - squares) ** 2)
 
 

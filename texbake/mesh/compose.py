@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import joined_uv_sets, sets_by_corner
 
@@ -183,7 +184,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     """
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
-    changes: dict[str, Any] = {"positions": mesh.positions @ linear.T + matrix[:3, 3]}
+    changes: dict[str, Any] = {"positions": pm.matmul(mesh.positions, linear.T) + matrix[:3, 3]}
     for corners in "faces", "uv_faces", "normal_faces":
         indices = getattr(mesh, corners)
         changes[corners] = None if indices is None else indices[:, order]
@@ -200,7 +201,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
 def is_mirroring(linear: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether a (3, 3) map turns a right hand into a left one; (...,) of (..., 3, 3) maps."""
     with np.errstate(divide="ignore"):  # a pivot that rounds to 0 is that of a flat map
-        return np.asarray(np.linalg.det(_moderate(linear)) < 0.0)
+        return np.asarray(pm.det(_moderate(linear)) < 0.0)
 
 
 def corner_order(linear: FloatArray) -> slice:
@@ -221,13 +222,13 @@ def normal_map(linear: FloatArray) -> FloatArray:
 
 def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
     """(N, 3) normals under a (3, 3) map."""
-    return normals @ normal_map(linear).T
+    return pm.matmul(normals, normal_map(linear).T)
 
 
 def transformed_tangents(tangents: npt.NDArray[Any], linear: FloatArray) -> npt.NDArray[np.float32]:
     """(n, 4) tangents under a (3, 3) map: unit where they do not vanish, w 1 or -1."""
     signs = -1.0 if is_mirroring(linear) else 1.0
-    return signed_tangents(tangents[:, :3] @ linear.T, tangents[:, 3:], signs)
+    return signed_tangents(pm.matmul(tangents[:, :3], linear.T), tangents[:, 3:], signs)
 
 
 def signed_tangents(
@@ -244,7 +245,7 @@ def signed_tangents(
     signs : (n, 1) or float
         -1 where the texture is mirrored on the surface.
     """
-    lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+    lengths = pm.norm(directions, axis=1, keepdims=True)
     scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)
     directions = np.divide(directions, lengths, out=directions, where=scaled)
     return np.concatenate([directions, np.where(w < 0.0, -1.0, 1.0) * signs], axis=1).astype(

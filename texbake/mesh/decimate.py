@@ -102,7 +102,7 @@ def _is_crowded(stream: VertexStream) -> bool:
     """Whether so many faces share vertices that collapsing their edges would take long."""
     n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
     crowds = n_around[n_around >= _CROWD].astype(np.float64)
-    return bool(crowds @ crowds > _MOST_LOOKS)
+    return bool(np.square(crowds).sum() > _MOST_LOOKS)
 
 
 def _order_in_space(

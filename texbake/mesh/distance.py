@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -158,9 +158,7 @@ def surface_distance(
     frame = LocalFrame.around(a, b)
     positions_a, positions_b = frame.to_local(a.positions), frame.to_local(b.positions)
     bounds = np.stack([a.bounds, b.bounds])
-    diagonal = np.linalg.norm(
-        frame.length_to_local(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0))
-    )
+    diagonal = pm.norm(frame.length_to_local(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
 
     def one_sided(
         positions: FloatArray, faces: IntArray, to_positions: FloatArray, to_faces: IntArray
@@ -254,7 +252,7 @@ def _areas(positions: FloatArray, faces: IntArray, threads: int | None) -> Float
 
     def work(start: int, stop: int) -> None:
         a, b, c = (positions[faces[start:stop, corner]] for corner in range(3))
-        areas[start:stop] = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        areas[start:stop] = 0.5 * pm.norm(np.cross(b - a, c - a), axis=1)
 
     run_bands(work, len(faces), band=1 << 16, threads=threads)
     return areas
@@ -263,7 +261,7 @@ def _areas(positions: FloatArray, faces: IntArray, threads: int | None) -> Float
 def _points_on(
     positions: FloatArray, faces: IntArray, face_ids: IntArray, barycentrics: FloatArray
 ) -> FloatArray:
-    return np.asarray(np.einsum("nc,ncx->nx", barycentrics, positions[faces[face_ids]]))
+    return np.asarray(pm.vecmat(barycentrics, positions[faces[face_ids]]))
 
 
 def _some_vertices(positions: FloatArray, faces: IntArray, at_most: int) -> FloatArray:

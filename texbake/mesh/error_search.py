@@ -11,6 +11,8 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from texbake.core import portable_math as pm
+
 _CLOSE = 1.02  # factor between a number of faces that fits and one that does not, to stop at
 _TRIES = 16
 _STEP = 4.0  # factor from one try to the next while nothing is known on that side
@@ -69,9 +71,9 @@ def _between(low: Trial, high: Trial, limit: float) -> int:
     ratio = high.n_faces / max(low.n_faces, 1)
     share = 0.5
     if high.error > 0.0 and low.error < math.inf:
-        share = math.log(low.error / limit) / math.log(low.error / high.error)
+        share = pm.log(low.error / limit) / pm.log(low.error / high.error)
         share = min(max(share, _MIDDLE[0]), _MIDDLE[1])
     elif ratio > _STEP**2:
-        share = math.log(_STEP) / math.log(ratio)
+        share = pm.log(_STEP) / pm.log(ratio)
         share = share if high.error == 0.0 else 1.0 - share
-    return round(max(low.n_faces, 1) * math.exp(share * math.log(ratio)))
+    return round(max(low.n_faces, 1) * pm.exp(share * pm.log(ratio)))

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.weld import weld_rows
 
 # A surface is curved where half its facets turn by less than this from one to the next. Edges of
 # what is built of flat sides, such as a crate, turn by more.
-_CURVED = np.cos(np.radians(30.0))
+_CURVED = pm.cos(np.radians(30.0))
 
 
 def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
@@ -33,5 +34,5 @@ def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
     hard = a != b
     if 2 * np.count_nonzero(hard) < len(a) or not len(a):
         return False
-    cosines = np.einsum("ij,ij->i", mesh.normals[a[hard]], mesh.normals[b[hard]])
+    cosines = pm.vecdot(mesh.normals[a[hard]], mesh.normals[b[hard]])
     return bool(np.median(cosines) > _CURVED)

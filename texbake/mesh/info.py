@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
@@ -167,7 +168,7 @@ def _area(mesh: Mesh) -> float:
     area = 0.0
     for start in range(0, mesh.n_faces, _BLOCK):
         a, b, c = mesh.positions[mesh.faces[start : start + _BLOCK].T] * scale
-        area += 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        area += 0.5 * float(pm.norm(np.cross(b - a, c - a), axis=1).sum())
     return area / scale / scale
 
 

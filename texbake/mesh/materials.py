@@ -11,7 +11,6 @@ KHR_materials_specular and KHR_materials_transmission.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -21,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, first_few
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -36,7 +36,7 @@ _SQUARE = 1e-6
 def is_sheared(placing: Placing) -> bool:
     """Whether a matrix does more than scale along u and v, turn and move."""
     (a, b, _), (c, d, _) = placing
-    return abs(a * b + c * d) > _SQUARE * math.hypot(a, c) * math.hypot(b, d)
+    return abs(a * b + c * d) > _SQUARE * pm.hypot(a, c) * pm.hypot(b, d)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ that giving a mesh texture coordinates adds two arrays and touches nothing else.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, UvError, quoted
 from texbake.files import PathLike
 from texbake.mesh.uv_sets import UvSet, checked_uv_sets
@@ -129,7 +129,7 @@ class Mesh:
     def diagonal(self) -> float:
         """Length of the diagonal of the bounding box, in model units."""
         low, high = self.bounds.tolist()
-        return math.dist(low, high)
+        return float(pm.norm(np.subtract(high, low)))
 
     def corner_uvs(self, uv_set: str | None = None) -> FloatArray:
         """(F, 3, 2) float64: the texture coordinates of each face's corners, in a set.
@@ -279,12 +279,12 @@ def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 def _normalized(vectors: FloatArray) -> FloatArray:
     """Unit vectors, left bit-equal where they are unit already to float32 precision."""
-    squares = np.einsum("ij,ij->i", vectors, vectors)
+    squares = pm.vecdot(vectors, vectors)
     # 1e-6 relative: what float32 files leave of a unit vector.
     off = (np.abs(squares - 1.0) > 1e-6) & (squares > 0.0)
     if not off.any():
         return vectors
     unit = vectors.copy()
     scaled = vectors[off] / np.abs(vectors[off]).max(axis=1, keepdims=True)
-    unit[off] = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    unit[off] = scaled / pm.norm(scaled, axis=1, keepdims=True)
     return unit

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -300,6 +300,6 @@ def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray
         In radians; 0 where one of the two has no direction.
     """
     # 2 asin of half the chord: exact for small angles, where the cosine is not.
-    chords = np.linalg.norm(one - other, axis=1) / 2.0
+    chords = pm.norm(one - other, axis=1) / 2.0
     directed = (one != 0.0).any(axis=1) & (other != 0.0).any(axis=1)
-    return np.where(directed, 2.0 * np.arcsin(np.minimum(chords, 1.0)), 0.0)
+    return np.where(directed, 2.0 * pm.arcsin(np.minimum(chords, 1.0)), 0.0)

@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 
@@ -64,16 +64,17 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
     x, y, z = directions.T
     flattened = 1.0 / np.sqrt(x * x + z * z + (y / _FLATTENING) ** 2)
     uneven = sum(
-        height * np.sin(directions @ np.array(wave) + phase) for wave, phase, height in _WAVES
+        height * pm.sin(pm.matmul(directions, np.array(wave)) + phase)
+        for wave, phase, height in _WAVES
     )
     # Squared distance from the axis; beyond the equator the other end's terms vanish.
     s = x * x + z * z
-    top, bottom = (np.exp(-np.clip(1.0 - sign * y, 0.0, None) / 0.035) for sign in (1.0, -1.0))
+    top, bottom = (pm.exp(-np.clip(1.0 - sign * y, 0.0, None) / 0.035) for sign in (1.0, -1.0))
     # Re (x + iz)^5 and the like: ribs around the stem that are smooth at the pole itself.
     ribs = (x**5 - 10.0 * x**3 * z**2 + 5.0 * x * z**4) / (s + 1e-3) ** 2.5
-    stem = -0.085 * top * (1.0 + 0.22 * ribs * (1.0 - np.exp(-s / 0.01)))
-    button = 0.015 * (1.0 - np.tanh((s - 0.0045) / 0.0018)) * (y > 0.0)
-    navel = -0.03 * np.exp(-np.clip(1.0 + y, 0.0, None) / 0.006) - 0.012 * bottom
+    stem = -0.085 * top * (1.0 + 0.22 * ribs * (1.0 - pm.exp(-s / 0.01)))
+    button = 0.03 / (1.0 + pm.exp((s - 0.0045) / 0.0009)) * (y > 0.0)
+    navel = -0.03 * pm.exp(-np.clip(1.0 + y, 0.0, None) / 0.006) - 0.012 * bottom
     return np.asarray(flattened * (1.0 + uneven + stem + button + navel))
 
 
@@ -100,9 +101,9 @@ def _pores() -> _Pores:
     golden_angle = np.pi * (3.0 - 5.0**0.5)
     y = 1.0 - (2.0 * i + 1.0) / _N_PORES
     ring = np.sqrt(1.0 - y * y)
-    centers = np.stack([ring * np.cos(golden_angle * i), y, ring * np.sin(golden_angle * i)], 1)
+    centers = np.stack([ring * pm.cos(golden_angle * i), y, ring * pm.sin(golden_angle * i)], 1)
     centers += jitter
-    centers /= np.linalg.norm(centers, axis=1, keepdims=True)
+    centers /= pm.norm(centers, axis=1, keepdims=True)
     size = 0.55 + 0.45 * _hashed(i, 3)
     radii = (_PORE_RADIUS * spacing) * size
     depths = _PORE_DEPTH * size * (0.5 + 0.5 * _hashed(i, 4))

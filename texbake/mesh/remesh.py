@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
 from texbake.mesh.frame import LocalFrame
@@ -220,7 +221,7 @@ class _Grid:
         if not (high - low).max() > 0.0:
             raise MeshError(f"{mesh.name}: all of its corners are at one point; nothing to wrap")
         side = float((high - low).max()) / options.resolution
-        gap = options.gap(float(np.linalg.norm(high - low)) / float(frame.scale)) * frame.scale
+        gap = options.gap(float(pm.norm(high - low)) / float(frame.scale)) * frame.scale
         gap = max(float(gap) / side, 2.0 * SHELL_DEPTH)
         if gap > 2.0 * MAX_RADIUS:
             raise OptionError(

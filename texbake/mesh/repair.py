@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
@@ -148,7 +148,7 @@ def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
 def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
     """(F,) signed volumes between each face and the middle of the mesh, in its local frame."""
     corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces]
-    volumes: npt.NDArray[np.float64] = np.einsum(
-        "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
+    volumes: npt.NDArray[np.float64] = pm.vecdot(
+        corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
     )
     return volumes

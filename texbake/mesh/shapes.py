@@ -9,11 +9,13 @@ evenly in angle over a spherical triangle).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, ids_around, split_quads
@@ -171,7 +173,7 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
         texture coordinates.
     """
     _check_count("n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
-    directions, faces = _geodesic_sphere(round((n_triangles / 20.0) ** 0.5))
+    directions, faces = _geodesic_sphere(round(math.sqrt(n_triangles / 20.0)))
     directions *= peel_radii(directions)[:, None]
     return Mesh(positions=directions, faces=faces, name="orange")
 
@@ -194,8 +196,8 @@ def _from_spherical(theta: FloatArray, phi: FloatArray, radius_at: Field | None)
     """(T · P, 3): points of every θ with every φ, row by row."""
     theta, phi = theta[:, None], phi[None, :]
     r = _evaluated(radius_at, theta, phi, 1.0)
-    r_flat = r * np.sin(theta)
-    x, y, z = r_flat * np.cos(phi), r_flat * np.sin(phi), r * np.cos(theta)
+    r_flat = r * pm.sin(theta)
+    x, y, z = r_flat * pm.cos(phi), r_flat * pm.sin(phi), r * pm.cos(theta)
     return np.stack([x, y, z], axis=-1).reshape(-1, 3)
 
 
@@ -219,17 +221,15 @@ def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
     steps = np.stack([f - i - j, i, j])
     inside = (steps > 0).all(axis=0)
     along = np.stack([np.arange(f - 1, 0, -1), np.arange(1, f)])
-    angle = np.arctan(2.0) / f  # arctan 2 lies between neighboring corners
+    angle = pm.arctan(2.0) / f  # arctan 2 lies between neighboring corners
     directions = np.concatenate(
         [
             corners,
-            np.einsum("wn,ewk->enk", np.sin(angle * along), corners[edges]).reshape(-1, 3),
-            np.einsum(
-                "wn,fwk->fnk", np.sin(angle * steps[:, inside]), corners[corner_faces]
-            ).reshape(-1, 3),
+            pm.matmul(pm.sin(angle * along).T, corners[edges]).reshape(-1, 3),
+            pm.matmul(pm.sin(angle * steps[:, inside]).T, corners[corner_faces]).reshape(-1, 3),
         ]
     )
-    directions /= np.sqrt(np.einsum("ij,ij->i", directions, directions))[:, None]
+    directions /= np.sqrt(pm.vecdot(directions, directions))[:, None]
 
     ids = np.empty((20, len(i)), dtype=np.int32)
     first_inside = 12 + 30 * (f - 1)
@@ -261,7 +261,7 @@ def _icosahedron() -> tuple[FloatArray, IntArray]:
     cyclic = [(0.0, s, t * g) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
     corners = np.array([np.roll(p, shift) for shift in range(3) for p in cyclic])
     # Faces are the triples of corners that lie 2, the length of an edge, apart.
-    near = np.isclose(np.linalg.norm(corners[:, None] - corners[None, :], axis=2), 2.0)
+    near = np.isclose(pm.norm(corners[:, None] - corners[None, :], axis=2), 2.0)
     triples = [
         (a, b, c)
         for a in range(12)
@@ -270,6 +270,6 @@ def _icosahedron() -> tuple[FloatArray, IntArray]:
         if near[a, b] and near[b, c] and near[c, a]
     ]
     faces = np.array(triples, dtype=np.int32)
-    inward = np.linalg.det(corners[faces]) < 0.0
+    inward = pm.det(corners[faces]) < 0.0
     faces[inward] = faces[inward][:, ::-1]
-    return corners / np.linalg.norm(corners[0]), faces
+    return corners / pm.norm(corners[0]), faces

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -61,13 +61,13 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]
     [[0.0, -1.0], [1.0, -0.0]]
     """
     linear = linear * unit_scale(float(np.abs(linear).max()))  # no product is beyond float64
-    if np.linalg.det(linear) == 0.0:
+    if pm.det(linear) == 0.0:
         return np.eye(2, dtype=np.float32)
-    axes = np.linalg.inv(linear).T
+    axes = pm.inv(linear).T
     axes = axes * [[unit_scale(float(size))] for size in np.abs(axes).max(axis=1)]
     if not axes.any(axis=1).all():
         return np.eye(2, dtype=np.float32)
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), np.float32)
+    return np.asarray(axes / pm.norm(axes, axis=1, keepdims=True), np.float32)
 
 
 def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
@@ -157,7 +157,7 @@ def _perpendicular(normals: FloatArray) -> FloatArray:
     """A unit vector perpendicular to each normal; the x axis for a zero one."""
     axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
     across = np.cross(axes, normals)
-    lengths = np.linalg.norm(across, axis=1, keepdims=True)
+    lengths = pm.norm(across, axis=1, keepdims=True)
     return np.where(lengths > 0.0, across / np.where(lengths > 0.0, lengths, 1.0), [1.0, 0.0, 0.0])
 
 

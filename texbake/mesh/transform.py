@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.compose import transformed
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -51,7 +52,7 @@ def _matrix(options: TransformOptions) -> FloatArray:
     factor = options.scale * UNITS.get(options.units or "m", 1.0)
     linear = factor * (Y_FROM_Z if options.up == "z" else np.eye(3))
     for axis, angle in enumerate(options.rotate):
-        linear = _rotation(axis, angle) @ linear
+        linear = pm.matmul(_rotation(axis, angle), linear)
     matrix = np.eye(4)
     matrix[:3, :3] = linear
     matrix[:3, 3] = options.move
@@ -64,7 +65,7 @@ def _rotation(axis: int, degrees: float) -> FloatArray:
     if quarters == round(quarters):
         cos, sin = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters % 4)]
     else:
-        cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        cos, sin = pm.cos(np.radians(degrees)), pm.sin(np.radians(degrees))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
     matrix[first, first] = matrix[second, second] = cos

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -188,6 +188,6 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
         mesh = mesh.replace(face_groups=groups[nearest], group_names=source.group_names)
     if colors is not None:
         _, nearest, weights = tree.closest_points(points, threads=threads)
-        blended = np.einsum("nc,ncx->nx", weights, colors[source.faces[nearest]])
+        blended = pm.vecmat(weights, colors[source.faces[nearest]])
         mesh = mesh.replace(colors=blended)
     return mesh

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from texbake.core import portable_math as pm
+
 
 def number(x: float) -> str:
     """Format a number with three digits, without an exponent unless it is very small or large.
@@ -22,7 +24,7 @@ def number(x: float) -> str:
         return f"{x:.1e}"
     if size >= 1000.0:
         return f"{x:,.0f}"
-    digits = max(2 - math.floor(math.log10(size)), 0)
+    digits = max(2 - math.floor(pm.log10(size)), 0)
     text = f"{x:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 

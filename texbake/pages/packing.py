@@ -85,7 +85,9 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
         signs = tangents[chosen, 3:].astype(np.int32)
         arrays["uv"] = np.rint(np.clip(uvs, -1000.0, 1000.0) * UV_STEPS).astype(np.int32)
         arrays["tangent"] = np.hstack([octahedral(tangents[chosen, :3]), signs])
-        arrays["borders"] = (border_edges(mesh) @ np.array([1, 2, 4]))[:, None].astype(np.int32)
+        arrays["borders"] = (border_edges(mesh) * np.array([1, 2, 4], np.int32)).sum(
+            axis=1, keepdims=True, dtype=np.int32
+        )
     steps = {
         "low": low.tolist(),
         "step": side / POSITION_STEPS,

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, frozen
 from texbake.raycast.rays import Rows
 
@@ -144,7 +145,7 @@ def concentric_disk(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         slope = np.where(wide, y / x, x / y)
     slope[radius == 0.0] = 0.0
     angle = 0.25 * np.pi * slope
-    cosine, sine = radius * np.cos(angle), radius * np.sin(angle)
+    cosine, sine = radius * pm.cos(angle), radius * pm.sin(angle)
     return np.stack([np.where(wide, cosine, sine), np.where(wide, sine, cosine)], axis=-1)
 
 

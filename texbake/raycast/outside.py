@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import (
     edge_neighbors,
@@ -77,10 +77,10 @@ class Orientation:
 def share_seen_from_behind(scene: RayScene) -> float:
     """Share of the rays from all around a mesh that meet it from behind first."""
     low, high = scene.frame.to_local(scene.mesh.bounds)
-    middle, radius = (low + high) / 2.0, 0.5 * float(np.linalg.norm(high - low))
+    middle, radius = (low + high) / 2.0, 0.5 * float(pm.norm(high - low))
     steps = (np.arange(_LOOKS_ACROSS) + 0.5) / _LOOKS_ACROSS * 2.0 - 1.0
     grid = radius * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    starts = [middle - 2.0 * radius * axes[2] + grid @ axes[:2] for axes in _VIEWS]
+    starts = [middle - 2.0 * radius * axes[2] + pm.matmul(grid, axes[:2]) for axes in _VIEWS]
     directions = np.repeat([axes[2] for axes in _VIEWS], len(grid), axis=0)
     hits = _cast(scene, np.concatenate(starts), directions, 4.0 * radius)
     n_hits = int(np.count_nonzero(hits.faces != NO_HIT))
@@ -143,7 +143,7 @@ def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArra
     pairs = edge_neighbors(welded)
     roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)
     core.join_orientations(roots, flips, pairs.first, pairs.second, ~pairs.agree)
-    areas = np.linalg.norm(_crosses(mesh), axis=1)
+    areas = pm.norm(_crosses(mesh), axis=1)
     flipped = np.bincount(roots, areas * flips, mesh.n_faces)
     upright = np.bincount(roots, areas * ~flips, mesh.n_faces)
     turned: BoolArray = flips ^ (flipped > upright)[roots]
@@ -164,7 +164,7 @@ class _Points:
 def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Points:
     """Draw points of each part, evenly over its area."""
     crosses = _crosses(mesh)
-    lengths = np.linalg.norm(crosses, axis=1)
+    lengths = pm.norm(crosses, axis=1)
     order = np.argsort(parts, kind="stable")
     sums = np.concatenate([[0.0], np.cumsum(lengths[order])])
     stops = np.searchsorted(parts[order], np.arange(n_parts), side="right")
@@ -183,7 +183,7 @@ def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Po
     faces = order[rows]
     root, second = np.sqrt(random.random(n)), random.random(n)
     weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
-    positions = np.einsum("ij,ijk->ik", weights, mesh.positions[mesh.faces[faces]])
+    positions = pm.vecmat(weights, mesh.positions[mesh.faces[faces]])
     with np.errstate(invalid="ignore"):
         normals = crosses[faces] / lengths[faces, None]
     normals[turned[faces]] *= -1.0
@@ -235,7 +235,7 @@ class _Votes:
         """Cast the rays."""
         random = np.random.Generator(np.random.PCG64(_SEED + 1))
         directions = points.normals + _on_sphere(random, len(points.parts))  # by the cosine
-        directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+        directions /= np.maximum(pm.norm(directions, axis=1, keepdims=True), 1e-300)
         origins = scene.frame.to_local(points.positions)
         escapes, met = [], []
         for side in (1.0, -1.0):
@@ -292,9 +292,9 @@ def _views() -> list[FloatArray]:
     views = []
     for ahead in itertools.product((-1.0, 0.0, 1.0), repeat=3):
         if np.count_nonzero(ahead) in (1, 3):
-            z = np.array(ahead) / np.linalg.norm(ahead)
+            z = np.array(ahead) / pm.norm(ahead)
             x = np.cross(z, (0.6, 0.48, 0.64))  # not along any of them
-            x /= np.linalg.norm(x)
+            x /= pm.norm(x)
             views.append(np.stack([x, np.cross(z, x), z]))
     return views
 
@@ -313,7 +313,7 @@ def _on_sphere(random: np.random.Generator, n: int) -> FloatArray:
     """(n, 3) float64: unit vectors, evenly distributed."""
     z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
     across = np.sqrt(1.0 - z * z)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+    return np.stack([across * pm.cos(turn), across * pm.sin(turn), z], axis=1)
 
 
 def _cast(scene: RayScene, origins: FloatArray, directions: FloatArray, length: float) -> RayHits:

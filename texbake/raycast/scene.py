@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -362,6 +362,6 @@ def _groups(keys: npt.NDArray[np.uint64]) -> IntArray:
 
     On a surface, cells of level k hold about n / 4^(k + 1) of n rays.
     """
-    level = int(np.clip(np.log2(len(keys) / _MOST_TOGETHER) / 2.0 - 1.0, 0, _KEY_LEVELS))
+    level = int(np.clip(pm.log2(len(keys) / _MOST_TOGETHER) / 2.0 - 1.0, 0, _KEY_LEVELS))
     cells = keys >> np.uint64(3 * (_KEY_LEVELS - level))
     return np.cumsum(np.diff(cells, prepend=cells[:1]) != 0, dtype=np.int32)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
@@ -21,18 +22,18 @@ def lights_object(light: Light, item: SceneObject) -> bool:
     if corners is None:
         return True
     center = corners.mean(axis=0)
-    radius = float(np.linalg.norm(corners - center, axis=1).max())
+    radius = float(pm.norm(corners - center, axis=1).max())
     way = center - np.asarray(light.position, np.float64)
-    distance = float(np.linalg.norm(way))
+    distance = float(pm.norm(way))
     if not radius < distance < math.inf:
         return True
-    reach = math.tan(math.radians(light.angle) / 2.0)
+    reach = pm.tan(math.radians(light.angle) / 2.0)
     if light.profile is not None and light.gate == "rectangle":
         reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
     direction = np.asarray(light.direction, np.float64)
-    cosine = float(way @ direction) / (distance * float(np.linalg.norm(direction)))
-    angle = math.acos(min(max(cosine, -1.0), 1.0))
-    return angle - math.asin(radius / distance) <= math.atan(reach) + _ROUNDING
+    cosine = float(pm.matmul(way, direction)) / (distance * float(pm.norm(direction)))
+    angle = pm.arccos(min(max(cosine, -1.0), 1.0))
+    return angle - pm.arcsin(radius / distance) <= pm.arctan(reach) + _ROUNDING
 
 
 def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
@@ -41,7 +42,9 @@ def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
     if corners is None:
         return True
     with np.errstate(over="ignore", invalid="ignore"):
-        s, t, _, q = np.asarray(picture.matrix) @ np.concatenate([corners, np.ones((8, 1))], 1).T
+        s, t, _, q = pm.matmul(
+            np.asarray(picture.matrix), np.concatenate([corners, np.ones((8, 1))], 1).T
+        )
         beyond = [q <= 0.0, s < -q, s > 2.0 * q, t < -q, t > 2.0 * q]
     return not any(side.all() for side in beyond)
 
@@ -53,5 +56,5 @@ def _corners(item: SceneObject) -> FloatArray | None:
     corners = item.box_corners()
     if item.transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
-            corners = corners @ item.transform[:3, :3].T + item.transform[:3, 3]
+            corners = pm.matmul(corners, item.transform[:3, :3].T) + item.transform[:3, 3]
     return corners if np.isfinite(corners).all() else None

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.options import RenderOptions
@@ -78,9 +79,9 @@ class Camera:
         """
         options = options or RenderOptions()
         center, radius = cls.sphere_around(*meshes)
-        tangent = math.tan(math.radians(options.fov) / 2)
-        narrow = math.atan(tangent * min(1.0, options.width / options.height))
-        distance = options.distance or _MARGIN * radius / math.sin(narrow)
+        tangent = pm.tan(math.radians(options.fov) / 2)
+        narrow = pm.arctan(tangent * min(1.0, options.width / options.height))
+        distance = options.distance or _MARGIN * radius / pm.sin(narrow)
         axes = _axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
         return cls(
             eye=center + distance * axes[2],
@@ -142,10 +143,10 @@ class Camera:
 
     def clip_from_world(self, aspect: float) -> FloatArray:
         """(4, 4) float64: matrix from world to clip space; `aspect` is width / height."""
-        focal = 1.0 / math.tan(self.fov / 2)
+        focal = 1.0 / pm.tan(self.fov / 2)
         view = np.eye(4)
         view[:3, :3] = self.axes
-        view[:3, 3] = -self.axes @ self.eye
+        view[:3, 3] = pm.matmul(-self.axes, self.eye)
         projection = np.array(
             [
                 [focal / aspect, 0.0, 0.0, 0.0],
@@ -154,7 +155,7 @@ class Camera:
                 [0.0, 0.0, -1.0, 0.0],
             ]
         )
-        return projection @ view
+        return pm.matmul(projection, view)
 
     def view_rays(self, width: int, height: int) -> FloatArray:
         """(3, 3) float64: rows o, x, y, such that o + i x + j y is the ray of column i, row j.
@@ -162,7 +163,7 @@ class Camera:
         i and j are continuous, with (0, 0) at the upper left corner of the picture. Rays are in
         world space and one unit deep along the view.
         """
-        tall = 2.0 * math.tan(self.fov / 2) / height
+        tall = 2.0 * pm.tan(self.fov / 2) / height
         right, up, back = self.axes
         corner = -back - 0.5 * width * tall * right + 0.5 * height * tall * up
         return np.stack([corner, tall * right, -tall * up])
@@ -170,8 +171,8 @@ class Camera:
 
 def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
     """Rows right, up, back of a camera that looks at the origin; also defined at the poles."""
-    sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
-    sin_e, cos_e = math.sin(elevation), math.cos(elevation)
+    sin_a, cos_a = pm.sin(azimuth), pm.cos(azimuth)
+    sin_e, cos_e = pm.sin(elevation), pm.cos(elevation)
     right = np.array([cos_a, 0.0, -sin_a])
     back = np.array([sin_a * cos_e, sin_e, cos_a * cos_e])
     axes = np.stack([right, np.cross(back, right), back])
@@ -201,9 +202,9 @@ def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[floa
     if upward_unit is None:
         raise OptionError("up: it has no length; give a direction such as 0, 1, 0")
     right = np.cross(upward_unit, back)
-    if float(np.linalg.norm(right)) <= _PARALLEL:
+    if float(pm.norm(right)) <= _PARALLEL:
         raise OptionError("up: it is parallel to the view; give another direction")
-    right /= np.linalg.norm(right)
+    right /= pm.norm(right)
     return np.stack([right, np.cross(back, right), back])
 
 
@@ -213,7 +214,7 @@ def _unit(vector: FloatArray) -> FloatArray | None:
     if not 0.0 < largest < math.inf:
         return None
     scaled = vector / largest
-    return np.asarray(scaled / np.linalg.norm(scaled))
+    return np.asarray(scaled / pm.norm(scaled))
 
 
 def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
@@ -225,7 +226,7 @@ def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
     squared = 0.0
     for cloud in clouds:
         offsets = cloud - center
-        squared = max(squared, float(np.einsum("ij,ij->i", offsets, offsets).max()))
+        squared = max(squared, float(pm.vecdot(offsets, offsets).max()))
     if not math.isfinite(squared):
         raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
     return center, math.sqrt(squared) if squared > 0.0 else 1.0

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
@@ -292,15 +293,15 @@ def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
     same[same] = np.abs(a.depths[same] - b.depths[same]) <= depth_tolerance
     first, second = a.normals[same].astype(np.float64), b.normals[same].astype(np.float64)
     # From the chord length, which is accurate for small angles where the arc cosine is not.
-    apart = np.linalg.norm(first - second, axis=1)
+    apart = pm.norm(first - second, axis=1)
     angles = np.full(same.shape, np.nan, np.float32)
-    angles[same] = np.degrees(2.0 * np.arctan2(apart, np.linalg.norm(first + second, axis=1)))
+    angles[same] = np.degrees(2.0 * pm.arctan2(apart, pm.norm(first + second, axis=1)))
     return angles
 
 
 def _joint_diagonal(high: Mesh, low: Mesh) -> float:
     bounds = np.concatenate([high.bounds, low.bounds])
-    return float(np.linalg.norm(bounds.max(axis=0) - bounds.min(axis=0)))
+    return float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
 
 
 def _closeness(errors: list[_Errors], high: Frame, low: Frame) -> Closeness:

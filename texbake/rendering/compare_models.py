@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
@@ -172,7 +173,7 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
     return tuple(
         (
             i * _GOLDEN_ANGLE % 360.0,
-            math.degrees(math.asin(1.0 - (2 * i + 1) / n)),
+            math.degrees(pm.arcsin(1.0 - (2 * i + 1) / n)),
         )
         for i in range(n)
     )
@@ -215,4 +216,4 @@ def _squared_error(frames: list[Frame], codes: list[Picture]) -> tuple[float, in
 
 
 def _psnr(total: float, count: int) -> float:
-    return math.inf if total == 0.0 else 10.0 * math.log10(255.0**2 * count / total)
+    return math.inf if total == 0.0 else 10.0 * pm.log10(255.0**2 * count / total)

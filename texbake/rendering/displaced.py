@@ -36,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -208,7 +208,7 @@ class EdgeView:
     def __init__(
         self, camera: Camera, options: RenderOptions, edge_px: float, farthest: float
     ) -> None:
-        tall = math.tan(camera.fov / 2)
+        tall = pm.tan(camera.fov / 2)
         wide = tall * options.width / options.height
         x, y, z, w = camera.clip_from_world(options.width / options.height)
         self._camera = camera
@@ -217,13 +217,13 @@ class EdgeView:
         # Planes of the left, right, bottom and top side and of the near plane; positive inside.
         self._sides = np.stack([w + x, w - x, w + y, w - y, w - z])
         # A point farther outside a plane than this cannot be moved into the picture.
-        self._margins = farthest * np.linalg.norm(self._sides[:, :3], axis=1)
+        self._margins = farthest * pm.norm(self._sides[:, :3], axis=1)
         # 1 / cosine of the angle between the view axis and the picture's corners.
         self._steepest = math.sqrt(1.0 + wide * wide + tall * tall)
 
     def widths(self, points: FloatArray) -> FloatArray:
         """(n,): world length at points of half of `edge_px` pixels, the shortest edges."""
-        depths = (self._camera.eye - points) @ self._camera.axes[2]
+        depths = pm.matmul(self._camera.eye - points, self._camera.axes[2])
         nearest = np.maximum(depths, self._camera.near)
         return np.asarray(nearest * (0.5 * self._edge_px / self._focal))
 

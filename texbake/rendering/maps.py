@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
@@ -78,7 +79,7 @@ def space_warnings(normal_map: PathLike | None, space: str | None) -> list[str]:
     if SPACE in image.metadata or image.pixels.ndim != 3 or image.pixels.shape[2] < 3:
         return []
     vectors = 2.0 * image.pixels[..., :3] - 1.0
-    is_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0) < 0.2
+    is_unit = np.abs(pm.norm(vectors, axis=2) - 1.0) < 0.2
     n_below = np.count_nonzero(is_unit & (vectors[..., 2] < 0.0))
     if n_below <= _BELOW_SURFACE * np.count_nonzero(is_unit):
         return []

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.rendering.camera import Camera
 from texbake.rendering.identities import Identity
 from texbake.rendering.maps import has_opacity
@@ -222,8 +223,8 @@ def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
     corners = item.box_corners()
     matrix = camera.clip_from_world(options.width / options.height)
     if item.transform is not None:
-        matrix = matrix @ item.transform
+        matrix = pm.matmul(matrix, item.transform)
     with np.errstate(over="ignore", invalid="ignore"):
-        x, y, z, w = matrix @ np.concatenate([corners, np.ones((8, 1))], axis=1).T
+        x, y, z, w = pm.matmul(matrix, np.concatenate([corners, np.ones((8, 1))], axis=1).T)
         outside = (x < -w).all() or (x > w).all() or (y < -w).all() or (y > w).all()
         return not (outside or (z > w).all())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
@@ -119,12 +120,12 @@ def studio_room(size: int = 256) -> CubeMap:
     light = np.repeat(level[..., None], 3, axis=-1)
     for azimuth, elevation, wide, tall, radiance in _ROOM_LAMPS:
         a, e = np.radians(azimuth), np.radians(elevation)
-        middle = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
-        right = np.array([np.cos(a), 0.0, -np.sin(a)])
-        ahead = directions @ middle
+        middle = np.array([pm.sin(a) * pm.cos(e), pm.sin(e), pm.cos(a) * pm.cos(e)])
+        right = np.array([pm.cos(a), 0.0, -pm.sin(a)])
+        ahead = pm.matmul(directions, middle)
         away = np.where(ahead > 0.0, ahead, np.inf)
-        x = np.abs(directions @ right) / away / wide
-        y = np.abs(directions @ np.cross(middle, right)) / away / tall
+        x = np.abs(pm.matmul(directions, right)) / away / wide
+        y = np.abs(pm.matmul(directions, np.cross(middle, right))) / away / tall
         shown = np.where(ahead > 0.0, np.maximum(x, y), np.inf)
         share = np.clip((1.0 - shown) / _RIM + 0.5, 0.0, 1.0)
         light += share[..., None] * (np.array(radiance) - light)

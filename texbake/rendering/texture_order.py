@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import image_of
@@ -136,7 +137,7 @@ def _carried(state: RenderState, target: int) -> Texels:
     image = image_of(state, target, "base_color")
     corners = drawn.mesh.corner_uvs(image.uv_set)
     if image.turn is not None:
-        corners = corners @ image.turn.T + image.offset
+        corners = pm.matmul(corners, image.turn.T) + image.offset
     flat = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2).reshape(-1, 3)
     world = World(
         read_only(flat, np.float64),
@@ -150,13 +151,13 @@ def _carried(state: RenderState, target: int) -> Texels:
     faces = of_texels.face_ids[rows, columns]
     # (s, t, 1) is a sum of the corners' by the weights of a point of the triangle.
     on_texture = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
-    singular = np.abs(np.linalg.det(on_texture)) <= 0.0
+    singular = np.abs(pm.det(on_texture)) <= 0.0
     on_texture[singular] = np.eye(3)
-    weights = np.linalg.inv(on_texture)  # (F, 3, 3): from (s, t, 1) to weights, as rows
+    weights = pm.inv(on_texture)  # (F, 3, 3): from (s, t, 1) to weights, as rows
     points = drawn.positions[drawn.faces]
     whole = np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=2)
     matrix = state.camera.clip_from_world(state.options.width / state.options.height)
-    clip = np.einsum("ij,fcj,fkc->fik", matrix, whole, weights)
+    clip = pm.matmul(matrix, pm.matmul(whole.swapaxes(1, 2), weights.swapaxes(1, 2)))
     places = np.stack([(columns + 0.5) / width, 1.0 - (rows + 0.5) / height], axis=1)
     colors = image.chain.level(0)[rows, columns] * image.factor
     along, slack = _changes(state, clip[faces], places, (width, height))
@@ -172,7 +173,7 @@ def _on_screen(
     """Pixel of points of texels, -1 outside the picture; their depth; and whether they are seen."""
     width, height = state.options.width, state.options.height
     homogeneous = np.column_stack([places, np.ones(len(places))])
-    clip = np.einsum("nik,nk->ni", texels.clip_from_texture[texels.faces], homogeneous)
+    clip = pm.matvec(texels.clip_from_texture[texels.faces], homogeneous)
     with np.errstate(all="ignore"):
         x, y, depth = (clip[:, :3] / clip[:, 3:]).T
     inside = (clip[:, 3] > 0.0) & (np.abs(x) < 1.0) & (np.abs(y) < 1.0) & (depth <= 1.0)
@@ -194,7 +195,7 @@ def _faces_camera(state: RenderState, target: int) -> npt.NDArray[np.bool_]:
         return np.ones(len(drawn.faces), np.bool_)
     first, second, third = np.moveaxis(drawn.positions[drawn.faces], 1, 0)
     normals = np.cross(second - first, third - first)
-    return np.asarray(np.einsum("ij,ij->i", normals, state.camera.eye - first) > 0.0)
+    return np.asarray(pm.vecdot(normals, state.camera.eye - first) > 0.0)
 
 
 def _by_points(state: RenderState, target: int, texels: Texels) -> Sums:
@@ -213,8 +214,8 @@ def _by_parts(state: RenderState, target: int, texels: Texels) -> Sums:
     n = state.options.width * state.options.height
     sums, weights, writes = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.int64)
     step = 1.0 / np.array(texels.size)
-    area = np.maximum(np.abs(np.linalg.det(texels.along)), _SMALLEST)
-    longest = float(np.linalg.norm(texels.along, axis=1).max(initial=0.0))
+    area = np.maximum(np.abs(pm.det(texels.along)), _SMALLEST)
+    longest = float(pm.norm(texels.along, axis=1).max(initial=0.0))
     side = math.ceil(_PER_PIXEL * min(longest, _MAX_SIDE))
     side = max(1, min(side, _MAX_SIDE, math.isqrt(_MAX_PARTS // max(len(area), 1))))
     last = np.full(len(area), -1, np.int64)
@@ -236,7 +237,7 @@ def _changes(
     state: RenderState, rows: FloatArray, places: FloatArray, size: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
     """Return `along` and `slack` of `Texels`; 0 behind the camera and for what is seen edge-on."""
-    clip = np.einsum("nik,nk->ni", rows, np.column_stack([places, np.ones(len(places))]))
+    clip = pm.matvec(rows, np.column_stack([places, np.ones(len(places))]))
     scales = np.array([state.options.width / 2.0, state.options.height / 2.0, 1.0])
     with np.errstate(all="ignore"):
         # The derivative of x / w along s is (x_s - (x / w) w_s) / w, as along t, for y and for z.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, quoted
 
 # 8-bit normals are off by up to 0.39 degrees; errors of heights show as slopes.
@@ -41,7 +42,7 @@ class ErrorBounds:
     def of_map(self, coding: str, diagonal: float) -> float | None:
         """Return the bound of a map: a chord of unit normals, a length in model units, or None."""
         if coding == "normal":
-            return None if self.angle is None else 2.0 * math.sin(min(self.angle, math.pi) / 2.0)
+            return None if self.angle is None else 2.0 * pm.sin(min(self.angle, math.pi) / 2.0)
         if coding not in BOUNDED_CODINGS:
             return None
         return self.length if self.share is None else self.share * diagonal

@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.durations import parse_seconds
 from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
 
@@ -200,7 +201,7 @@ class Rounds:
         seconds = self.overhead + self.unit * (needed - np.minimum(_USED * self._kept, needed))
         fitting = np.flatnonzero(seconds <= self._time_of_round(left, float(seconds[0])))
         step = int(fitting[0]) if len(fitting) else len(work) - 1
-        bound = float(2.0 ** (step / _STEPS))
+        bound = float(pm.power(2.0, step / _STEPS))
         if self._reached < _NOTHING and (
             len(fitting) == 0
             or left < _LEAST_SHARE * self.seconds
@@ -249,7 +250,7 @@ def _towards(before: float, measured: float) -> float:
 def _work_above(errors: FloatArray32, costs: FloatArray32) -> npt.NDArray[np.float64]:
     """Work for each bound from 1 to the widest: the costs of all errors above it."""
     is_above = errors > 1.0
-    steps = np.minimum(_STEPS * np.log2(errors[is_above]), _STEPS * _OCTAVES)
+    steps = np.minimum(_STEPS * pm.log2(errors[is_above]), _STEPS * _OCTAVES)
     # An error between two bounds costs where the bound is the lower one of these.
     sums = np.bincount(
         steps.astype(np.int64), weights=costs[is_above], minlength=_STEPS * _OCTAVES + 1

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
-import numpy as np
-
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.mesh import Mesh
@@ -89,7 +88,7 @@ class Case:
         """
         surface = self.choose(orange_surface, rippled_surface)()
         sphere = orange(_ORANGE_TRIANGLES) if not self.quick else icosphere(_QUICK_LEVEL)
-        lengths = np.linalg.norm(sphere.positions, axis=1)
+        lengths = pm.norm(sphere.positions, axis=1)
         name = self.choose("orange", "rippled sphere")
         high = surface.mesh(sphere.positions / lengths[:, None], sphere.faces, name)
         bare = high.replace(normals=None, normal_faces=None)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from texbake.core import portable_math as pm
 from texbake.pages.figures import duration, number
 from texbake.study.pareto import pareto_front, payoff
 from texbake.study.result import KnobResult, Measurement
@@ -154,6 +155,6 @@ def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | 
         if k == 0 or reached <= 0.0:
             return seconds
         before, was = front[k - 1]
-        part = math.log(was / error) / math.log(was / reached)
+        part = pm.log(was / error) / pm.log(was / reached)
         return float(before * (seconds / before) ** part)
     return None

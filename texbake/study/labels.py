@@ -15,6 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
+
 FloatArray = npt.NDArray[np.float64]
 
 # Directions in turns, the best first, and distances in heights of a label.
@@ -43,7 +45,7 @@ def place_labels(points: FloatArray, sizes: FloatArray, frame: Sequence[float]) 
         Lower left corner of each label.
     """
     n = len(points)
-    away = np.linalg.norm(points[:, None] - points[None, :], axis=-1)
+    away = pm.norm(points[:, None] - points[None, :], axis=-1)
     crowds = (away < 60.0).sum(axis=1)
     corners = np.zeros((n, 2))
     placed: list[int] = []
@@ -63,7 +65,7 @@ def _places(point: FloatArray, size: FloatArray) -> list[tuple[FloatArray, float
     for far, distance in enumerate(_DISTANCES):
         for order, turn in enumerate(_TURNS):
             angle = 2.0 * math.pi * turn
-            out = np.array([math.cos(angle), math.sin(angle)])
+            out = np.array([pm.cos(angle), pm.sin(angle)])
             # The side of the label that faces the point lies at this distance.
             center = (
                 point + out * (_MARK + distance * size[1]) + 0.5 * size * np.sign(np.round(out, 6))

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from texbake.core import portable_math as pm
+
 # A step pays off if four times the time at least halves the error.
 PAYS = 0.5
 
@@ -45,7 +47,7 @@ def payoff(a: tuple[float, float], b: tuple[float, float]) -> float:
     """
     if b[1] <= 0.0 or b[0] <= a[0]:
         return math.inf
-    return math.log(a[1] / b[1]) / math.log(b[0] / a[0])
+    return pm.log(a[1] / b[1]) / pm.log(b[0] / a[0])
 
 
 def knee(points: Sequence[tuple[float, float]], front: Sequence[int]) -> int | None:

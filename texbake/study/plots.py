@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import DependencyError
 from texbake.pages.figures import duration, number
 from texbake.study.labels import place_labels
@@ -249,7 +250,7 @@ def _widen(axes: Axes, texts: list[Any], floor: float, most_ticks: int) -> None:
         ([text[0] for text in texts], axes.set_xlim),
         ([text[1] for text in texts], axes.set_ylim),
     ):
-        low, high = np.log10(min(values)), np.log10(max(values))
+        low, high = pm.log10(min(values)), pm.log10(max(values))
         room = 0.12 * max(high - low, 0.3) + 0.06
         set_limits(10.0 ** (low - room), 10.0 ** (high + room))
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
@@ -261,7 +262,7 @@ def _widen(axes: Axes, texts: list[Any], floor: float, most_ticks: int) -> None:
 
 def _ticks(low: float, high: float, most: int) -> list[float]:
     """Return round numbers within limits, as many as fit."""
-    powers = range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
+    powers = range(int(np.floor(pm.log10(low))) - 1, int(np.ceil(pm.log10(high))) + 1)
     for steps in _STEPS:
         ticks = [step * 10.0**power for power in powers for step in steps]
         inside = [tick for tick in ticks if low <= tick <= high]
@@ -289,7 +290,7 @@ def _label_all(axes: Axes, figure: Figure) -> None:
     for item, corner, point, size in zip(made, corners, points, sizes, strict=True):
         item.set_position(tuple((corner - point) * (72.0 / figure.dpi)))
         nearest = np.clip(point, corner, corner + size)
-        if np.linalg.norm(nearest - point) > 1.5 * size[1]:
+        if pm.norm(nearest - point) > 1.5 * size[1]:
             ends = axes.transData.inverted().transform([point, nearest])
             axes.plot(*ends.T, color=item.get_color(), lw=0.5, alpha=0.6, zorder=1)
 

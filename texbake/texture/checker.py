@@ -12,8 +12,8 @@ import string
 import numpy as np
 import numpy.typing as npt
 
-from texbake.colors import linear_from_oklch
 from texbake.errors import OptionError
+from texbake.mesh.oklch import linear_from_oklch
 from texbake.text import text_coverage
 
 MAX_CELLS = len(string.ascii_uppercase)

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
@@ -215,7 +215,7 @@ def _with_wide_texels(image: npt.NDArray[np.float32], width_rad: float) -> npt.N
     height, width, _ = image.shape
     out = image.copy()
     latitudes = ((np.arange(height) + 0.5) / height - 0.5) * np.pi
-    widths = np.minimum(width_rad / np.cos(latitudes) * width / (2 * np.pi), width)
+    widths = np.minimum(width_rad / pm.cos(latitudes) * width / (2 * np.pi), width)
     centers = np.arange(width) + 0.5
     for row in np.flatnonzero(widths > 1.0):
         # The integral from the left edge over two turns, so that windows can cross the right edge.

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
 
@@ -152,7 +152,9 @@ def face_directions(size: int) -> npt.NDArray[np.float64]:
     """
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     t, s = np.meshgrid(along, along, indexing="ij")
-    directions: npt.NDArray[np.float64] = np.stack([s, t, np.ones_like(s)], 2) @ FACE_AXES[:, None]
+    directions: npt.NDArray[np.float64] = pm.matmul(
+        np.stack([s, t, np.ones_like(s)], 2), FACE_AXES[:, None]
+    )
     return directions
 
 
@@ -160,7 +162,7 @@ def face_directions(size: int) -> npt.NDArray[np.float64]:
 def texel_directions(size: int) -> npt.NDArray[np.float32]:
     """Return unit directions through all texel centers, (6, size, size, 3) float32, read-only."""
     directions = face_directions(size)
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    directions /= pm.norm(directions, axis=-1, keepdims=True)
     unit = directions.astype(np.float32)
     unit.flags.writeable = False
     return unit
@@ -179,7 +181,7 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
     x, y = np.meshgrid(edges, edges)
     # Solid angle of the rectangle from the center of the face to a point on it; differences of
     # these give any other rectangle.
-    corner = np.arctan2(x * y, np.sqrt(x * x + y * y + 1.0))
+    corner = pm.arctan2(x * y, np.sqrt(x * x + y * y + 1.0))
     angles = np.diff(np.diff(corner, axis=0), axis=1)
     angles.flags.writeable = False
     return angles
@@ -202,10 +204,10 @@ def locate_directions(
     st : (..., 2) float64
         In [0, 1], s to the right and t down.
     """
-    heights = directions @ FACE_AXES[:, 2].T
+    heights = pm.matmul(directions, FACE_AXES[:, 2].T)
     faces = np.argmax(heights, axis=-1)
     largest = np.take_along_axis(heights, faces[..., None], axis=-1)
-    across = np.einsum("...ij,...j->...i", FACE_AXES[faces, :2], directions)
+    across = pm.matvec(FACE_AXES[faces, :2], directions)
     return faces, (across / largest + 1.0) / 2.0
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import DependencyError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
@@ -146,7 +147,7 @@ def _codes(
 ) -> npt.NDArray[np.uint8]:
     """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":
-        lengths = np.linalg.norm(level, axis=2, keepdims=True)
+        lengths = pm.norm(level, axis=2, keepdims=True)
         unit = np.divide(level, lengths, out=np.zeros_like(level), where=lengths > 0.0)
         unit[lengths[..., 0] == 0.0] = (0.0, 0.0, 1.0)
         codes = encode_normals(unit, bits=8, convention=convention, threads=threads)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 
@@ -258,7 +258,7 @@ def decode_normals(
     def work(start: int, stop: int) -> None:
         vectors = flat[start:stop, :3] * (2.0 / top) - 1.0
         vectors[:, 1] *= sign
-        lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+        lengths = np.sqrt(pm.vecdot(vectors, vectors))
         # 1e-12 is far below a 16-bit step, and above the rounding error of 2x - 1 at x = 1/2.
         lost = ~(lengths > 1e-12) | ~np.isfinite(lengths)
         vectors[lost] = (0.0, 0.0, 1.0)
@@ -323,14 +323,14 @@ def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
     return np.where(
         light <= 0.0031308,
         light * np.float32(12.92),
-        np.float32(1.055) * np.power(light, np.float32(1.0 / 2.4)) - np.float32(0.055),
+        np.float32(1.055) * pm.power(light, np.float32(1.0 / 2.4)) - np.float32(0.055),
     ).astype(np.float32)
 
 
 def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Convert sRGB values in [0, 1] to linear values in [0, 1]."""
     values = np.asarray(values, np.float64)
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    return np.where(values <= 0.04045, values / 12.92, pm.power((values + 0.055) / 1.055, 2.4))
 
 
 def _green_sign(convention: str) -> float:

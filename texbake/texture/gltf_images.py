@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError
 from texbake.mesh.files.gltf_channels import GltfChannel
 from texbake.mesh.files.gltf_slots import SLOTS, Slot, is_scale, same_place
@@ -165,5 +166,5 @@ def _scaled(codes: FloatImage, where: GltfChannel, source: ChannelSource) -> Flo
     if where.name != "normal" or is_scale(source.factor):
         return codes
     normals = (2.0 * codes - 1.0) * np.array(source.factor, np.float32)
-    lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+    lengths = pm.norm(normals, axis=2, keepdims=True)
     return np.asarray(0.5 + 0.5 * normals / np.maximum(lengths, 1e-12), np.float32)

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import decode_normals
@@ -83,7 +84,7 @@ def height_to_normal(
         along_x = _difference(extended, options.derivative)
         up_y = -_difference(extended.T, options.derivative).T
         normals = np.stack([-along_x, -up_y, np.ones_like(field)], axis=-1)
-        normals /= np.sqrt(np.einsum("ijk,ijk->ij", normals, normals))[..., None]
+        normals /= np.sqrt(pm.vecdot(normals, normals))[..., None]
     # Not finite, or too steep to square.
     normals[~np.isfinite(normals).all(axis=-1)] = (0.0, 0.0, 1.0)
     return normals.astype(np.float32)
@@ -229,7 +230,7 @@ def _slopes(normals: npt.NDArray[Any]) -> tuple[tuple[FloatArray, FloatArray], i
     flat = ~np.isfinite(vectors).all(axis=2)
     vectors[flat] = (0.0, 0.0, 1.0)
     with np.errstate(over="ignore"):
-        lengths = np.sqrt(np.einsum("ijk,ijk->ij", vectors, vectors))
+        lengths = np.sqrt(pm.vecdot(vectors, vectors))
     vectors[lengths == 0.0] = (0.0, 0.0, 1.0)
     lengths[lengths == 0.0] = 1.0
     vectors /= lengths[..., None]
@@ -278,7 +279,7 @@ def _transfers(
     step: npt.NDArray[np.complex128]
     mean: npt.NDArray[np.complex128]
     if method == "poisson":
-        turns = np.exp(waves).astype(np.complex128)
+        turns = pm.exp(waves).astype(np.complex128)
         step, mean = turns - 1.0, (turns + 1.0) / 2.0
     else:
         step, mean = waves, np.ones(len(frequencies), np.complex128)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, is_folder
 from texbake.texture.encoding import decode_normals, encode_normals
@@ -78,7 +79,7 @@ def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
     # 2 / kappa, which is unbounded at r = 0.
     alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)
-    roughness: npt.NDArray[np.float64] = np.minimum(alpha_squared, 1.0) ** 0.25
+    roughness: npt.NDArray[np.float64] = np.sqrt(np.sqrt(np.minimum(alpha_squared, 1.0)))
     return roughness.astype(np.float32)
 
 
@@ -184,7 +185,7 @@ def _images(
 
 def _unit(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Normalize mean normals; (0, 0, 1) where they cancel out."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    lengths = pm.norm(vectors, axis=-1, keepdims=True)
     lost = ~(lengths > 0)
     unit: npt.NDArray[np.float32] = np.where(
         lost, np.array([0, 0, 1], np.float32), vectors / np.where(lost, 1, lengths)

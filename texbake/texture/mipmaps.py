@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.lookup import MIRROR, REPEAT, Wrap, wrap_code, wrap_pair
@@ -167,7 +167,7 @@ def mip_chain(
     texels = np.empty((int(ends[-1]), n_channels + roughness), np.float32)
     texels[: ends[0], :n_channels] = image.reshape(-1, n_channels)
     if roughness:
-        texels[: ends[0], n_channels] = np.linalg.norm(texels[: ends[0], :n_channels], axis=1)
+        texels[: ends[0], n_channels] = pm.norm(texels[: ends[0], :n_channels], axis=1)
     chain = MipChain(texels, ends - sizes.prod(axis=1), sizes)
     for index in range(1, len(sizes)):
         smaller = texels[ends[index - 1] : ends[index]]
@@ -180,7 +180,7 @@ def mip_chain(
         )
         if roughness:
             # The length of the mean vector, not the mean of the lengths.
-            smaller[:, n_channels] = np.linalg.norm(smaller[:, :n_channels], axis=1)
+            smaller[:, n_channels] = pm.norm(smaller[:, :n_channels], axis=1)
     return chain
 
 
@@ -198,7 +198,7 @@ def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     largest = np.abs(image).max(axis=2, keepdims=True)
     vectors = np.zeros_like(image)
     np.divide(image, largest, out=vectors, where=(largest > 0.0) & (largest < np.inf))
-    lengths = np.linalg.norm(vectors, axis=2, keepdims=True)
+    lengths = pm.norm(vectors, axis=2, keepdims=True)
     np.divide(vectors, lengths, out=vectors, where=lengths > 0.0)
     return vectors
 
@@ -240,9 +240,24 @@ def _taps(
     indices = np.floor(centers).astype(np.int64) + steps[np.argsort(abs(steps), kind="stable")]
     offsets = (indices - centers) / ratio
     inside = np.maximum(1.0 - (offsets / _KAISER_RADIUS) ** 2, 0.0)
-    weights = np.sinc(offsets) * np.i0(_KAISER_ALPHA * np.sqrt(inside)) * (inside > 0.0)
+    weights = _sinc(offsets) * _bessel_i0(_KAISER_ALPHA * np.sqrt(inside)) * (inside > 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return _packed(_wrapped_indices(indices, size, wrap), weights)
+
+
+def _sinc(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """sin(pi x) / (pi x), 1 at 0."""
+    turns = np.pi * np.where(x == 0.0, 1e-20, x)
+    return np.asarray(pm.sin(turns) / turns)
+
+
+def _bessel_i0(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Modified Bessel function of order 0, by its power series; exact to rounding up to x = 10."""
+    term = total = np.ones_like(x)
+    for k in range(1, 32):
+        term = term * np.square(0.5 * x / k)
+        total = total + term
+    return total
 
 
 def _packed(

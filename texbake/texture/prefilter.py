@@ -21,12 +21,13 @@ below 1 and few samples are enough. Kernel: `core/cube_lighting.c`.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
 from texbake.texture.cube_lookup import resize_cube
@@ -154,7 +155,7 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
     index = np.arange(n_points, dtype=np.uint32)
     reverse = np.zeros(n_points)
     for bit in range(32):
-        reverse += (index >> np.uint32(bit) & np.uint32(1)) * 0.5 ** (bit + 1)
+        reverse += (index >> np.uint32(bit) & np.uint32(1)) * math.ldexp(1.0, -bit - 1)
     return np.stack([(np.arange(n_points) + 0.5) / n_points, reverse], axis=1)
 
 
@@ -169,8 +170,8 @@ def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.f
     """
     points = hammersley(samples)
     alpha2 = roughness**4
-    rest = (1 - points[:, 0]) ** _TAIL_POWER
-    widened = _TAIL_POWER * (1 - points[:, 0]) ** (_TAIL_POWER - 1)
+    rest = pm.power(1 - points[:, 0], _TAIL_POWER)
+    widened = _TAIL_POWER * pm.power(1 - points[:, 0], _TAIL_POWER - 1)
     turn = 2 * np.pi * points[:, 1]
     cosine2 = rest / (1 + (alpha2 - 1) * (1 - rest))
     sine2 = alpha2 * (1 - rest) / (1 + (alpha2 - 1) * (1 - rest))
@@ -181,9 +182,9 @@ def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.f
     density = alpha2 / (4 * np.pi * (cosine2 * (alpha2 - 1) + 1) ** 2) / widened
     per_texel = 4 * np.pi / (6.0 * source.size**2)
     # One level more, as the authors advise: samples overlap, so bright lamps leave no pattern.
-    level = np.floor(0.5 * np.log2(1 / (samples * density) / per_texel) + 1.5)
+    level = np.floor(0.5 * pm.log2(1 / (samples * density) / per_texel) + 1.5)
     level = np.clip(level, 0, source.n_levels - 1)
-    lobe = [sine * np.cos(turn), sine * np.sin(turn), cosine, level, cosine * widened]
+    lobe = [sine * pm.cos(turn), sine * pm.sin(turn), cosine, level, cosine * widened]
     return np.ascontiguousarray(np.stack(lobe, axis=1)[cosine > 0])
 
 
@@ -244,14 +245,14 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
     view_z = cosines[:, None]
     view_x = np.sqrt(1 - view_z**2)
     # The view direction in the space in which the facets are a hemisphere.
-    length = np.hypot(alpha * view_x, view_z)
+    length = pm.hypot(alpha * view_x, view_z)
     high_x, high_z = alpha * view_x / length, view_z / length
     # Points on the projected disk of the hemisphere, part of which is hidden from the view. There
     # are more of them, with smaller weights, near the rim, which is the long tail of GGX.
-    rest, turn = (1 - points[:, 0]) ** _RIM_POWER, 2 * np.pi * points[:, 1]
-    share = _RIM_POWER * (1 - points[:, 0]) ** (_RIM_POWER - 1)
+    rest, turn = pm.power(1 - points[:, 0], _RIM_POWER), 2 * np.pi * points[:, 1]
+    share = _RIM_POWER * pm.power(1 - points[:, 0], _RIM_POWER - 1)
     radius = np.sqrt(1 - rest)
-    t1, t2 = radius * np.cos(turn), radius * np.sin(turn)
+    t1, t2 = radius * pm.cos(turn), radius * pm.sin(turn)
     seen = 0.5 * (1 + high_z)
     t2 = (1 - seen) * np.sqrt(1 - t1**2) + seen * t2
     t3 = np.sqrt(np.maximum(0, 1 - t1**2 - t2**2))
@@ -270,7 +271,7 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
     weight = np.where(
         lit, light_z * (view_root + view_z) / (light_z * view_root + view_z * light_root), 0
     )
-    fresnel = np.clip(1 - view_half, 0, 1) ** 5
+    fresnel = pm.power(np.clip(1 - view_half, 0, 1), 5)
     weight = weight * share / share.mean()
     return np.stack([(weight * (1 - fresnel)).mean(1), (weight * fresnel).mean(1)], axis=1)
 

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
@@ -42,7 +42,7 @@ _BAND = 1 << 16
 # exp(-2 r²), lowered so that it ends at 0.
 _N_WEIGHTS = 1024
 _SQUARED = (np.arange(_N_WEIGHTS) + 0.5) / _N_WEIGHTS
-EWA_WEIGHTS = (np.exp(-2.0 * _SQUARED) - np.exp(-2.0)).astype(np.float32)
+EWA_WEIGHTS = (pm.exp(-2.0 * _SQUARED) - pm.exp(-2.0)).astype(np.float32)
 EWA_WEIGHTS.flags.writeable = False
 
 # Squared radius of the ellipse in steps of a pixel, with which the variance along an axis is 1/12,

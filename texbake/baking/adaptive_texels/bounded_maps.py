@@ -12,6 +12,7 @@ import numpy.typing as npt
 from texbake.baking.adaptive_texels.texel_error import Metric
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
 from texbake.sampling.report import (
@@ -46,7 +47,7 @@ class BoundedMap:
         """Convert differences between values to errors in `unit`."""
         if self.kind.coding != "normal":
             return np.asarray(differences, dtype=np.float64)
-        return np.asarray(np.degrees(2.0 * np.arcsin(np.minimum(differences / 2.0, 1.0))))
+        return np.asarray(np.degrees(2.0 * pm.arcsin(np.minimum(differences / 2.0, 1.0))))
 
     def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
         """Summarize the errors of the map.

@@ -23,6 +23,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import SampleCaster
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.raycast.rays import NO_HIT
 from texbake.sampling.report import generator, n_to_check
@@ -83,7 +84,7 @@ class Recheck:
         first = means[self.texels[has_hit]].astype(np.float64)
         if kind.combine == "unit mean":
             second, first = _units(second), _units(first)
-        return np.asarray(np.linalg.norm(second - first, axis=1))
+        return np.asarray(pm.norm(second - first, axis=1))
 
 
 def _cast(caster: SampleCaster, samples: CellSamples, grid: SampleGrid) -> tuple[Hits, IntArray]:
@@ -103,5 +104,5 @@ def _chosen(candidates: IdArray) -> IdArray:
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    lengths = pm.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)

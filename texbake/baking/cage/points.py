@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.scenes import measure_extent
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -75,7 +75,7 @@ def find_outer_points(
     points = OuterPoints.joined(
         [over_lattice, _vertex_points(high, positions, low.faces, normals, frame, threads)]
     )
-    sides = np.einsum("fkx,fx->fk", normals[low.faces], face_normals(low, threads=threads))
+    sides = pm.matvec(normals[low.faces], face_normals(low, threads=threads))
     folded = (sides < _FOLDED).any(axis=1)
     return replace(points, exact=points.exact & ~folded[points.faces])
 
@@ -93,9 +93,9 @@ def _ray_points(
     weights = _lattice(len(faces))
     owners = np.repeat(np.arange(len(faces), dtype=np.int32), len(weights))
     at = np.tile(weights, (len(faces), 1))
-    origins = np.einsum("nk,nkx->nx", at, positions[faces[owners]])
-    outward = np.einsum("nk,nkx->nx", at, normals[faces[owners]])
-    lengths = np.sqrt(np.einsum("nx,nx->n", outward, outward))
+    origins = pm.vecmat(at, positions[faces[owners]])
+    outward = pm.vecmat(at, normals[faces[owners]])
+    lengths = np.sqrt(pm.vecdot(outward, outward))
     outward /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
     ends = np.where(lengths > 0.0, limit, 0.0)
     hits = scene.cast(Rays(origins, outward, ends, np.zeros(len(owners))), cull_back_faces=False)
@@ -103,7 +103,7 @@ def _ray_points(
     corners = frame.to_local(high.positions[high.faces[hits.faces[hit]]])
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # A ray that hits a front face starts outside the high-poly mesh and meets another part of it.
-    hit = hit[np.einsum("nx,nx->n", facing, outward[hit]) > 0.0]
+    hit = hit[pm.vecdot(facing, outward[hit]) > 0.0]
     distances = hits.distances[hit]
     # Where the normals at the corners nearly cancel, no distance along them is meaningful.
     exact = lengths[hit] >= _FOLDED

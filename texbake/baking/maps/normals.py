@@ -19,7 +19,7 @@ from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.options import BakeOptions
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.materials import ChannelImage, ChannelSource
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
@@ -76,7 +76,7 @@ def _mapped_normals(
         band = slice(start, stop)
         vectors[band] = (vectors[band] * 2.0 - 1.0) * factor
         if is_turned:
-            vectors[band, :2] = vectors[band, :2] @ axes
+            vectors[band, :2] = pm.matmul(vectors[band, :2], axes)
         core.from_tangent_space(
             points.faces[band], points.barycentrics[band], normals, corners, tangents, vectors[band]
         )

@@ -13,6 +13,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.maps.normals import flat_normal, to_tangent_space
 from texbake.baking.secondary_rays import INNER, OUTER, met_by
+from texbake.core import portable_math as pm
 from texbake.raycast.fans import DEPTH, OPEN, OPEN_DIRECTION
 
 
@@ -37,7 +38,7 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
         values = np.ascontiguousarray(values)
         to_tangent_space(hits, inputs, values, normalize=True)
         return values
-    lengths = np.linalg.norm(values, axis=1, keepdims=True)
+    lengths = pm.norm(values, axis=1, keepdims=True)
     return np.asarray(values / np.where(lengths > 0.0, lengths, np.float32(1.0)))
 
 

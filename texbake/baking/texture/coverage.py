@@ -8,6 +8,7 @@ import numpy as np
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.texels import NO_FACE, SampleGrid, TexelBand, owned_bands, snap_uvs
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Stages
 from texbake.texture.lookup import texel_coordinates
@@ -109,7 +110,7 @@ def greatest_lengths(steps: FloatArray) -> FloatArray:
     (F,) float64
         The greatest singular value of each matrix.
     """
-    a = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 0])
-    b = np.einsum("ij,ij->i", steps[:, :, 0], steps[:, :, 1])
-    c = np.einsum("ij,ij->i", steps[:, :, 1], steps[:, :, 1])
-    return np.asarray(np.sqrt((a + c + np.hypot(a - c, 2.0 * b)) / 2.0))
+    a = pm.vecdot(steps[:, :, 0], steps[:, :, 0])
+    b = pm.vecdot(steps[:, :, 0], steps[:, :, 1])
+    c = pm.vecdot(steps[:, :, 1], steps[:, :, 1])
+    return np.asarray(np.sqrt((a + c + pm.hypot(a - c, 2.0 * b)) / 2.0))

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texture.photo_mappings import PhotoLookups
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import toml_content
@@ -83,9 +84,9 @@ class PhotoCamera:
                 "target: it is the position of the camera; give a point that it looks at"
             )
         back = back * unit_scale(longest)  # so that squares neither overflow nor vanish
-        back = back / np.linalg.norm(back)
+        back = back / pm.norm(back)
         right = np.cross(np.divide(self.up, np.abs(self.up).max()), back)
-        across = np.linalg.norm(right)
+        across = pm.norm(right)
         if across < _LEAST_UP:
             raise OptionError(f"up: {self.up} is along the view; give a direction across it")
         right = right / across
@@ -98,13 +99,13 @@ class PhotoCamera:
         the depths r and q are then in its unit of length.
         """
         right, up, back = self.axes()
-        focal = 1.0 / math.tan(math.radians(self.fov) / 2.0)
+        focal = 1.0 / pm.tan(math.radians(self.fov) / 2.0)
         across = focal / (self.aspect or aspect)
         rows = np.stack([0.5 * (across * right - back), 0.5 * (focal * up - back), -back, -back])
         place = np.asarray(self.position, np.float64)
         if frame is None:
-            return np.column_stack([rows, -rows @ place])
-        return np.column_stack([rows, rows @ ((frame.center - place) * frame.scale)])
+            return np.column_stack([rows, pm.matmul(-rows, place)])
+        return np.column_stack([rows, pm.matmul(rows, (frame.center - place) * frame.scale)])
 
 
 def read_camera(path: PathLike) -> PhotoCamera | Matrix:

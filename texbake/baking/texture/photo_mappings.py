@@ -20,7 +20,7 @@ import numpy.typing as npt
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.coverage import sample_steps
 from texbake.baking.texture.options import PhotoOptions
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.classical.projector import seen_from_of
@@ -140,7 +140,7 @@ class CameraOcclusion:
         (n,) bool
         """
         towards = seen_from[:3] - seen_from[3] * points
-        distances = np.sqrt(np.einsum("ij,ij->i", towards, towards))
+        distances = np.sqrt(pm.vecdot(towards, towards))
         towards /= np.where(distances > 0.0, distances, 1.0)[:, None]
         lengths = (
             np.minimum(distances, _OUTSIDE) if seen_from[3] else np.full(len(points), _OUTSIDE)
@@ -198,9 +198,9 @@ class CameraMapping:
         self._matrix = np.ascontiguousarray(matrix[[0, 1, 3]])
         corners = frame.to_local(mesh.positions)[mesh.faces]
         self._margin_steps = _margin_steps(self._matrix, self._seen_from, margins)
-        self._steps = self._matrix[:, :3] @ sample_steps(mesh, corners, grid)
+        self._steps = pm.matmul(self._matrix[:, :3], sample_steps(mesh, corners, grid))
         self._face_normals = face_normals(mesh)
-        self._least_cosine = math.cos(math.radians(options.max_angle))
+        self._least_cosine = pm.cos(math.radians(options.max_angle))
         self._options = options
         self._occlusion = occlusion
 
@@ -233,9 +233,9 @@ class CameraMapping:
             return ids
         for across, up in (-1, -1), (1, -1), (-1, 1), (1, 1):
             positions = points.positions[ids]
-            depths = positions @ self._matrix[2, :3] + self._matrix[2, 3]
+            depths = pm.matmul(positions, self._matrix[2, :3]) + self._matrix[2, 3]
             step = across * self._margin_steps[:, 0] + up * self._margin_steps[:, 1]
-            slack = _MARGIN_SLOPE * np.linalg.norm(step) * depths
+            slack = _MARGIN_SLOPE * pm.norm(step) * depths
             beside = positions + depths[:, None] * step
             ids = ids[~hidden(beside, points.faces[ids], self._seen_from, slack)]
         return ids
@@ -248,7 +248,7 @@ def _margin_steps(
     rows = np.stack(
         [matrix[0, :3], matrix[1, :3], matrix[2, :3] if seen_from[3] else seen_from[:3]]
     )
-    return np.asarray(np.linalg.inv(rows)[:, :2] * margins)
+    return np.asarray(pm.inv(rows)[:, :2] * margins)
 
 
 class UvMapping:

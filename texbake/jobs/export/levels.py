@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
@@ -86,7 +87,7 @@ def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) ->
     local = level.replace(positions=frame.to_local(level.positions))
     points, face_ids, weights = sample_surface(local, _SAMPLES, threads=threads)
     _, nearest, nearest_weights = tree.closest_points(points, threads=threads)
-    here = np.einsum("nc,ncx->nx", weights, level.uvs[level.uv_faces[face_ids]])
-    there = np.einsum("nc,ncx->nx", nearest_weights, finest.uvs[finest.uv_faces[nearest]])
+    here = pm.vecmat(weights, level.uvs[level.uv_faces[face_ids]])
+    there = pm.vecmat(nearest_weights, finest.uvs[finest.uv_faces[nearest]])
     width = np.ptp(finest.uvs[finest.uv_faces.ravel()], axis=0).max()
-    return float((np.hypot(*(here - there).T) > _FAR * width).mean())
+    return float((pm.hypot(*(here - there).T) > _FAR * width).mean())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mapping.classical.frames import center_of, in_frame
 from texbake.mapping.options.checks import Vector
 from texbake.mesh.mesh import FloatArray, Mesh, frozen
@@ -45,25 +46,25 @@ def center_about_axis(mesh: Mesh, center: Vector | None, frame: FloatArray) -> F
         return middle
     flat = in_frame((mesh.positions[used] - middle) / half, frame[:2])
     circle = _circle_around(flat)
-    if circle is None or float(np.hypot(*circle)) <= _ROUNDING:
+    if circle is None or float(pm.hypot(*circle)) <= _ROUNDING:
         return middle
-    return frozen(middle + half * (circle @ frame[:2]))
+    return frozen(middle + half * (pm.matmul(circle, frame[:2])))
 
 
 def _circle_around(points: FloatArray) -> FloatArray | None:
     """(2,): center of the circle through the outermost of points (n, 2); None if there is none."""
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ways = np.stack([np.cos(angles), np.sin(angles)])
-    outermost = points[np.unique([int((points @ way).argmax()) for way in ways.T])]
+    ways = np.stack([pm.cos(angles), pm.sin(angles)])
+    outermost = points[np.unique([int((pm.matmul(points, way)).argmax()) for way in ways.T])]
     # |p|^2 = 2 c p + (r^2 - |c|^2) is linear in the center c.
     rows = np.column_stack([2.0 * outermost, np.ones(len(outermost))])
-    found, _, rank, _ = np.linalg.lstsq(rows, (outermost**2).sum(axis=1), rcond=_ROUNDING)
+    found, rank = pm.lstsq(rows, np.square(outermost).sum(axis=1), rcond=_ROUNDING)
     if rank < 3:
         return None
     center = found[:2]
-    radius = float(np.sqrt(found[2] + center @ center))
-    off = np.hypot(*(outermost - center).T) - radius
-    around = np.sort(np.arctan2(*(outermost - center).T[::-1]))
+    radius = float(np.sqrt(found[2] + pm.matmul(center, center)))
+    off = pm.hypot(*(outermost - center).T) - radius
+    around = np.sort(pm.arctan2(*(outermost - center).T[::-1]))
     widest = float(np.diff(around, append=around[0] + 2.0 * np.pi).max())
     if np.abs(off).max() > _ROUNDING * radius or widest > np.pi:
         return None

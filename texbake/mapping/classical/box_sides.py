@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
@@ -121,7 +122,7 @@ def _borders(corners: IntArray, points: FloatArray) -> _Borders:
     same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
     first, second = order[same] // 3, order[same + 1] // 3
     edges = np.roll(points, -1, axis=1) - points
-    lengths = np.sqrt(np.einsum("fci,fci->fc", edges, edges)).ravel()[order[same]]
+    lengths = np.sqrt(pm.vecdot(edges, edges)).ravel()[order[same]]
     apart = first != second  # a face with one vertex twice borders on itself
     first, second, lengths = first[apart], second[apart], lengths[apart]
     return _Borders(
@@ -134,7 +135,7 @@ def _borders(corners: IntArray, points: FloatArray) -> _Borders:
 def _averaged(normals: FloatArray, areas: FloatArray, borders: _Borders) -> FloatArray:
     """Normals averaged by area over the neighborhood, but not across sharp edges and folds."""
     faces, neighbors = borders.faces, borders.neighbors
-    agree = np.einsum("ij,ij->i", normals[faces], normals[neighbors]) > 0.0
+    agree = pm.vecdot(normals[faces], normals[neighbors]) > 0.0
     faces, neighbors = faces[agree], neighbors[agree]
     averaged = normals * areas[:, None]
     for _ in range(_ROUNDS):

@@ -23,6 +23,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.classical.axis_center import center_about_axis
 from texbake.mapping.classical.frames import (
@@ -152,5 +153,5 @@ def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_
     areas = surface_areas(points)
     total = float(areas.sum())
     weights = areas / total if total > 0.0 else np.full(len(points), 1.0 / len(points))
-    mean = float((np.hypot(points[:, :, 0], points[:, :, 1]).mean(axis=1) * weights).sum())
+    mean = float((pm.hypot(points[:, :, 0], points[:, :, 1]).mean(axis=1) * weights).sum())
     return mean if mean > local.rounding else 1.0

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.options.checks import Vector
 from texbake.mapping.options.projection import AXES
 from texbake.mesh.frame import unit_scale
@@ -90,7 +91,7 @@ def frame_about(axis: str | Vector) -> FloatArray:
     cross = np.cross(frame[2], vector)
     # Rodrigues: v + cross x v + cross x (cross x v) / (1 + cos), where cos is at least 3^-1/2.
     turned = np.cross(cross, frame)
-    turned = frame + turned + np.cross(cross, turned) / (1.0 + frame[2] @ vector)
+    turned = frame + turned + np.cross(cross, turned) / (1.0 + pm.matmul(frame[2], vector))
     return frozen(turned + 0.0)
 
 
@@ -118,7 +119,7 @@ def upright_frame(normal: npt.ArrayLike) -> FloatArray:
     """
     vector = _unit(normal)
     right = np.array([vector[2], 0.0, -vector[0]])  # +y x normal
-    if np.hypot(right[0], right[2]) <= _ROUNDING:
+    if pm.hypot(right[0], right[2]) <= _ROUNDING:
         right = np.array([1.0, 0.0, 0.0])
     right = _unit(right)
     return frozen(np.array([right, np.cross(vector, right), vector]) + 0.0)
@@ -172,7 +173,7 @@ def _unit(vector: npt.ArrayLike) -> FloatArray:
     """(3,) float64: a nonzero vector, normalized."""
     values = np.asarray(vector, dtype=np.float64)
     values = values / np.abs(values).max()  # so that squares neither overflow nor vanish
-    return np.asarray(values / np.linalg.norm(values))
+    return np.asarray(values / pm.norm(values))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -230,8 +231,8 @@ def wrap_angles(
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)
-    turns = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
-    near = np.hypot(points[:, 0], points[:, 1]) <= rounding
+    turns = pm.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi)
+    near = pm.hypot(points[:, 0], points[:, 1]) <= rounding
     on_axis = near[faces]
     own = _centroid_turns(points, turns, faces, on_axis, rounding)
     middle = (first + last) / 2.0
@@ -257,8 +258,8 @@ def _centroid_turns(
     x, y = (
         points[faces[:, 0], i] + points[faces[:, 1], i] + points[faces[:, 2], i] for i in (0, 1)
     )
-    lost = np.flatnonzero(np.hypot(x, y) <= 3.0 * rounding)  # sums of three corners
-    own = np.arctan2(y, x) / (2.0 * np.pi)
+    lost = np.flatnonzero(pm.hypot(x, y) <= 3.0 * rounding)  # sums of three corners
+    own = pm.arctan2(y, x) / (2.0 * np.pi)
     # Whichever corner of the face is its first.
     own[lost] = np.where(on_axis[lost], np.inf, turns[faces[lost]]).min(axis=1)
     return np.asarray(own)

@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.classical.cylindrical import height_ends
 from texbake.mapping.classical.frames import LocalPoints, wrap_angles
 from texbake.mapping.classical.spherical import onto_sphere
@@ -178,7 +179,7 @@ class Sphere:
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Where rays leave the sphere; only the direction (0, 0, 0) misses."""
         met, missed = _left_round(points, directions, self.radius, n_axes=3)
-        at_pole = np.hypot(met[:, 0], met[:, 1]) <= _POLE_ROUNDING * self.radius
+        at_pole = pm.hypot(met[:, 0], met[:, 1]) <= _POLE_ROUNDING * self.radius
         met[at_pole & ~missed, :2] = 0.0
         return met, missed
 
@@ -212,12 +213,12 @@ def surface_around(
     if options.surface == "plane":
         extent = float((high - low)[:2].max())
         return Plane(low[:2], extent, float(high[2]))
-    radius = float(np.sqrt(np.einsum("ij,ij->i", points, points).max()))
+    radius = float(np.sqrt(pm.vecdot(points, points).max()))
     if not radius > local.rounding:
         radius = 1.0
     if options.surface == "sphere":
         return Sphere(radius, options.theta, local.rounding)
-    from_axis = float(np.hypot(points[:, 0], points[:, 1]).max())
+    from_axis = float(pm.hypot(points[:, 0], points[:, 1]).max())
     return Cylinder(
         from_axis if from_axis > local.rounding else radius,
         float(low[2]),
@@ -261,10 +262,10 @@ def _left_round(
 ) -> tuple[FloatArray, BoolArray]:
     """Where rays from inside leave a cylinder (`n_axes` 2) or a sphere (3), and which never do."""
     start, along = points[:, :n_axes], directions[:, :n_axes]
-    a = np.einsum("ij,ij->i", along, along)
-    b = np.einsum("ij,ij->i", start, along)
+    a = pm.vecdot(along, along)
+    b = pm.vecdot(start, along)
     # At most 0, since the start is inside; more is rounding.
-    c = np.minimum(np.einsum("ij,ij->i", start, start) - radius * radius, 0.0)
+    c = np.minimum(pm.vecdot(start, start) - radius * radius, 0.0)
     root = np.sqrt(b * b - a * c)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         # The greater root of a k^2 + 2 b k + c, written without a difference of near equals.

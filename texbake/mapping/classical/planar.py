@@ -13,6 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.classical.frames import LocalPoints, center_of, points_about, upright_frame
 from texbake.mapping.corner_uvs import Projected
@@ -115,7 +116,7 @@ def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
     if not areas.sum() > 0.0:
         areas = np.ones(len(corners))
     areas /= areas.sum()
-    corners = corners - np.einsum("i,ij->j", areas, corners.mean(axis=1))
+    corners = corners - pm.vecmat(areas, corners.mean(axis=1))
     weights = np.repeat(areas, 4).reshape(-1, 4)
     x, y, z = (
         np.concatenate([column, column.sum(axis=1, keepdims=True)], axis=1)
@@ -133,16 +134,16 @@ def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, floa
     backwards, the direction is reversed.
     """
     variances = _variances(points, mesh)
-    values, vectors = np.linalg.eigh(variances)
+    values, vectors = pm.eigh(variances)
     free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]
     for axis in (2, 1, 0):
-        normal = free @ free[axis]  # the axis projected onto the free directions
-        if math.sqrt(normal @ normal) > 0.5:  # true for one of the axes: 3^-1/2 > 0.5
+        normal = pm.matmul(free, free[axis])  # the axis projected onto the free directions
+        if math.sqrt(pm.matmul(normal, normal)) > 0.5:  # true for one of the axes: 3^-1/2 > 0.5
             break
     # Libraries of linear algebra differ in the last digits, which mean nothing here.
     normal = np.round(normal, _NORMAL_DIGITS) + 0.0
     a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
-    seen = np.einsum("ij,j->i", np.cross(b - a, c - a), normal)
+    seen = pm.matvec(np.cross(b - a, c - a), normal)
     if seen.sum() < -0.5 * np.abs(seen).sum():
         normal = -normal
     return tuple(normal.tolist())
@@ -153,9 +154,9 @@ def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> Floa
     variances = _variances(points, mesh)
     across = 2.0 * variances[0, 1]
     along = variances[0, 0] - variances[1, 1]
-    if math.hypot(across, along) <= _VARIANCE_ROUNDING * np.trace(variances):
+    if pm.hypot(across, along) <= _VARIANCE_ROUNDING * np.trace(variances):
         return frame
-    angle = math.atan2(across, along) / 2.0
+    angle = pm.arctan2(across, along) / 2.0
     right, up, normal = frame
-    cos, sin = math.cos(angle), math.sin(angle)
+    cos, sin = pm.cos(angle), pm.sin(angle)
     return np.array([cos * right + sin * up, cos * up - sin * right, normal])

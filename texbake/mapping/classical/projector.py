@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
@@ -87,7 +87,7 @@ def camera_matrix(
         corner of the image.
     """
     rows, away, center = _camera_rows(mesh, camera, fov)
-    return np.column_stack([rows, -rows @ (center + away)])
+    return np.column_stack([rows, pm.matmul(-rows, center + away)])
 
 
 def _camera_rows(
@@ -103,9 +103,9 @@ def _camera_rows(
     distance = rest[0] if rest and rest[0] is not None else None
     half = math.radians(fov) / 2.0
     if distance is None:
-        distance = _MARGIN * radius / math.sin(half)
+        distance = _MARGIN * radius / pm.sin(half)
     right, up, back = axes
-    focal = 1.0 / math.tan(half)
+    focal = 1.0 / pm.tan(half)
     rows = np.stack([0.5 * (focal * right - back), 0.5 * (focal * up - back), -back, -back])
     return rows, distance * back, center
 
@@ -166,8 +166,8 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
 
 def _axes(azimuth: float, elevation: float) -> FloatArray:
     """Rows right, up and back (against the view) of the projector, for angles in radians."""
-    sin_a, cos_a = math.sin(azimuth), math.cos(azimuth)
-    sin_e, cos_e = math.sin(elevation), math.cos(elevation)
+    sin_a, cos_a = pm.sin(azimuth), pm.cos(azimuth)
+    sin_e, cos_e = pm.sin(elevation), pm.cos(elevation)
     right = (cos_a, 0.0, -sin_a)
     back = (sin_a * cos_e, sin_e, cos_a * cos_e)
     return np.stack([right, np.cross(back, right), back])
@@ -177,7 +177,7 @@ def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
     """Center of the bounding box, and the radius about it; 1 for a mesh without extent."""
     local = LocalFrame.around(mesh)
     points = local.to_local(mesh.positions[mesh.faces.ravel()])
-    radius = math.sqrt(float(np.einsum("ij,ij->i", points, points).max()))
+    radius = math.sqrt(float(pm.vecdot(points, points).max()))
     return local.center, radius / local.scale if radius > 0.0 else 1.0
 
 
@@ -187,10 +187,12 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
         if options.matrix is None:
             # Seen from the center, so that no bit is lost where the model is far from the origin.
             rows, away, _ = _camera_rows(mesh, options.camera, options.fov)
-            matrix = np.column_stack([rows / local.scale, -rows @ away])
+            matrix = np.column_stack([rows / local.scale, pm.matmul(-rows, away)])
         else:
             matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
-            matrix = np.column_stack([matrix[:, :3] / local.scale, matrix @ [*local.center, 1.0]])
+            matrix = np.column_stack(
+                [matrix[:, :3] / local.scale, pm.matmul(matrix, [*local.center, 1.0])]
+            )
         if not matrix[3, :3].any() and matrix[3, 3] != 0.0:
             matrix /= matrix[3, 3]
     if not np.isfinite(matrix).all():
@@ -208,22 +210,22 @@ def seen_from_of(matrix: FloatArray) -> FloatArray:
     if not lengths.all():
         raise OptionError("matrix: one of its rows s, t and q is 0, so there is no image")
     rows = rows / lengths[:, None]
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    _, sizes, directions = np.linalg.svd(rows)
+    rows /= pm.norm(rows, axis=1, keepdims=True)
+    sizes, directions = pm.svd(rows)
     if sizes[2] < _DEPENDENT:
         raise OptionError("matrix: its rows s, t and q flatten the image to a line")
     point = directions[3]
     if abs(point[3]) > _AT_INFINITY:
         return np.asarray(point / point[3])
     # Seen from there, with s to the right and t upward, the image is not mirrored ...
-    if np.linalg.det(np.stack([*rows, point])) > 0.0:
+    if pm.det(np.stack([*rows, point])) > 0.0:
         point = -point
     # ... but r decides if it changes along the rays.
     r, towards = matrix[2, :3], point[:3]
     r = r * unit_scale(float(np.abs(r).max()))  # no square is beyond float64
-    if r @ towards > _DEPENDENT * np.linalg.norm(r):
+    if pm.matmul(r, towards) > _DEPENDENT * pm.norm(r):
         towards = -towards
-    return np.array([*towards / np.linalg.norm(towards), 0.0])
+    return np.array([*towards / pm.norm(towards), 0.0])
 
 
 def _cast(
@@ -248,8 +250,8 @@ def _turned_to(positions: FloatArray, faces: IntArray, seen_from: FloatArray) ->
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     towards = seen_from[:3] - seen_from[3] * a
     normals = np.cross(b - a, c - a)
-    cosines = np.einsum("ij,ij->i", normals, towards)
-    lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(towards, axis=1)
+    cosines = pm.vecdot(normals, towards)
+    lengths = pm.norm(normals, axis=1) * pm.norm(towards, axis=1)
     return np.asarray(cosines > _ALONG * lengths)
 
 

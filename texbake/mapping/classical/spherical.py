@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mapping.classical.frames import center_of, frame_about, points_about, wrap_angles
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
@@ -94,8 +95,8 @@ def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
         In [0, 1].
     """
     x, y, height = points.T
-    radius = np.hypot(x, y)
-    t = 0.5 + np.arctan2(height, radius) / np.pi
+    radius = pm.hypot(x, y)
+    t = 0.5 + pm.arctan2(height, radius) / np.pi
     at_pole = radius <= rounding
     t[at_pole] = np.where(height[at_pole] > 0.0, 1.0, 0.0)
     t[at_pole & (np.abs(height) <= rounding)] = 0.5

@@ -24,6 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mapping.classical.axis_center import center_about_axis
 from texbake.mapping.classical.frames import (
     LocalPoints,
@@ -136,7 +137,7 @@ def _directions(
 
 def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
     """Compute 2 (n . v) n - v for unit vectors; 0 where either is 0."""
-    along = np.einsum("ij,ij->i", normals, views)[:, None]
+    along = pm.vecdot(normals, views)[:, None]
     mirrored = _unit(2.0 * along * normals - views, 0.0)
     mirrored[(normals == 0.0).all(axis=1)] = 0.0
     return mirrored
@@ -148,5 +149,5 @@ def _unit(vectors: FloatArray, rounding: float) -> FloatArray:
     none = largest[:, 0] <= rounding
     scaled = vectors / np.where(none[:, None], 1.0, largest)  # so that no square overflows
     scaled[none] = 0.0
-    lengths = np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None]
+    lengths = np.sqrt(pm.vecdot(scaled, scaled))[:, None]
     return np.asarray(scaled / np.where(none[:, None], 1.0, lengths))

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import quoted, shortened
 from texbake.files import PathLike
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
@@ -127,7 +128,7 @@ def _without_shear(
             matrix = np.array(image.placing)
             numbers[key] = max(uv_sets, default=0) + 1
             coordinates = uv_sets.get(image.uv_set, mesh.uvs)
-            uv_sets[numbers[key]] = coordinates @ matrix[:, :2].T + matrix[:, 2]
+            uv_sets[numbers[key]] = pm.matmul(coordinates, matrix[:, :2].T) + matrix[:, 2]
         return replace(source, image=replace(image, placing=UNPLACED, uv_set=numbers[key]))
 
     return tuple(

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_ascii import read_ascii
@@ -231,7 +232,7 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
         properties = _numbers({**scene.defaults, **model.properties})
         with np.errstate(over="ignore", invalid="ignore"):
             here = place(parent, properties)
-            matrix = axes @ here.matrix @ geometric(properties)
+            matrix = pm.matmul(pm.matmul(axes, here.matrix), geometric(properties))
         if not np.isfinite(matrix).all():
             raise MeshError(
                 f"{scene.path}: model {quoted(model.name)}: its transform is not finite"

@@ -19,6 +19,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileError
 from texbake.files import read_bytes
 from texbake.limits import file_beside, real_path
@@ -128,10 +129,13 @@ def placing(scene: FbxScene, texture: FbxObject) -> Placing:
     angle = float(_numbers(texture, "Rotation", 0.0)[2])
     with np.errstate(over="ignore", invalid="ignore"):
         if scene.creator.startswith("Blender"):
-            matrix = _scaled(scale) @ _turned(angle) @ _moved(-move)
+            matrix = pm.matmul(pm.matmul(_scaled(scale), _turned(angle)), _moved(-move))
         else:
             turn = _about(texture, "TextureRotationPivot", _turned(math.radians(angle)))
-            matrix = _moved(move) @ turn @ _about(texture, "TextureScalingPivot", _scaled(scale))
+            matrix = pm.matmul(
+                pm.matmul(_moved(move), turn),
+                _about(texture, "TextureScalingPivot", _scaled(scale)),
+            )
     if not np.isfinite(matrix).all():
         return UNPLACED
     (a, b, c), (d, e, f), _ = (matrix + 0.0).tolist()
@@ -150,7 +154,7 @@ def _numbers(texture: FbxObject, name: str, default: float) -> FloatArray:
 def _about(texture: FbxObject, name: str, matrix: FloatArray) -> FloatArray:
     """A matrix about a pivot in place of the origin."""
     pivot = _numbers(texture, name, 0.0)
-    return np.asarray(_moved(pivot) @ matrix @ _moved(-pivot))
+    return np.asarray(pm.matmul(pm.matmul(_moved(pivot), matrix), _moved(-pivot)))
 
 
 def _moved(offset: FloatArray) -> FloatArray:
@@ -165,5 +169,5 @@ def _scaled(factors: FloatArray) -> FloatArray:
 
 def _turned(angle: float) -> FloatArray:
     """Matrix of a counterclockwise rotation by radians."""
-    sin, cos = math.sin(angle), math.cos(angle)
+    sin, cos = pm.sin(angle), pm.cos(angle)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

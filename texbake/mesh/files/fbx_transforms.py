@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 
 Properties = Mapping[str, Sequence[float]]
@@ -54,15 +55,15 @@ def place(parent: Placed, properties: Properties) -> Placed:
     rotation, local = _local(properties)
     scaling = _vector(properties, "Lcl Scaling", 1.0)
     kind = _integer(properties, "InheritType", _USUAL)
-    matrix = parent.matrix @ local
-    turned = parent.rotation @ rotation
+    matrix = pm.matmul(parent.matrix, local)
+    turned = pm.matmul(parent.rotation, rotation)
     if kind in (_ROTATE_FIRST, _WITHOUT_PARENT_SCALE):
         # What of the parent's map is no rotation; its own scaling stays out where asked for.
-        stretch = parent.rotation.T @ parent.matrix[:3, :3]
+        stretch = pm.matmul(parent.rotation.T, parent.matrix[:3, :3])
         if kind == _WITHOUT_PARENT_SCALE:
             inverse = np.divide(1.0, parent.scaling, where=parent.scaling != 0, out=np.ones(3))
             stretch = stretch * inverse
-        matrix[:3, :3] = turned @ stretch * scaling
+        matrix[:3, :3] = pm.matmul(turned, stretch) * scaling
     return Placed(matrix, turned, scaling)
 
 
@@ -83,7 +84,7 @@ def _local(properties: Properties) -> tuple[FloatArray, FloatArray]:
     if is_active:
         before = _rotation(_vector(properties, "PreRotation"))
         after = _rotation(_vector(properties, "PostRotation"))
-        rotation = before @ rotation @ after.T
+        rotation = pm.matmul(pm.matmul(before, rotation), after.T)
     scaling = _vector(properties, "Lcl Scaling", 1.0)
     pivot = _vector(properties, "RotationPivot")
     center = _vector(properties, "ScalingPivot")
@@ -92,7 +93,7 @@ def _local(properties: Properties) -> tuple[FloatArray, FloatArray]:
     matrix = np.eye(4)
     matrix[:3, :3] = rotation * scaling
     matrix[:3, 3] = (
-        rotation @ scaled
+        pm.matmul(rotation, scaled)
         + pivot
         + _vector(properties, "RotationOffset")
         + _vector(properties, "Lcl Translation")
@@ -108,10 +109,10 @@ def _rotation(degrees: FloatArray, order: str = "xyz") -> FloatArray:
         j, k = (i + 1) % 3, (i + 2) % 3
         angle = math.radians(degrees[i]) if math.isfinite(degrees[i]) else math.nan
         turn = np.eye(3)
-        turn[j, j] = turn[k, k] = math.cos(angle)
-        turn[k, j] = math.sin(angle)
+        turn[j, j] = turn[k, k] = pm.cos(angle)
+        turn[k, j] = pm.sin(angle)
         turn[j, k] = -turn[k, j]
-        matrix = turn @ matrix
+        matrix = pm.matmul(turn, matrix)
     return matrix
 
 
@@ -136,7 +137,7 @@ def scene_axes(settings: Properties) -> FloatArray:
         sign = _integer(settings, f"{name}AxisSign", 1)
         if 0 <= axis < 3:
             axes[row, axis] = -1.0 if sign < 0 else 1.0
-    if abs(np.linalg.det(axes)) != 1.0:
+    if abs(pm.det(axes)) != 1.0:
         axes = np.eye(3)
     unit = next(iter(settings.get("UnitScaleFactor", ())), 1.0)
     meters = 0.01 * unit if 0.0 < unit < math.inf else 0.01

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.compose import is_mirroring, normal_map, signed_tangents, with_alpha
@@ -307,4 +308,4 @@ class _Joiner:
             for first in range(0, len(alike), n_parts):
                 chosen = alike[first : first + n_parts]
                 at = starts[chosen, None] + np.arange(count)
-                rows[at] = rows[at] @ maps[chosen].swapaxes(1, 2)
+                rows[at] = pm.matmul(rows[at], maps[chosen].swapaxes(1, 2))

@@ -9,12 +9,12 @@ extensions KHR_texture_transform and KHR_materials_emissive_strength.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_asset import GltfAsset
@@ -154,13 +154,15 @@ def _texture_info(
 
 def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> dict[str, Any]:
     """KHR_texture_transform object of a matrix for coordinates with v up, after another one."""
-    matrix = FLIP @ np.array([*placing, (0.0, 0.0, 1.0)]) @ FLIP @ stored
+    matrix = pm.matmul(
+        pm.matmul(pm.matmul(FLIP, np.array([*placing, (0.0, 0.0, 1.0)])), FLIP), stored
+    )
     (a, b, x), (c, d, y), _ = matrix.tolist()
     # [a b; c d] = [cos sin; -sin cos] diag(scale)
-    angle = math.atan2(-c, a) if (a, c) != (0.0, 0.0) else math.atan2(b, d)
+    angle = pm.arctan2(-c, a) if (a, c) != (0.0, 0.0) else pm.arctan2(b, d)
     if is_sheared(((a, b, x), (c, d, y))):
         raise OptionError(f"{material.name}: an image is sheared, which glTF cannot do")
-    cos, sin = math.cos(angle), math.sin(angle)
+    cos, sin = pm.cos(angle), pm.sin(angle)
     found: dict[str, Any] = {"offset": [x, y], "scale": [a * cos - c * sin, b * sin + d * cos]}
     if angle:
         found["rotation"] = angle

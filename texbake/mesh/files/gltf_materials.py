@@ -7,13 +7,13 @@ factor.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileError, FileFormatError, shortened
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
@@ -221,9 +221,9 @@ class _MaterialReader:
 
 def _placing(texture: GltfTexture) -> Placing:
     """Rows of the matrix of a texture's transform, for coordinates with v up."""
-    sin, cos = math.sin(texture.rotation), math.cos(texture.rotation)
+    sin, cos = pm.sin(texture.rotation), pm.cos(texture.rotation)
     matrix: FloatArray = np.eye(3)
     matrix[:2, :2] = np.array([[cos, sin], [-sin, cos]]) * texture.scale
     matrix[:2, 2] = texture.offset
-    (a, b, c), (d, e, f), _ = (FLIP @ matrix @ FLIP).tolist()
+    (a, b, c), (d, e, f), _ = (pm.matmul(pm.matmul(FLIP, matrix), FLIP)).tolist()
     return (a, b, c), (d, e, f)

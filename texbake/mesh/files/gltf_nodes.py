@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import quoted
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_uv_sets import further_sets
@@ -201,7 +202,7 @@ def _rows(
 
 def _rotation_matrices(quaternions: FloatArray) -> FloatArray:
     """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
-    lengths = np.sqrt(quaternions[:, None] @ quaternions[:, :, None])[:, :, 0]
+    lengths = np.sqrt(pm.matmul(quaternions[:, None], quaternions[:, :, None]))[:, :, 0]
     units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
     np.divide(quaternions, lengths, out=units, where=lengths > 0.0)
     x, y, z, w = units.T

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_compression import ordered_triangles
@@ -187,7 +188,7 @@ class CornerVertices:
                 mesh = mesh.replace(uvs=self.materials.uv_sets[uv_set])
             if placing != UNPLACED and mesh.uvs is not None:
                 matrix = np.array(placing)
-                mesh = mesh.replace(uvs=mesh.uvs @ matrix[:, :2].T + matrix[:, 2])
+                mesh = mesh.replace(uvs=pm.matmul(mesh.uvs, matrix[:, :2].T) + matrix[:, 2])
             self._tangents[key] = corner_tangents(mesh)
         return self._tangents[key]
 
@@ -204,7 +205,7 @@ def _sound_tangents(tangents: npt.NDArray[np.float32], normals: FloatArray) -> F
 
 def _unit(vectors: FloatArray, instead: FloatArray) -> FloatArray:
     """Vectors of length 1; the rows of `instead` where there is no direction."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    lengths = pm.norm(vectors, axis=1, keepdims=True)
     # 1e-6: what float32 leaves of a unit vector, which stays as it is, bit for bit.
     divisors = np.where((np.abs(lengths - 1.0) <= 1e-6) | (lengths == 0.0), 1.0, lengths)
     unit: FloatArray = np.where(lengths > 0.0, vectors / divisors, instead)

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
@@ -108,7 +109,7 @@ def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
         n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
         check_corner_count(n_corners, path)
         with np.errstate(over="ignore", invalid="ignore"):
-            parts.append(replace(part, mesh=transformed(part.mesh, to_world @ matrix)))
+            parts.append(replace(part, mesh=transformed(part.mesh, pm.matmul(to_world, matrix))))
     return parts
 
 
@@ -122,7 +123,7 @@ def _world_matrix(stage: Any) -> FloatArray:
     meters = float(UsdGeom.GetStageMetersPerUnit(stage))
     if not 0.0 < meters < np.inf:
         return matrix
-    return np.asarray(matrix @ np.diag([meters, meters, meters, 1.0]))
+    return np.asarray(pm.matmul(matrix, np.diag([meters, meters, meters, 1.0])))
 
 
 def _placed_meshes(stage: Any) -> Iterator[tuple[Any, FloatArray]]:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
@@ -283,7 +284,7 @@ def _placed(source: Any) -> tuple[Placing, str | None]:
         scale = _numbers(_value(shader.GetInput("scale")), (1.0, 1.0))
         (angle,) = _numbers(_value(shader.GetInput("rotation")), (0.0,))
         x, y = _numbers(_value(shader.GetInput("translation")), (0.0, 0.0))
-        sin, cos = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+        sin, cos = pm.sin(math.radians(angle)), pm.cos(math.radians(angle))
         placing = (
             (cos * scale[0], -sin * scale[1], x),
             (sin * scale[0], cos * scale[1], y),

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.parametric.grid import (
@@ -125,7 +126,7 @@ class _Surface:
         along_u = _unit(np.where((along_u == 0.0).all(axis=1)[:, None], sign_v * mixed, along_u))
         along_v = _unit(np.where((along_v == 0.0).all(axis=1)[:, None], sign_u * mixed, along_v))
         normals = np.cross(along_u, along_v)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = pm.norm(normals, axis=1, keepdims=True)
         return _divided(normals, lengths, lengths > _PARALLEL)
 
     @staticmethod
@@ -162,7 +163,7 @@ def _slope(points: FloatArray, weights: FloatArray) -> FloatArray:
 
 def _unit(vectors: FloatArray) -> FloatArray:
     """Unit vectors; 0 stays 0."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    lengths = pm.norm(vectors, axis=1, keepdims=True)
     return _divided(vectors, lengths, lengths > 0.0)
 
 

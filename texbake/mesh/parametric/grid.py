@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
@@ -274,8 +275,8 @@ def circle_points(n_points: int) -> FloatArray:
     octants, rests = eighths // n_points, eighths % n_points
     parts = np.where(octants % 2 == 1, n_points - rests, rests)
     angles = parts * (np.pi / 4.0) / n_points
-    cosines = np.where(parts == n_points, np.sqrt(0.5), np.cos(angles))
-    sines = np.where(parts == n_points, np.sqrt(0.5), np.sin(angles))
+    cosines = np.where(parts == n_points, np.sqrt(0.5), pm.cos(angles))
+    sines = np.where(parts == n_points, np.sqrt(0.5), pm.sin(angles))
     # In octants 1, 2, 5 and 6 the point is nearer to the y axis than to the x axis.
     steep = ((octants + 1) // 2) % 2 == 1
     x, y = np.where(steep, sines, cosines), np.where(steep, cosines, sines)

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.parametric.bezier import make_bezier
@@ -249,7 +250,7 @@ def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twi
         name="mobius",
         positions=np.stack([r * sin_a, s * cos_b, r * cos_a], axis=-1),
         uvs=np.stack([column / (2 * n_u), row / (2 * n_v)], axis=-1),
-        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        normals=normals / pm.norm(normals, axis=1, keepdims=True),
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.parametric.grid import circle_points, closed_lines, open_lines, part_way
 
@@ -42,7 +43,7 @@ def straight_outline(start: tuple[float, float], end: tuple[float, float], n_row
     first, last = np.array(start), np.array(end)
     points = part_way(first, last, steps[:, None], n_rows)
     along = last - first
-    normal = np.array([along[1], -along[0]]) / np.hypot(*along)
+    normal = np.array([along[1], -along[0]]) / pm.hypot(*along)
     return Outline(
         lines=open_lines(n_rows),
         points=points,
@@ -97,7 +98,7 @@ def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
     """
     points = _oriented(_pruned(profile))
     edges = np.diff(points, axis=0)
-    lengths = np.hypot(*edges.T)
+    lengths = pm.hypot(*edges.T)
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / lengths[:, None]
     starts, ends, smooth = _segment_normals(points, normals, lengths, np.radians(crease))
     ends_v = np.cumsum(lengths)
@@ -180,10 +181,10 @@ def _mean(
 def _turn(first: FloatArray, second: FloatArray) -> FloatArray:
     """Angle between vectors, in radians."""
     cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    angle: FloatArray = np.arctan2(np.abs(cross), (first * second).sum(axis=-1))
+    angle: FloatArray = pm.arctan2(np.abs(cross), (first * second).sum(axis=-1))
     return angle
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    unit: FloatArray = vectors / np.hypot(vectors[..., :1], vectors[..., 1:])
+    unit: FloatArray = vectors / pm.hypot(vectors[..., :1], vectors[..., 1:])
     return unit

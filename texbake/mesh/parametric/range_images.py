@@ -17,6 +17,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.options import check_triangles
@@ -63,9 +64,9 @@ def make_cylindrical_range(
     angles = 2.0 * math.pi * (u - 0.5)
     positions = np.stack(
         [
-            ranges * np.sin(angles),
+            ranges * pm.sin(angles),
             np.broadcast_to(height * (v - 0.5)[:, None], ranges.shape),
-            ranges * np.cos(angles),
+            ranges * pm.cos(angles),
         ],
         axis=-1,
     )
@@ -106,7 +107,7 @@ def make_depth_image(
     depths = distance * _distances(image, resolution)
     n_rows, n_columns = depths.shape
     u, v = _centers(n_rows, n_columns)
-    reach = math.tan(math.radians(fov) / 2.0)
+    reach = pm.tan(math.radians(fov) / 2.0)
     across = (2.0 * u - 1.0) * reach * n_columns / n_rows
     up = (2.0 * v - 1.0) * reach
     positions = np.stack([depths * across, depths * up[:, None], -depths], axis=-1)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import (
     circle_points,
@@ -68,7 +69,7 @@ def round_columns(n_columns: int, turns: float = 1.0) -> SweptColumns:
         lines = closed_lines(n_columns)
     else:
         angles = np.pi * turns / n_columns * (steps - n_columns)
-        points = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+        points = np.stack([pm.sin(angles), pm.cos(angles)], axis=-1)
         lines = open_lines(n_columns)
     return SweptColumns(lines=lines, u=steps / (2 * n_columns), points=points, normals=points)
 
@@ -91,7 +92,7 @@ def flat_columns(n_columns: int, sides: int) -> SweptColumns:
         u=half_steps(numbers / n_columns),
         points=half_steps(points),
         normals=half_steps(middles[side]),
-        inner_radius=float(np.cos(np.pi / sides)),
+        inner_radius=float(pm.cos(np.pi / sides)),
     )
 
 
@@ -237,5 +238,5 @@ def _normals(
     upwards = columns.inner_radius * upwards
     normals = np.stack([outwards * x, upwards, outwards * z], axis=-1)
     if columns.inner_radius != 1.0:
-        normals /= np.hypot(outwards, upwards)[:, None]
+        normals /= pm.hypot(outwards, upwards)[:, None]
     return normals

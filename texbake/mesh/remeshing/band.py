@@ -5,12 +5,13 @@ Kernel: `core/narrow_band.c`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -135,7 +136,7 @@ class Band:
 
 def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int, int]) -> None:
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas = 0.5 * pm.norm(np.cross(b - a, c - a), axis=1)
     n_points = 2.0 * BAND_WIDTH * float(areas.sum())
     sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
     n_blocks = float(np.prod(sizes / BLOCK_SIDE + 1.0, axis=1).sum())
@@ -144,8 +145,8 @@ def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int,
         # Areas fall with the square of the resolution, boxes with its cube.
         # Where all triangles are lines, only their boxes count.
         shares = (
-            (_MOST_POINTS / max(n_points, 1.0)) ** 0.5,
-            (_MOST_BLOCKS / n_blocks) ** (1.0 / 3.0),
+            math.sqrt(_MOST_POINTS / max(n_points, 1.0)),
+            pm.power(_MOST_BLOCKS / n_blocks, 1.0 / 3.0),
         )
         raise CrowdedGridError(min(shares))
 

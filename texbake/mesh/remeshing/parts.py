@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.topology import face_components
@@ -37,7 +38,7 @@ class Parts:
         """Find the parts."""
         ids, n_parts = face_components(faces, len(points))
         a, b, c = (points[faces[:, corner]] for corner in range(3))
-        sixths = np.einsum("ij,ij->i", a, np.cross(b, c))
+        sixths = pm.vecdot(a, np.cross(b, c))
         return cls(ids, np.bincount(ids, sixths, n_parts) / 6.0)
 
     @property

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.nets import Nets
 from texbake.mesh.remeshing.sharp_edges import divided_along, flipped_along, sharp_targets
@@ -54,7 +54,7 @@ def project(
     )
     free = face_ids < 0
     corners = tree.positions[tree.faces[np.where(free, 0, face_ids)]]
-    targets = np.einsum("nc,ncx->nx", weights, corners)
+    targets = pm.vecmat(weights, corners)
     with np.errstate(divide="ignore", invalid="ignore"):
         back = np.where(nets.thin, np.minimum(_SHEET_GAP / distances, 1.0), 0.0)
     targets += np.nan_to_num(back)[:, None] * (before - targets)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
@@ -25,7 +25,7 @@ from texbake.mesh.triangle_tree import TriangleTree
 BoolArray = npt.NDArray[np.bool_]
 
 # Faces of the mesh at a greater angle make a sharp edge.
-_SHARP = math.cos(math.radians(30.0))
+_SHARP = pm.cos(math.radians(30.0))
 # Planes whose normals span a direction by less than this share, as eigenvalues, leave it open.
 _LEAST_SPAN = 0.05
 # In voxels: how far outside its cell a vertex may go, and how far off the mesh the planes may meet.
@@ -88,7 +88,7 @@ def sharp_targets(
     ids, found, is_corner = ids[in_cell], found[in_cell], n_directions[in_cell] == 3
     met, places = _on_mesh(found, tree, threads)
     ids = ids[met]
-    costs = np.linalg.norm(places - before[ids], axis=1) - _CORNERS_FIRST * is_corner[met]
+    costs = pm.norm(places - before[ids], axis=1) - _CORNERS_FIRST * is_corner[met]
     chosen = _apart(ids, places, costs, around, len(before))
     is_sharp = np.zeros(len(before), dtype=np.bool_)
     is_sharp[ids[chosen]] = True
@@ -96,8 +96,8 @@ def sharp_targets(
     targets[ids[chosen]] = places[chosen]
     beside, from_edge = ids[~chosen], places[~chosen]
     away = before[beside] - from_edge
-    away -= normals[beside] * np.einsum("nx,nx->n", normals[beside], away)[:, None]
-    lengths = np.linalg.norm(away, axis=1, keepdims=True)
+    away -= normals[beside] * pm.vecdot(normals[beside], away)[:, None]
+    lengths = pm.norm(away, axis=1, keepdims=True)
     away *= np.maximum(_BESIDE / np.maximum(lengths, 1e-9), 1.0)
     met, places = _on_mesh(from_edge + away, tree, threads)
     targets[beside[met]] = places
@@ -111,7 +111,7 @@ def _on_mesh(
     _, face_ids, weights = tree.closest_points(points, max_distance=_OFF_MESH, threads=threads)
     met = face_ids >= 0
     corners = tree.positions[tree.faces[face_ids[met]]]
-    return np.asarray(met), np.einsum("nc,ncx->nx", weights[met], corners)
+    return np.asarray(met), pm.vecmat(weights[met], corners)
 
 
 def _apart(
@@ -123,7 +123,7 @@ def _apart(
     corners = rows[quads]
     pairs = np.concatenate([corners[:, [i, j]] for i in range(4) for j in range(i)])
     pairs = np.unique(np.sort(pairs[(pairs >= 0).all(axis=1)], axis=1), axis=0)
-    close = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1) < _APART
+    close = pm.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1) < _APART
     pairs = pairs[close]
     ranks = np.empty(len(ids), dtype=np.int64)
     ranks[np.argsort(costs, kind="stable")] = np.arange(len(ids))
@@ -149,7 +149,7 @@ def _without_slivers(
     full = full[chosen[full].all(axis=1)]
     triples = np.concatenate([np.delete(full, k, axis=1) for k in range(4)])
     sides = places[triples[:, 1:]] - places[triples[:, :1]]
-    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    areas = pm.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     triples = triples[areas < _SLIVER]
     chosen = chosen.copy()
     while True:
@@ -197,7 +197,7 @@ def divided_along(
 def _normals_of(tree: TriangleTree, face_ids: IntArray) -> FloatArray:
     """(V, 3): unit normals of faces of the mesh; 0 for those without area, or for none."""
     normals = _crosses(tree.positions, tree.faces[np.maximum(face_ids, 0)])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    lengths = pm.norm(normals, axis=1, keepdims=True)
     unit = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     unit[face_ids < 0] = 0.0
     return np.asarray(unit)
@@ -210,7 +210,7 @@ def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> Boo
         for j in range(i):
             one, other = quads[:, i], quads[:, j]
             # Either side of a face may be the outer one: the mesh may be wound in any way.
-            cosines = np.abs(np.einsum("nx,nx->n", normals[one], normals[other]))
+            cosines = np.abs(pm.vecdot(normals[one], normals[other]))
             bends |= (cosines < _SHARP) & (face_ids[one] >= 0) & (face_ids[other] >= 0)
     found = np.zeros(len(normals), dtype=np.bool_)
     found[quads[bends]] = True
@@ -222,7 +222,7 @@ def _sums(
 ) -> tuple[FloatArray, FloatArray]:
     """(n, 3, 3) and (n, 3): of planes, the sums of products of normals, and of their pulls."""
     moments, pulls = np.empty((n, 3, 3)), np.empty((n, 3))
-    distances = np.einsum("nx,nx->n", normals, offsets)
+    distances = pm.vecdot(normals, offsets)
     for i in range(3):
         pulls[:, i] = np.bincount(rows, normals[:, i] * distances, n)
         for j in range(3):
@@ -235,11 +235,11 @@ def _meetings(moments: FloatArray, pulls: FloatArray) -> tuple[FloatArray, npt.N
 
     And (n,) int: how many directions their normals span, 1 for a plane and 3 for a corner.
     """
-    values, axes = np.linalg.eigh(moments)
+    values, axes = pm.eigh(moments)
     kept = values > _LEAST_SPAN * values[:, 2:]
     inverse = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-    along = np.einsum("nxk,nx->nk", axes, pulls) * inverse
-    return np.asarray(np.einsum("nxk,nk->nx", axes, along)), kept.sum(axis=1)
+    along = pm.vecmat(pulls, axes) * inverse
+    return np.asarray(pm.matvec(axes, along)), kept.sum(axis=1)
 
 
 def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
@@ -261,7 +261,7 @@ def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -
     upright = _crosses(positions, faces[sides[0]]) + _crosses(positions, faces[sides[1]])
     crosses = _crosses(positions, halves)
     fits = _face_along(upright, crosses)
-    fits &= (np.linalg.norm(crosses, axis=2) > _SLIVER).all(axis=1)
+    fits &= (pm.norm(crosses, axis=2) > _SLIVER).all(axis=1)
     fits &= known[at] != joined
     flipped = faces.copy()
     taken: set[int | tuple[int, int]] = set()
@@ -276,8 +276,8 @@ def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -
 
 def _face_along(upright: FloatArray, crosses: FloatArray) -> BoolArray:
     """(n,) bool: whether both of two faces, by their normals (n, 2, 3), face along a vector."""
-    lengths = np.linalg.norm(crosses, axis=2) * np.linalg.norm(upright, axis=1)[:, None]
-    cosines = np.einsum("nkx,nx->nk", crosses, upright)
+    lengths = pm.norm(crosses, axis=2) * pm.norm(upright, axis=1)[:, None]
+    cosines = pm.matvec(crosses, upright)
     return np.asarray((cosines > _UPRIGHT * lengths).all(axis=1))
 
 
@@ -294,7 +294,7 @@ def with_hard_edges(mesh: Mesh) -> Mesh:
     opposite = _opposite_half_edges(faces)
     normals = face_normals(mesh)
     here = np.arange(len(opposite))
-    smooth = np.einsum("nx,nx->n", normals[here // 3], normals[opposite // 3]) >= _SHARP
+    smooth = pm.vecdot(normals[here // 3], normals[opposite // 3]) >= _SHARP
     smooth &= opposite >= 0
     one, other = here[smooth], opposite[smooth]
     labels = np.arange(len(opposite), dtype=np.int32)

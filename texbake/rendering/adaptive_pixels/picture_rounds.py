@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.recheck import SIDE, chosen_pixels
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
@@ -134,7 +135,7 @@ def _further(adaptive: AdaptivePicture, closest: float) -> tuple[Float32Array, F
         errors.append(shading[at] * (2.0 * shaded[at] / finer))
         costs.append(finer**2 + _SEEN_COST * np.maximum(seen[at], finer) ** 2)
         at = (seen < finer) & (edges > 1.0)
-        errors.append(edges[at] * (2.0 * seen[at] / finer) ** 1.5)
+        errors.append(edges[at] * pm.power(2.0 * seen[at] / finer, 1.5))
         costs.append(shaded[at] ** 2 + _SEEN_COST * finer**2)
         finer *= 2.0
     return np.concatenate(errors), np.concatenate(costs)

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
 from texbake.rendering.effects.shading_models import normals_effect
@@ -70,10 +70,10 @@ def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
     radius = occlusion.radius
     if radius is None:
         extent = world.positions.max(axis=0) - world.positions.min(axis=0)
-        radius = _RADIUS * 0.5 * float(np.linalg.norm(extent)) or 1.0
+        radius = _RADIUS * 0.5 * float(pm.norm(extent)) or 1.0
     n_slices = max(2, round(math.sqrt(occlusion.samples / 2.0)))
     n_steps = max(1, math.ceil(occlusion.samples / (2 * n_slices)))
-    per_unit = 0.5 * height / math.tan(camera.fov / 2.0)
+    per_unit = 0.5 * height / pm.tan(camera.fov / 2.0)
 
     def locate(start: int, stop: int) -> None:
         core.find_places(

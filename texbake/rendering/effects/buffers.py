@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from texbake.colors import linear_from_oklch
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
+from texbake.mesh.oklch import linear_from_oklch
 from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
@@ -88,7 +89,7 @@ def _depth(fragments: Fragments, state: RenderState) -> Floats:
     """White at the nearest surface, black at the farthest."""
     assert fragments.positions is not None
     near, far = state.of(BUFFER_RANGES, min(state.visible.objects))
-    away = (state.camera.eye - fragments.positions) @ state.camera.axes[2]
+    away = pm.matmul(state.camera.eye - fragments.positions, state.camera.axes[2])
     level = (far - away) / max(far - near, np.finfo(np.float64).tiny)
     return _gray(0.05 + 0.95 * np.clip(level, 0.0, 1.0))
 

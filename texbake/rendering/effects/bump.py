@@ -48,7 +48,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
@@ -122,11 +122,11 @@ def bump_surface(state: RenderState, target: Target) -> BumpSurface:
     item = state.scene.objects[target]
     mesh = state.drawn(target).mesh
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
-    inverse: FloatArray = np.asarray(np.linalg.inv(linear), np.float64)
+    inverse: FloatArray = np.asarray(pm.inv(linear), np.float64)
     normals, corners = state.of(MESH_NORMALS, target)
     if item.transform is not None:
         normals = transformed_normals(normals, inverse)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = pm.norm(normals, axis=1, keepdims=True)
         normals = normals / np.where(lengths > 0.0, lengths, 1.0)
     points = item.mesh.positions
     steps = (
@@ -163,7 +163,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
     image = image_of(state, fragments.target, _NAME)
     turn = np.eye(2) if image.turn is None else image.turn
     # Texels per unit of u and of v.
-    scales = np.linalg.norm(turn * [[image.chain.width], [image.chain.height]], axis=0)
+    scales = pm.norm(turn * [[image.chain.width], [image.chain.height]], axis=0)
     texels = np.divide(1.0, scales, out=np.zeros(2), where=scales > 0.0)
     return np.asarray(np.maximum(pixels, texels))
 
@@ -177,7 +177,7 @@ def heights_at(
     if is_over_uvs(holder):
         moved = _moved_on(fragments, uv_set_of(texture), shifts)
     else:
-        along = np.einsum("ij,ijk->ik", shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
+        along = pm.vecmat(shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
         moved = replace(fragments, weights=fragments.weights + along)
     values = (
         look_up(moved, state, _NAME)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
@@ -61,7 +61,7 @@ class PlacedEnvironment:
         """(n, 3) float32: light from directions (n, 3) in world space."""
         turned = directions
         if not np.array_equal(self.turn, np.eye(3)):
-            turned = directions @ self.turn.T.astype(np.float32)
+            turned = pm.matmul(directions, self.turn.T.astype(np.float32))
         turned = np.ascontiguousarray(turned)
         kind = "bilinear" if levels is None else "trilinear"
         return sample_cube(self.chain, turned, levels, filter=kind, threads=1)
@@ -70,12 +70,12 @@ class PlacedEnvironment:
 def turn_of(environment: Environment, up: str) -> FloatArray:
     """(3, 3): rotation from world directions to those of the environment's image (+y up)."""
     radians = math.radians(environment.rotate)
-    sine, cosine = math.sin(radians), math.cos(radians)
+    sine, cosine = pm.sin(radians), pm.cos(radians)
     about_up = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
     if up == "y":
         return about_up
     from_z_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    turned: FloatArray = about_up @ from_z_up
+    turned: FloatArray = pm.matmul(about_up, from_z_up)
     return turned
 
 
@@ -129,7 +129,7 @@ def _background(state: RenderState, target: Target) -> FloatImage:
         samples = face_ids[start * side : stop * side].reshape(stop - start, side, width, side)
         rows, columns = np.nonzero((samples < 0).any(axis=(1, 3)))
         places = np.stack([columns, rows + start], axis=1).astype(np.float32) + np.float32(0.5)
-        directions = rays[0] + places @ rays[1:]
+        directions = rays[0] + pm.matmul(places, rays[1:])
         behind[rows + start, columns] = environment.look(directions)
 
     run_bands(work, height, band=_ROWS, threads=state.threads)

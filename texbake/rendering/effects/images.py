@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState
@@ -187,7 +188,7 @@ def placed_image(
     n_channels = pixels.shape[2]
     radians = math.radians(texture.rotate)
     turn = np.array(
-        [[math.cos(radians), -math.sin(radians)], [math.sin(radians), math.cos(radians)]]
+        [[pm.cos(radians), -pm.sin(radians)], [pm.sin(radians), pm.cos(radians)]]
     ) * np.asarray(texture.scale)
     plain = np.array_equal(turn, np.eye(2)) and tuple(texture.offset) == (0.0, 0.0)
     return LoadedImage(
@@ -195,7 +196,9 @@ def placed_image(
         kind=kind,
         filter=filter_name,
         wrap=texture.wrap
-        or wrap_of(uvs if plain else None if uvs is None else uvs @ turn.T + texture.offset),
+        or wrap_of(
+            uvs if plain else None if uvs is None else pm.matmul(uvs, turn.T) + texture.offset
+        ),
         border=_spread(texture.border, n_channels, f"{name}.border"),
         factor=_spread(texture.factor, 3 if texture.colors else n_channels, f"{name}.factor"),
         turn=None if plain else turn,
@@ -307,8 +310,10 @@ def on_image(
     if image.turn is None:
         return at, changes
     if changes is not None:
-        changes = (changes.reshape(-1, 2, 2) @ image.turn.T.astype(np.float32)).reshape(-1, 4)
-    return at @ image.turn.T + image.offset, changes
+        changes = (pm.matmul(changes.reshape(-1, 2, 2), image.turn.T.astype(np.float32))).reshape(
+            -1, 4
+        )
+    return pm.matmul(at, image.turn.T) + image.offset, changes
 
 
 def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
@@ -66,10 +66,10 @@ class PlacedLight:
         """
         upward = self.up
         right = np.cross(upward, -self.direction)
-        if np.linalg.norm(right) <= _PARALLEL * np.linalg.norm(upward):
+        if pm.norm(right) <= _PARALLEL * pm.norm(upward):
             upward = np.eye(3)[np.abs(self.direction).argmin()]
             right = np.cross(upward, -self.direction)
-        right /= np.linalg.norm(right)
+        right /= pm.norm(right)
         return np.stack([right, np.cross(-self.direction, right), -self.direction])
 
 
@@ -93,11 +93,13 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
     """Place a light in world space; `camera` is needed only for a light that follows it."""
     follows = light.follows_camera and camera is not None
     axes = camera.axes.T if follows and camera is not None else np.eye(3)
-    position = axes @ np.asarray(light.position, np.float64)
-    direction, up = (axes @ _of_unit_size(vector) for vector in (light.direction, light.up))
+    position = pm.matmul(axes, np.asarray(light.position, np.float64))
+    direction, up = (
+        pm.matmul(axes, _of_unit_size(vector)) for vector in (light.direction, light.up)
+    )
     if follows and camera is not None:
         position = position + camera.eye
-    length = float(np.linalg.norm(direction))
+    length = float(pm.norm(direction))
     is_spot = light.kind == "spot"
     return PlacedLight(
         kind=light.kind,
@@ -119,11 +121,11 @@ def _of_unit_size(direction: npt.ArrayLike) -> FloatArray:
 def _cosines(light: Light) -> tuple[float, float]:
     """Cosines of the inner and outer cone of a spot."""
     if light.profile is not None and light.gate == "rectangle":
-        corner = _AROUND_CORNERS / math.hypot(1.0, *slide_extent(light))
+        corner = _AROUND_CORNERS / float(pm.norm([1.0, *slide_extent(light)]))
         return corner, corner
     half = math.radians(light.angle) / 2.0
     inner = half * (1.0 - min(max(light.blend, 0.0), 1.0))
-    return math.cos(inner), math.cos(half)
+    return pm.cos(inner), pm.cos(half)
 
 
 def slide_extent(light: Light) -> tuple[float, float]:
@@ -131,7 +133,7 @@ def slide_extent(light: Light) -> tuple[float, float]:
     assert light.profile is not None
     aspect = picture_aspect(light.profile) if light.aspect is None else light.aspect
     side = max(aspect, 1.0) if light.gate == "rectangle" else min(aspect, 1.0)
-    reach = math.tan(math.radians(light.angle) / 2.0)
+    reach = pm.tan(math.radians(light.angle) / 2.0)
     return reach * aspect / side, reach / side
 
 
@@ -195,10 +197,8 @@ def lights_any(fragments: Fragments, incident: Incident) -> bool:
     bump_map = fragments.drawn.material.bump_map
     if bump_map is None or bump_map.form not in EMBOSS_FORMS:
         arrives = arrives & (
-            np.einsum(
-                "ij,ij->i",
-                fragments.normals,
-                np.broadcast_to(incident.directions, fragments.normals.shape),
+            pm.vecdot(
+                fragments.normals, np.broadcast_to(incident.directions, fragments.normals.shape)
             )
             > 0.0
         )

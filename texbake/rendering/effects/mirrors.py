@@ -25,7 +25,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
@@ -110,7 +110,7 @@ def _render(state: RenderState, target: Target) -> PlacedEnvironment:
     assert target is not None
     positions = state.drawn(target).positions
     low, high = positions.min(axis=0), positions.max(axis=0)
-    extent = float(np.linalg.norm(high - low))
+    extent = float(pm.norm(high - low))
     size = max(mirror.size for _, mirror in _mirrors(state.request.material(target)))
     cameras = [
         Camera(

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
@@ -139,7 +139,7 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     if space == "tangent":
         has_own = fragments.drawn.mesh.tangents is not None and image.uv_set is None
         if image.turn is not None and not has_own:
-            texels[:, :2] = texels[:, :2] @ image_axes(image.turn)
+            texels[:, :2] = pm.matmul(texels[:, :2], image_axes(image.turn))
         normals, corners = state.of(MESH_NORMALS, target)
         core.bend_normals(
             normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,

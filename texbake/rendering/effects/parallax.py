@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
@@ -83,9 +83,9 @@ def _load(state: RenderState, target: Target) -> TextureSlopes:
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
     steps = steps_along_texture(mesh.corner_uvs(_uv_set(state.request, target)))
-    along = steps.reshape(-1, 2, 2) @ edges  # P_u and P_v
+    along = pm.matmul(steps.reshape(-1, 2, 2), edges)  # P_u and P_v
     across = np.cross(along[:, 0], along[:, 1])
-    areas = np.linalg.norm(across, axis=1)
+    areas = pm.norm(across, axis=1)
     squared = np.where(areas > 0.0, areas, np.inf)[:, None] ** 2
     slopes = np.stack(
         [np.cross(along[:, 1], across) / squared, np.cross(across, along[:, 0]) / squared], axis=1
@@ -99,9 +99,9 @@ def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
     assert fragments.to_eye is not None
     normals = interpolated_normals(fragments, state).astype(np.float64)
     to_eye = fragments.to_eye.astype(np.float64)
-    facing = np.einsum("ij,ij->i", normals, to_eye)
+    facing = pm.vecdot(normals, to_eye)
     along = facing[:, None] * normals - to_eye
-    ways = np.einsum("ijk,ik->ij", known.slopes[fragments.faces], along)
+    ways = pm.matvec(known.slopes[fragments.faces], along)
     falls = np.divide(
         depth * known.sizes[fragments.faces], facing, out=np.zeros_like(facing), where=facing > 0.0
     )
@@ -118,7 +118,7 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     image = image_of(state, fragments.target, _NAME)
     starts, steps = uvs, ways
     if image.turn is not None:
-        starts, steps = uvs @ image.turn.T + image.offset, ways @ image.turn.T
+        starts, steps = pm.matmul(uvs, image.turn.T) + image.offset, pm.matmul(ways, image.turn.T)
     shifts = _shares(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
     _move(fragments, uv_set, shifts)
 
@@ -133,12 +133,12 @@ def _move(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> None:
     if others:
         mesh = fragments.drawn.mesh
         steps = steps_along_texture(mesh.corner_uvs(uv_set)[fragments.faces])
-        weights = np.einsum("ni,nij->nj", shifts, steps.reshape(-1, 2, 2))
+        weights = pm.vecmat(shifts, steps.reshape(-1, 2, 2))
         for name in others:
             corners = mesh.corner_uvs(name)[fragments.faces]
             edges = corners[:, 1:] - corners[:, :1]
             uvs, _ = fragments.coordinates(name)
-            moved[name] = uvs + np.einsum("ni,nij->nj", weights, edges)
+            moved[name] = uvs + pm.vecmat(weights, edges)
     for name, uvs in moved.items():
         if name is None:
             fragments.uvs = uvs
@@ -163,7 +163,7 @@ def _shares(
     if image.filter in FILTERS_WITH_FOOTPRINT:
         assert changes is not None
         if image.turn is not None:
-            turned = changes.reshape(-1, 2, 2) @ image.turn.T.astype(np.float32)
+            turned = pm.matmul(changes.reshape(-1, 2, 2), image.turn.T.astype(np.float32))
             changes = turned.reshape(-1, 4)
         found = mip_levels(changes, chain.width, chain.height, threads=1)
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)

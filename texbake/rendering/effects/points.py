@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Effect, RenderState, only_when_needed
 from texbake.rendering.fragments import Floats, Fragments
@@ -54,9 +54,9 @@ def steps_along_surface(corners: FloatArray) -> FloatArray:
         Across is to the left of the edge, seen from the front. All 0 for triangles without area.
     """
     along, up = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    area = np.linalg.norm(np.cross(along, up), axis=1)
-    shift = np.einsum("ij,ij->i", along, up)
+    length = pm.norm(along, axis=1)
+    area = pm.norm(np.cross(along, up), axis=1)
+    shift = pm.vecdot(along, up)
     # In the plane of the triangle the corners are (0, 0), (length, 0) and (shift, area) / length.
     first = _divided(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
     second = _divided(np.stack([-shift, length * length], axis=1), area * length)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
@@ -60,7 +61,7 @@ def projector_view(state: RenderState, item: ProjectedTexture) -> ProjectorView:
     )
     objects = state.scene.objects
     casters = [i for i, each in enumerate(objects) if each.casts_shadows]
-    depths = [state.drawn(i).positions @ matrix[3, :3] + matrix[3, 3] for i in casters]
+    depths = [pm.matmul(state.drawn(i).positions, matrix[3, :3]) + matrix[3, 3] for i in casters]
     farthest = max((float(depth.max()) for depth in depths if len(depth)), default=0.0)
     if not farthest > 0.0:
         return ProjectorView(light, None)
@@ -74,7 +75,7 @@ def projector_view(state: RenderState, item: ProjectedTexture) -> ProjectorView:
     )
     shadow = ShadowMap(
         views=clip[None],
-        inverses=np.ascontiguousarray(np.linalg.inv(clip)[None]),
+        inverses=np.ascontiguousarray(pm.inv(clip)[None]),
         depths=seen.depths[None],
         face_ids=seen.face_ids[None],
         radius=options.filter_radius,
@@ -89,7 +90,7 @@ def unhidden(fragments: Fragments, state: RenderState, view: ProjectorView) -> F
     assert fragments.positions is not None and fragments.target is not None
     first, stop = state.world.starts[fragments.target : fragments.target + 2]
     offsets = view.light.position - fragments.positions
-    lengths = np.linalg.norm(offsets, axis=1, keepdims=True)
+    lengths = pm.norm(offsets, axis=1, keepdims=True)
     toward: Floats = (offsets / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
     # The direction to the projector stands for the normal: facing is a question of its own.
     found = lit_radiance(
@@ -105,7 +106,5 @@ def facing_projector(fragments: Fragments, state: RenderState, position: FloatAr
     drawn = fragments.drawn
     a, b, c = np.moveaxis(drawn.positions[drawn.faces[fragments.drawn_faces]], 1, 0)
     normals = np.cross(b - a, c - a)
-    to_eye, to_projector = (
-        np.einsum("ij,ij->i", normals, place - a) for place in (state.camera.eye, position)
-    )
+    to_eye, to_projector = (pm.vecdot(normals, place - a) for place in (state.camera.eye, position))
     return np.asarray(to_eye * to_projector > 0.0, np.float32)

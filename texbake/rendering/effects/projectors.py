@@ -33,7 +33,7 @@ from functools import partial
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import (
@@ -212,7 +212,7 @@ def slide_matrix(light: Light, placed: PlacedLight) -> FloatArray:
     """(4, 4): transforms world space to (s, t, r, q) of a spot's slide."""
     width, height = slide_extent(light)
     # A square slide has exactly the angle of the light.
-    fov = light.angle if width == height else math.degrees(2.0 * math.atan(height))
+    fov = light.angle if width == height else math.degrees(2.0 * pm.arctan(height))
     place, ahead = placed.position, placed.position + placed.direction
     return projector_matrix(
         position=(place[0], place[1], place[2]),

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.camera import Camera
@@ -54,7 +54,7 @@ def corners_of(item: SceneObject) -> Box:
     corners = _corners(item.mesh.bounds)
     if item.transform is None:
         return corners
-    return np.asarray(corners @ item.transform[:3, :3].T + item.transform[:3, 3])
+    return np.asarray(pm.matmul(corners, item.transform[:3, :3].T) + item.transform[:3, 3])
 
 
 def box_of(state: RenderState, index: int) -> Box:
@@ -96,45 +96,45 @@ def may_shade(light: PlacedLight, caster: Box, receiver: Box) -> bool:
     (from_, near), (to, far) = _ball(caster), _ball(receiver)
     if light.kind == "directional":
         offset = to - from_
-        along = float(offset @ light.direction)
-        beside = math.sqrt(max(float(offset @ offset) - along * along, 0.0))
+        along = float(pm.matmul(offset, light.direction))
+        beside = math.sqrt(max(float(pm.matmul(offset, offset)) - along * along, 0.0))
         return beside <= near + far and along >= -(near + far)
     a, b = from_ - light.position, to - light.position
-    length_a, length_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    length_a, length_b = float(pm.norm(a)), float(pm.norm(b))
     if light.kind == "spot" and length_b > far:
-        half = math.acos(light.cosines[1]) + math.asin(far / length_b)
+        half = pm.arccos(light.cosines[1]) + pm.arcsin(far / length_b)
         if _angle(b, light.direction) > half:
             return False
     if length_a <= near or length_b <= far:
         return True
-    wide = math.asin(near / length_a) + math.asin(far / length_b)
+    wide = pm.arcsin(near / length_a) + pm.arcsin(far / length_b)
     return _angle(a, b) <= wide and length_a - near <= length_b + far
 
 
 def _is_before(light: PlacedLight, caster: Box, receiver: Box) -> bool:
     """Whether a caster is flat and the receiver lies in its plane or on the light's side of it."""
     edges = caster[[4, 2, 1]] - caster[0]
-    lengths = np.linalg.norm(edges, axis=1)
+    lengths = pm.norm(edges, axis=1)
     thin = int(lengths.argmin())
     largest = max(float(np.abs(receiver).max()), float(np.abs(caster).max()))
     if lengths[thin] > _FLATNESS * largest:
         return False
     normal = np.cross(edges[(thin + 1) % 3], edges[(thin + 2) % 3])
     toward = -light.direction if light.kind == "directional" else light.position - caster[0]
-    side = float(normal @ toward)
+    side = float(pm.matmul(normal, toward))
     if side == 0.0:  # seen edge-on, or a line
         return True
-    heights = (receiver - caster[0]) @ normal * math.copysign(1.0, side)
-    return bool(heights.min() >= -_FLATNESS * largest * float(np.linalg.norm(normal)))
+    heights = pm.matmul(receiver - caster[0], normal) * math.copysign(1.0, side)
+    return bool(heights.min() >= -_FLATNESS * largest * float(pm.norm(normal)))
 
 
 def _ball(corners: Box) -> tuple[FloatArray, float]:
     center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    return center, float(np.linalg.norm(corners - center, axis=1).max())
+    return center, float(pm.norm(corners - center, axis=1).max())
 
 
 def _angle(a: FloatArray, b: FloatArray) -> float:
-    return math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
+    return pm.arctan2(float(pm.norm(np.cross(a, b))), float(pm.matmul(a, b)))
 
 
 def margin_of(size: int, radius: float) -> int:
@@ -145,7 +145,7 @@ def margin_of(size: int, radius: float) -> int:
 def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box]) -> FloatArray:
     """(1 or 6, 4, 4): matrices from world to clip space for a spot or point light."""
     assert light.shadow is not None
-    farthest = max(float(np.linalg.norm(c - placed.position, axis=1).max()) for c in casters)
+    farthest = max(float(pm.norm(c - placed.position, axis=1).max()) for c in casters)
     near = _NEAR * farthest if farthest > 0.0 else 1.0
     size = light.shadow.size
     widened = size / (size - 2.0 * margin_of(size, light.shadow.filter_radius))
@@ -153,7 +153,7 @@ def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box])
         half, faces = math.radians(light.angle) / 2.0, [placed.axes]
     else:
         half, faces = math.radians(45.0), [cube_face_axes(face) for face in range(6)]
-    fov = 2.0 * math.atan(widened * math.tan(half))
+    fov = 2.0 * pm.arctan(widened * pm.tan(half))
     return np.stack(
         [
             Camera(eye=placed.position, axes=axes, fov=fov, near=near).clip_from_world(1.0)
@@ -181,7 +181,7 @@ def parallel_view(
     assert light.shadow is not None
     shared, depths = [], []
     for caster, seen in pairs:
-        along = caster @ placed.axes.T
+        along = pm.matmul(caster, placed.axes.T)
         low = np.maximum(seen[0], along.min(axis=0))[:2]
         high = np.minimum(seen[1], along.max(axis=0))[:2]
         far, near = float(seen[0, 2]), float(along[:, 2].max())
@@ -214,7 +214,7 @@ def parallel_view(
     )
     turn = np.eye(4)
     turn[:3, :3] = placed.axes
-    return in_axes @ turn, (int(counts[1]), int(counts[0]))
+    return pm.matmul(in_axes, turn), (int(counts[1]), int(counts[0]))
 
 
 def seen_bounds(
@@ -245,6 +245,6 @@ def seen_bounds(
     found = np.stack([bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)], axis=1)
     for index in receivers:
         if state.plan.has("transparency", index):
-            along = box_of(state, index) @ placed.axes.T
+            along = pm.matmul(box_of(state, index), placed.axes.T)
             found[index] = along.min(axis=0), along.max(axis=0)
     return {index: found[index] for index in receivers}

@@ -43,7 +43,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.lights import (
@@ -207,7 +207,7 @@ def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
     ]
     return ShadowMap(
         views=views,
-        inverses=np.ascontiguousarray(np.linalg.inv(views)),
+        inverses=np.ascontiguousarray(pm.inv(views)),
         depths=np.stack([item.depths for item in found]),
         face_ids=np.stack([item.face_ids for item in found]),
         radius=light.shadow.filter_radius,

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up
@@ -123,7 +123,7 @@ def vertex_colors(fragments: Fragments) -> Floats:
     corners = mesh.colors[mesh.faces[fragments.faces]]
     second, third = fragments.weights.T
     weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
-    return np.asarray(np.einsum("nc,nck->nk", weights, corners), np.float32)
+    return np.asarray(pm.vecmat(weights, corners), np.float32)
 
 
 def _procedures_called_for(request: RenderRequest) -> Iterator[Call]:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.compose import corner_order
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
@@ -58,7 +59,7 @@ def _place(state: RenderState, target: Target) -> DrawnObject:
     assert target is not None
     item = state.scene.objects[target]
     mesh = placed(item)
-    inverse = None if item.transform is None else np.linalg.inv(item.transform)
+    inverse = None if item.transform is None else pm.inv(item.transform)
     return DrawnObject(
         mesh=mesh,
         material=item.material,
@@ -167,7 +168,7 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
         texels=texels,
         steps=steps_along_surface(drawn.positions[drawn.faces]) if filtered else None,
         frames=frames,
-        farthest=_farthest(holder, image, frames is not None) * float(np.linalg.norm(linear, 2)),
+        farthest=_farthest(holder, image, frames is not None) * float(pm.svd(linear)[0][0]),
     )
 
 
@@ -175,7 +176,7 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
     """Upper bound on the displacement in object space."""
     if image is not None:
         values = image.chain.level(0).astype(np.float64) * image.factor
-        longest = math.sqrt(float(np.einsum("ijk,ijk->ij", values, values).max()))
+        longest = math.sqrt(float(pm.vecdot(values, values).max()))
         # T, B and N are no longer than 1 each, and T may lean toward N.
         return longest * (math.sqrt(3.0) if has_frames else 1.0)
     assert isinstance(holder.texture, ProcedureTexture)
@@ -209,7 +210,7 @@ def _loaded_image(
 def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
     corners = mesh.corner_uvs(image.uv_set)
     if image.turn is not None:
-        corners = corners @ image.turn.T
+        corners = pm.matmul(corners, image.turn.T)
     return np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
 
 
@@ -298,7 +299,7 @@ def _values_at(
         uvs = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
         if relief.steps is not None:
             steps = changes.reshape(-1, 2, 2).astype(np.float64)
-            uv_changes = (steps @ edges).reshape(-1, 4).astype(np.float32)
+            uv_changes = (pm.matmul(steps, edges)).reshape(-1, 4).astype(np.float32)
     texture = relief.holder.texture
     if relief.image is not None:
         assert uvs is not None
@@ -333,8 +334,8 @@ def _from_tangent_space(
     """(n, 3): x T + y B + z N, with T and N interpolated and B = w cross(N, T)."""
     normals, corners, tangents = frames
     shares = np.column_stack([1.0 - weights.sum(axis=1), weights])
-    normal = np.einsum("nc,nck->nk", shares, normals[corners[faces]])
-    tangent = np.einsum("nc,nck->nk", shares, tangents[faces][..., :3])
+    normal = pm.vecmat(shares, normals[corners[faces]])
+    tangent = pm.vecmat(shares, tangents[faces][..., :3])
     bitangent = np.cross(normal, tangent) * tangents[faces, 0, 3:]
     x, y, z = values.astype(np.float64).T[..., None]
     return np.asarray(x * tangent + y * bitangent + z * normal)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Call, Effect, RenderState
@@ -99,7 +100,7 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
     )
     first, second, third = np.moveaxis(drawn.positions[drawn.faces[faces]], 1, 0)
     normals = np.cross(second - first, third - first)
-    away = np.einsum("ij,ij->i", normals, state.camera.eye - first) < 0.0
+    away = pm.vecdot(normals, state.camera.eye - first) < 0.0
     return Fragments(
         target=target,
         drawn=drawn,
@@ -119,7 +120,7 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
 def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
     assert fragments.positions is not None
     way = state.camera.eye - fragments.positions
-    lengths = np.linalg.norm(way, axis=1, keepdims=True)
+    lengths = pm.norm(way, axis=1, keepdims=True)
     return np.ascontiguousarray(way / np.where(lengths > 0.0, lengths, 1.0), np.float32)
 
 
@@ -128,7 +129,7 @@ def _interpolate(fragments: Fragments, state: RenderState) -> None:
     second, third = fragments.drawn_weights.T
     weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
     own, reflected = (
-        np.einsum("nc,nck->nk", weights, values[fragments.drawn_faces])
+        pm.vecmat(weights, values[fragments.drawn_faces])
         for values in (corners.own, corners.reflected)
     )
     fragments.light += own + reflected * fragments.values.base_color

@@ -16,6 +16,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, first_few, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside
@@ -304,7 +305,7 @@ def _vector(values: FloatArray) -> Vector:
 
 
 def _unit(document: Document, direction: FloatArray) -> FloatArray:
-    length = float(np.linalg.norm(direction))
+    length = float(pm.norm(direction))
     if not 0.0 < length < math.inf:
         document.fail("a node with a light or a camera is scaled to nothing")
     return np.asarray(direction / length)

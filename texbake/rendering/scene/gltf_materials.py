@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileError
 from texbake.files import require_file
 from texbake.limits import require_few_pixels
@@ -160,8 +161,8 @@ class MaterialReader:
             scale=(scale_u, scale_v),
             rotate=math.degrees(texture.rotation),
             offset=(
-                offset_u + math.sin(texture.rotation) * scale_v,
-                1.0 - offset_v - math.cos(texture.rotation) * scale_v,
+                offset_u + pm.sin(texture.rotation) * scale_v,
+                1.0 - offset_v - pm.cos(texture.rotation) * scale_v,
             ),
             uv_set=None if texture.uv_set == self._first_set else set_name(texture.uv_set),
         )

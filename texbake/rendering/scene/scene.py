@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import FloatArray, Mesh, frozen
@@ -147,7 +148,7 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
         raise OptionError(f"{name}: it is not 4 x 4 finite numbers")
     if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
         raise OptionError(f"{name}: its last row is not 0, 0, 0, 1; only affine maps place objects")
-    sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    sizes, _ = pm.svd(matrix[:3, :3])
     if not sizes[2] > _SINGULAR * sizes[0]:
         raise OptionError(f"{name}: it is singular and flattens the object; stretch none by 0")
     return frozen(matrix)
@@ -164,7 +165,7 @@ def outline(item: SceneObject) -> Mesh:
         return item.mesh
     linear, translation = item.transform[:3, :3], item.transform[:3, 3]
     return Mesh(
-        positions=item.mesh.positions @ linear.T + translation,
+        positions=pm.matmul(item.mesh.positions, linear.T) + translation,
         faces=item.mesh.faces,
         name=item.mesh.name,
     )
@@ -204,7 +205,9 @@ def camera_of(scene: Scene, options: RenderOptions) -> Camera:
     near = view.near
     if near is None:
         _, radius = Camera.sphere_around(*_outlines(scene))
-        near = _NEAR * min(radius, math.dist(view.position, view.target) or radius)
+        near = _NEAR * min(
+            radius, float(pm.norm(np.subtract(view.position, view.target))) or radius
+        )
     return Camera.looking_at(
         view.position,
         view.target,
@@ -251,8 +254,8 @@ def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> lis
         turn = _turn_about(axis, 2.0 * math.pi * i / n_views)
         cameras.append(
             Camera(
-                eye=center + turn @ (first.eye - center),
-                axes=first.axes @ turn.T,
+                eye=center + pm.matmul(turn, first.eye - center),
+                axes=pm.matmul(first.axes, turn.T),
                 fov=first.fov,
                 near=first.near,
             )
@@ -265,7 +268,7 @@ def _turn_about(axis: FloatArray, angle: float) -> FloatArray:
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     along = np.outer(axis, axis)
-    return np.asarray(math.cos(angle) * (np.eye(3) - along) + math.sin(angle) * cross + along)
+    return np.asarray(pm.cos(angle) * (np.eye(3) - along) + pm.sin(angle) * cross + along)
 
 
 def _outlines(scene: Scene) -> list[Mesh]:

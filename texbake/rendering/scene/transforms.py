@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
@@ -50,7 +51,7 @@ def transform_matrix(
         first, second = (axis + 1) % 3, (axis + 2) % 3
         turn[first, first] = turn[second, second] = cosine
         turn[first, second], turn[second, first] = -sine, sine
-        linear = turn @ linear
+        linear = pm.matmul(turn, linear)
     matrix = np.eye(4)
     matrix[:3, :3] = linear
     matrix[:3, 3] = translate
@@ -61,7 +62,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     quarters, rest = divmod(degrees, 90.0)
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
-    return math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return pm.cos(math.radians(degrees)), pm.sin(math.radians(degrees))
 
 
 # Share of the greatest stretch of a matrix below which its rays count as parallel, by rounding.
@@ -112,7 +113,7 @@ def projector_matrix(
         raise OptionError(f"aspect: {aspect} is not above 0; it is width over height")
     # The near plane does not affect s, t and q.
     camera = Camera.looking_at(position, target, up=up, fov=math.radians(fov), near=1.0)
-    return _PICTURE_FROM_CLIP @ camera.clip_from_world(aspect)
+    return pm.matmul(_PICTURE_FROM_CLIP, camera.clip_from_world(aspect))
 
 
 def projector_position(matrix: FloatArray) -> FloatArray:
@@ -124,10 +125,10 @@ def projector_position(matrix: FloatArray) -> FloatArray:
         There is none, because its rays are parallel.
     """
     rows = np.asarray(matrix, np.float64)[[0, 1, 3]]
-    _, sizes, _ = np.linalg.svd(rows[:, :3])
+    sizes, _ = pm.svd(rows[:, :3])
     if not sizes[2] > _PARALLEL * sizes[0]:
         raise OptionError("matrix: its rays are parallel; leave out facing and occlusion")
-    return np.asarray(-np.linalg.solve(rows[:, :3], rows[:, 3]))
+    return np.asarray(-pm.solve(rows[:, :3], rows[:, 3]))
 
 
 def picture_aspect(texture: ImageTexture) -> float:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, split_quads
@@ -104,20 +105,20 @@ def _low_sphere() -> Mesh:
 
 def _sphere(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.norm(p, axis=1) - 1.0)
+        return np.asarray(pm.norm(p, axis=1) - 1.0)
 
     return _case("sphere", _sphere_grid, n_triangles, _low_sphere(), 0.1, value)
 
 
 def _wavy_radii(p: FloatArray) -> FloatArray:
     """(n,) distances from the middle in the directions of points (n, 3)."""
-    x, y, z = np.sin(30.0 * (p / np.linalg.norm(p, axis=1, keepdims=True)).T)
+    x, y, z = pm.sin(30.0 * (p / pm.norm(p, axis=1, keepdims=True)).T)
     return np.asarray(1.0 + 0.01 * (x * y + y * z + z * x))
 
 
 def _displaced_sphere(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.norm(p, axis=1) - _wavy_radii(p))
+        return np.asarray(pm.norm(p, axis=1) - _wavy_radii(p))
 
     def build(n: int) -> Mesh:
         mesh = _sphere_grid(n)
@@ -152,14 +153,14 @@ _CURVE_POINTS = 4_000
 def _knot_curve(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Points of the curve at t from 0 to 2 pi, and two unit vectors across it."""
     a, b = _WINDS * t, _ROUNDS * t
-    out = np.stack([np.cos(a), np.sin(a), np.zeros_like(a)], axis=1)
-    around = np.stack([-np.sin(a), np.cos(a), np.zeros_like(a)], axis=1)
+    out = np.stack([pm.cos(a), pm.sin(a), np.zeros_like(a)], axis=1)
+    around = np.stack([-pm.sin(a), pm.cos(a), np.zeros_like(a)], axis=1)
     up = np.array([0.0, 0.0, 1.0])
-    off = np.cos(b)[:, None] * out + np.sin(b)[:, None] * up  # normal of the torus
+    off = pm.cos(b)[:, None] * out + pm.sin(b)[:, None] * up  # normal of the torus
     points = _RING * out + _WINDING * off
-    along = _WINDS * (_RING + _WINDING * np.cos(b))[:, None] * around
-    along += _ROUNDS * _WINDING * (np.cos(b)[:, None] * up - np.sin(b)[:, None] * out)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    along = _WINDS * (_RING + _WINDING * pm.cos(b))[:, None] * around
+    along += _ROUNDS * _WINDING * (pm.cos(b)[:, None] * up - pm.sin(b)[:, None] * out)
+    along /= pm.norm(along, axis=1, keepdims=True)
     return points, off, np.cross(along, off)
 
 
@@ -167,7 +168,7 @@ def _knot_mesh(n_along: int, n_around: int, *, uvs: bool = False) -> Mesh:
     t = np.linspace(0.0, 2.0 * np.pi, n_along, endpoint=False)
     angle = np.linspace(0.0, 2.0 * np.pi, n_around, endpoint=False)
     points, off, across = (x[:, None, :] for x in _knot_curve(t))
-    ring = np.cos(angle)[None, :, None] * off + np.sin(angle)[None, :, None] * across
+    ring = pm.cos(angle)[None, :, None] * off + pm.sin(angle)[None, :, None] * across
     quads = grid_quads(n_along, n_around)[:, [0, 3, 2, 1]]  # seen from outside
     row, column = np.divmod(quads, n_around + 1)
     faces = split_quads((row % n_along) * n_around + column % n_around)
@@ -193,9 +194,9 @@ def _torus_knot(n_triangles: int) -> BenchCase:
             along = np.cross(off, across)
             step = 1e-5
             speed = (_knot_curve(t + step)[0] - _knot_curve(t - step)[0]) / (2.0 * step)
-            rest = np.einsum("ij,ij->i", p - points, along)
-            t = t + rest / np.linalg.norm(speed, axis=1)
-        return np.asarray(np.linalg.norm(p - _knot_curve(t)[0], axis=1) - _TUBE)
+            rest = pm.vecdot(p - points, along)
+            t = t + rest / pm.norm(speed, axis=1)
+        return np.asarray(pm.norm(p - _knot_curve(t)[0], axis=1) - _TUBE)
 
     def build(n: int) -> Mesh:
         n_around = max(round(math.sqrt(n / 2.0 / 14.0)), 3)
@@ -212,7 +213,7 @@ _BOX, _BEVEL = 0.5, 0.08  # half its side, radius of its edges
 def _beveled_box(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
         outside = np.abs(p) - (_BOX - _BEVEL)
-        lengths = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+        lengths = pm.norm(np.maximum(outside, 0.0), axis=1)
         return np.asarray(lengths + np.minimum(outside.max(axis=1), 0.0) - _BEVEL)
 
     return _case("beveled-box", _rounded_box, n_triangles, _cube_with_uvs(), 0.1, value)
@@ -236,7 +237,7 @@ def _rounded_box(n_triangles: int) -> Mesh:
     points = np.concatenate(sides)
     inner = np.clip(points, _BEVEL - _BOX, _BOX - _BEVEL)
     out = points - inner
-    points = inner + _BEVEL * out / np.linalg.norm(out, axis=1, keepdims=True)
+    points = inner + _BEVEL * out / pm.norm(out, axis=1, keepdims=True)
     return _welded(points, np.concatenate(faces))
 
 
@@ -271,7 +272,7 @@ _MIDDLE = np.array([0.0, 0.0, _BALL + _GAP])
 
 def _two_parts(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
-        return np.asarray(np.minimum(p[:, 2], np.linalg.norm(p - _MIDDLE, axis=1) - _BALL))
+        return np.asarray(np.minimum(p[:, 2], pm.norm(p - _MIDDLE, axis=1) - _BALL))
 
     def build(n: int) -> Mesh:
         side = max(round(math.sqrt(n / 4.0)), 2)
@@ -281,7 +282,7 @@ def _two_parts(n_triangles: int) -> BenchCase:
     def openness(points: FloatArray) -> FloatArray:
         """1 less the share of the sky, weighted by the cosine, that the ball hides from a floor."""
         away = _MIDDLE - points
-        return np.asarray(1.0 - away[:, 2] * _BALL**2 / np.linalg.norm(away, axis=1) ** 3)
+        return np.asarray(1.0 - away[:, 2] * _BALL**2 / pm.norm(away, axis=1) ** 3)
 
     floor, ball = plane(4, 4), uv_sphere(16, 16)
     halves = [

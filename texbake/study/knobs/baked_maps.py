@@ -14,6 +14,7 @@ import numpy.typing as npt
 from texbake.baking.bake import bake
 from texbake.baking.options import ADAPTIVE, SAMPLES, BakeOptions
 from texbake.baking.result import BakeResult
+from texbake.core import portable_math as pm
 from texbake.study.case import Case
 from texbake.study.knob import (
     Bench,
@@ -243,7 +244,7 @@ def _banding(
 
 
 def _lengths(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))[:, None]
+    return np.asarray(np.sqrt(pm.vecdot(vectors, vectors)))[:, None]
 
 
 BIT_DEPTH_KNOB = Knob(

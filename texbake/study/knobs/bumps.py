@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
@@ -60,7 +61,7 @@ def _bump_gradient_bench(case: Case) -> Bench:
         read = lookup(normals, points, threads=case.threads).astype(np.float64)
         angles = angles_deg(read, truth)
         direction = np.array([-0.5, 0.5, 0.707], np.float32)
-        shade = np.clip(normals @ direction, 0.0, 1.0)[..., None].repeat(3, axis=2)
+        shade = np.clip(pm.matmul(normals, direction), 0.0, 1.0)[..., None].repeat(3, axis=2)
         return Judgment(
             error=float(angles.mean()),
             picture=crop(shade[: max(len(shade) // 4, 1), : max(len(shade) // 4, 1)]),
@@ -179,7 +180,7 @@ def _bump_form_bench(case: Case) -> Bench:
 def _waves(out: FloatArray) -> FloatArray:
     """Return heights from -1 to 1 in the directions (..., 3)."""
     x, y, z = np.moveaxis(out, -1, 0)
-    return np.asarray(0.5 * (np.sin(7.0 * y) * np.cos(5.0 * z) + np.sin(4.0 * x + 6.0 * z)))
+    return np.asarray(0.5 * (pm.sin(7.0 * y) * pm.cos(5.0 * z) + pm.sin(4.0 * x + 6.0 * z)))
 
 
 def _surface(size: float) -> RadialSurface:
@@ -191,7 +192,7 @@ def _heights(rows: int) -> FloatArray:
     theta = math.pi * (np.arange(rows) + 0.5)[:, None] / rows
     phi = math.pi * (np.arange(2 * rows) + 0.5)[None, :] / rows
     out = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0.0 * phi], -1
+        [pm.sin(theta) * pm.cos(phi), pm.sin(theta) * pm.sin(phi), pm.cos(theta) + 0.0 * phi], -1
     )
     return _waves(out)
 
@@ -221,8 +222,8 @@ def _bump_light_bench(case: Case) -> Bench:
     camera = _view()
     options = RenderOptions(width=side, height=side, supersampling=1)
     points, cosines = ball_points(camera, sight_rays(camera, side, side), np.zeros(3), 1.0)
-    to_light = -np.asarray(_LIGHT) / np.linalg.norm(_LIGHT)
-    seen = (cosines > _LEAST_COSINE) & (points @ to_light > _LEAST_LIT)
+    to_light = -np.asarray(_LIGHT) / pm.norm(_LIGHT)
+    seen = (cosines > _LEAST_COSINE) & (pm.matmul(points, to_light) > _LEAST_LIT)
 
     def work(value: tuple[str, float]) -> Frame:
         form, size = value
@@ -233,10 +234,10 @@ def _bump_light_bench(case: Case) -> Bench:
         return draw(prepare(scene, options, threads=case.threads), camera)
 
     def judge(value: tuple[str, float], frame: Frame) -> Judgment:
-        truth = _surface(value[1]).normals(points[seen]) @ to_light
+        truth = pm.matmul(_surface(value[1]).normals(points[seen]), to_light)
         lit = truth > _LEAST_LIT
         light = frame.color[seen][lit, 0].astype(np.float64)
-        angles = np.degrees(np.abs(np.arccos(np.clip(light, 0.0, 1.0)) - np.arccos(truth[lit])))
+        angles = np.degrees(np.abs(pm.arccos(np.clip(light, 0.0, 1.0)) - pm.arccos(truth[lit])))
         return Judgment(
             error=float(angles.mean()),
             picture=crop(frame.color[::_SKIPPED, ::_SKIPPED]),

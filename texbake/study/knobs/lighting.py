@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
@@ -115,8 +116,8 @@ def _traced(camera: Camera, side: int) -> tuple[npt.NDArray[np.float32], npt.NDA
     middle, rays = np.array(_MIDDLE), sight_rays(camera, side, side)
     points, cosines = ball_points(camera, rays, middle, _ENVIRONMENT_RADIUS)
     normals = (points - middle) / _ENVIRONMENT_RADIUS
-    views = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    mirrored = views - 2.0 * np.einsum("ijk,ijk->ij", views, normals)[..., None] * normals
+    views = rays / pm.norm(rays, axis=-1, keepdims=True)
+    mirrored = views - 2.0 * pm.vecdot(views, normals)[..., None] * normals
     steps = points[..., 1] / np.maximum(-mirrored[..., 1], 1e-9)
     u = (points[..., 0] + steps * mirrored[..., 0]) / _ENVIRONMENT_FLOOR + 0.5
     v = 0.5 - (points[..., 2] + steps * mirrored[..., 2]) / _ENVIRONMENT_FLOOR
@@ -128,15 +129,15 @@ def _traced(camera: Camera, side: int) -> tuple[npt.NDArray[np.float32], npt.NDA
 def _pattern(u: FloatArray, v: FloatArray) -> FloatArray:
     """(..., 3) colors of the floor."""
     turn = 2.0 * math.pi * _WAVES
-    wave = 0.5 + 0.5 * np.sin(turn * u) * np.sin(turn * v)
+    wave = 0.5 + 0.5 * pm.sin(turn * u) * pm.sin(turn * v)
     return np.asarray(0.08 + 0.7 * wave[..., None] * np.array((1.0, 0.8, 0.55)))
 
 
 def _sky(out: FloatArray) -> FloatArray:
     """(..., 3) colors in directions (..., 3), of any length but 0."""
-    units = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    units = out / pm.norm(out, axis=-1, keepdims=True)
     up = (0.5 + 0.5 * units[..., 1])[..., None]
-    wave = (0.5 + 0.5 * np.sin(5.0 * units[..., 0]))[..., None]
+    wave = (0.5 + 0.5 * pm.sin(5.0 * units[..., 0]))[..., None]
     return np.asarray((0.15 + 0.5 * up) * np.array((0.6, 0.8, 1.0)) + 0.15 * wave)
 
 
@@ -229,7 +230,7 @@ def _cast(
     """Return a picture of the floor, (H, W, 3), and the pixels that show only it, (H, W)."""
     height, width = options.height, options.width
     rays = sight_rays(camera, width * _PER_SIDE, height * _PER_SIDE).reshape(-1, 3)
-    to_light = -np.array(_LIGHT) / np.linalg.norm(_LIGHT)
+    to_light = -np.array(_LIGHT) / pm.norm(_LIGHT)
     down = np.minimum(rays[:, 2], -1e-9)
     points = camera.eye - rays * (camera.eye[2] / down)[:, None]
     on_floor = (rays[:, 2] < 0.0) & (np.abs(points[:, :2]) < 0.5 * _SHADOW_MAP_FLOOR).all(axis=1)
@@ -246,9 +247,9 @@ def _cast(
 def _meets_ball(starts: FloatArray, directions: FloatArray) -> npt.NDArray[np.bool_]:
     """Return whether rays from outside the ball meet it."""
     to_middle = np.array(_BALL) - starts
-    along = np.einsum("ij,ij->i", to_middle, directions)
-    squares = np.einsum("ij,ij->i", directions, directions)
-    away = np.einsum("ij,ij->i", to_middle, to_middle) - along**2 / squares
+    along = pm.vecdot(to_middle, directions)
+    squares = pm.vecdot(directions, directions)
+    away = pm.vecdot(to_middle, to_middle) - along**2 / squares
     return np.asarray((along > 0.0) & (away < _SHADOW_MAP_RADIUS**2))
 
 

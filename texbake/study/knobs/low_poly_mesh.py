@@ -7,6 +7,7 @@ import numpy as np
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakeResult
+from texbake.core import portable_math as pm
 from texbake.mapping.distortion import distortion
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap
@@ -181,7 +182,7 @@ def _seam_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     ]
     places = np.concatenate([place for place, _ in points])
     truth = np.concatenate([normal for _, normal in points])
-    lengths = np.linalg.norm(truth, axis=1)
+    lengths = pm.norm(truth, axis=1)
     kept = lengths > 0.0
     return places[kept], truth[kept] / lengths[kept, None]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.rendering.draw import draw, prepare
@@ -154,7 +155,7 @@ def _interpolation_bench(case: Case) -> Bench:
 
     def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Judgment:
         uvs = encode_srgb(image[..., :2]).astype(np.float64)[inside]
-        off = _TEXELS * np.linalg.norm(uvs - truth.reshape(*inside.shape, 2)[inside], axis=-1)
+        off = _TEXELS * pm.norm(uvs - truth.reshape(*inside.shape, 2)[inside], axis=-1)
         return Judgment(
             error=float(off.mean()),
             picture=crop(drawn(value, None), (0.65, 0.75)),

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 
 _STEP = 1e-5  # in the units of the surface, which is about one unit wide
@@ -89,13 +90,13 @@ class ImplicitSurface:
     def normals(self, points: FloatArray) -> FloatArray:
         """(n, 3) outward unit normals at or near points (n, 3)."""
         found = self.gradients(points)
-        lengths = np.sqrt(np.einsum("ij,ij->i", found, found))
+        lengths = np.sqrt(pm.vecdot(found, found))
         return np.asarray(found / np.where(lengths > 0.0, lengths, 1.0)[:, None])
 
     def distances(self, points: FloatArray) -> FloatArray:
         """(n,) distances of points that lie close to the surface, to first order."""
         found = self.gradients(points)
-        return np.asarray(np.abs(self.value(points)) / np.sqrt(np.einsum("ij,ij->i", found, found)))
+        return np.asarray(np.abs(self.value(points)) / np.sqrt(pm.vecdot(found, found)))
 
     def hits(
         self, starts: FloatArray, directions: FloatArray

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import MapSource
@@ -35,7 +36,7 @@ def close_up(
     """(CROP, CROP, 3) float32 picture of the middle of a mesh with its maps, close up."""
     options = RenderOptions(width=CROP, height=CROP, supersampling=2)
     camera = Camera.framing(mesh, options=options)
-    near = replace(camera, fov=2.0 * math.atan(math.tan(camera.fov / 2.0) / zoom))
+    near = replace(camera, fov=2.0 * pm.arctan(pm.tan(camera.fov / 2.0) / zoom))
     frame = render(
         mesh,
         normal_map=normal_map,
@@ -91,12 +92,12 @@ def ball_points(
     cosines : (...) float64
         Cosine of the viewing angle; 0 for a ray that misses.
     """
-    units = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    units = rays / pm.norm(rays, axis=-1, keepdims=True)
     to_middle = middle - camera.eye
-    along = units @ to_middle
-    inside = np.maximum(along**2 - to_middle @ to_middle + radius**2, 0.0)
+    along = pm.matmul(units, to_middle)
+    inside = np.maximum(along**2 - pm.matmul(to_middle, to_middle) + radius**2, 0.0)
     points = camera.eye + units * (along - np.sqrt(inside))[..., None]
-    cosines = -np.einsum("...k,...k->...", points - middle, units) / radius
+    cosines = -pm.vecdot(points - middle, units) / radius
     return points, np.where(inside > 0.0, cosines, 0.0)
 
 

@@ -25,6 +25,7 @@ from texbake.baking.rays import RayField
 from texbake.baking.scenes import measure_extent
 from texbake.baking.texels import Samples
 from texbake.baking.trace import Trace
+from texbake.core import portable_math as pm
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -64,9 +65,7 @@ class Probes:
     @cached_property
     def uvs(self) -> FloatArray:
         """(n, 2) float64 texture coordinates."""
-        return np.asarray(
-            np.einsum("nc,ncx->nx", self.barycentrics, self.low.corner_uvs()[self.faces])
-        )
+        return np.asarray(pm.vecmat(self.barycentrics, self.low.corner_uvs()[self.faces]))
 
     @cached_property
     def frames(self) -> FloatArray:
@@ -74,14 +73,14 @@ class Probes:
         normals, corners = shading_normals(self.low)
         tangents = corner_tangents(self.low) if self.low.tangents is None else self.low.tangents
         t4 = tangents[self.faces].astype(np.float64)
-        n = np.einsum("nc,ncx->nx", self.barycentrics, normals[corners[self.faces]])
-        t = np.einsum("nc,ncx->nx", self.barycentrics, t4[:, :, :3])
+        n = pm.vecmat(self.barycentrics, normals[corners[self.faces]])
+        t = pm.vecmat(self.barycentrics, t4[:, :, :3])
         return np.stack([t, np.cross(n, t) * t4[:, 0, 3:], n], axis=1)
 
     def normal_errors(self, tangent_normals: npt.NDArray[np.float32]) -> FloatArray:
         """(n,) angles in degrees between the truth and a tangent-space normal map (H, W, 3)."""
         read = lookup(tangent_normals, self.uvs).astype(np.float64)
-        return angles_deg(np.einsum("nk,nkx->nx", read, self.frames), self.normals)
+        return angles_deg(pm.vecmat(read, self.frames), self.normals)
 
     def height_errors(self, heights: npt.NDArray[np.float32]) -> FloatArray:
         """(n,) differences in model units between the truth and a displacement map (H, W, 1)."""
@@ -90,10 +89,10 @@ class Probes:
 
 def angles_deg(vectors: FloatArray, units: FloatArray) -> FloatArray:
     """(n,) angles in degrees between nonzero vectors and unit vectors, exact for small ones."""
-    lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    lengths = np.sqrt(pm.vecdot(vectors, vectors))
     away = vectors / np.where(lengths > 0.0, lengths, 1.0)[:, None] - units
-    chords = np.sqrt(np.einsum("ij,ij->i", away, away))
-    return np.asarray(np.degrees(2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))))
+    chords = np.sqrt(pm.vecdot(away, away))
+    return np.asarray(np.degrees(2.0 * pm.arcsin(np.minimum(0.5 * chords, 1.0))))
 
 
 def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None = None) -> Probes:
@@ -121,16 +120,16 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
     high_normals, high_corners = shading_normals(high, threads=threads)
     b = hits.barycentrics
     weights = np.column_stack([1.0 - b.sum(axis=1), b])
-    normals = np.einsum("nc,ncx->nx", weights, high_normals[high_corners[hits.faces]])
+    normals = pm.vecmat(weights, high_normals[high_corners[hits.faces]])
     truth = normals
     if pair.surface is not None:
         points = _points_on(high, hits.faces, weights)
         exact, settled = pair.surface.hits(points, rays.directions)
         truth = pair.surface.normals(exact)
-        heights -= np.einsum("ij,ij->i", exact - points, rays.directions)
+        heights -= pm.vecdot(exact - points, rays.directions)
         hit &= settled
-    lengths = np.linalg.norm(truth, axis=1)
-    hit &= (lengths > 0.0) & (np.einsum("ij,ij->i", normals, normals) > 0.0)
+    lengths = pm.norm(truth, axis=1)
+    hit &= (lengths > 0.0) & (pm.vecdot(normals, normals) > 0.0)
     truth = truth[hit] / lengths[hit, None]
     off = float(angles_deg(normals[hit], truth).mean()) if hit.any() else 0.0
     return Probes(low, faces[hit], barycentrics[hit], truth, heights[hit], off)
@@ -152,7 +151,7 @@ def truth_of(pair: StudyPair, probes: Probes) -> tuple[str, str]:
 
 
 def _points_on(mesh: Mesh, faces: IntArray, weights: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("nc,ncx->nx", weights, mesh.positions[mesh.faces[faces]]))
+    return np.asarray(pm.vecmat(weights, mesh.positions[mesh.faces[faces]]))
 
 
 # Finer texels along one side of each texel, and their samples: a grid of 16 x 16 in all.
@@ -184,7 +183,7 @@ def mean_normals(
     sums = np.zeros((size * size, 3))
     for hits in Trace(pair.high, pair.low, options, None, Stages()).hits():
         _add(hits.where(hits.high_faces != NO_HIT), inputs, size, sums)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    lengths = pm.norm(sums, axis=1, keepdims=True)
     means = sums / np.where(lengths > 0.0, lengths, 1.0)
     return means.reshape(size, size, 3), (lengths > 0.0).reshape(size, size)
 

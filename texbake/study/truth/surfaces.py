@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.study.truth.implicit import meet_lines
 
@@ -44,7 +45,7 @@ class RadialSurface:
         return _unit(out * r[:, None] - along * slopes[0][:, None] - up * slopes[1][:, None])
 
     def _toward(self, out: FloatArray, axis: FloatArray, angle: float) -> FloatArray:
-        return self.radii(np.cos(angle) * out + np.sin(angle) * axis)
+        return self.radii(pm.cos(angle) * out + pm.sin(angle) * axis)
 
     def mesh(self, directions: FloatArray, faces: IntArray, name: str) -> Mesh:
         """Return triangles between points of the surface, with its exact normals there."""
@@ -66,11 +67,11 @@ class RadialSurface:
     def _slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Slopes of the height over the surface: 1 along the normal, more along the radius."""
         normals = self.normals(points)
-        steepness = np.einsum("ij,ij->i", normals, _unit(points))
-        return np.asarray(np.einsum("ij,ij->i", normals, directions) / steepness)
+        steepness = pm.vecdot(normals, _unit(points))
+        return np.asarray(pm.vecdot(normals, directions) / steepness)
 
     def _height(self, points: FloatArray) -> FloatArray:
-        lengths = np.sqrt(np.einsum("ij,ij->i", points, points))
+        lengths = np.sqrt(pm.vecdot(points, points))
         return np.asarray(lengths - self.radii(points / lengths[:, None]))
 
 
@@ -86,13 +87,13 @@ def rippled_surface() -> RadialSurface:
 
     def radii(directions: FloatArray) -> FloatArray:
         x, y, z = 6.0 * directions.T
-        return np.asarray(1.0 + 0.03 * (np.sin(x) * np.sin(y) + np.sin(y) * np.sin(z)))
+        return np.asarray(1.0 + 0.03 * (pm.sin(x) * pm.sin(y) + pm.sin(y) * pm.sin(z)))
 
     return RadialSurface(radii)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None])
+    return np.asarray(vectors / np.sqrt(pm.vecdot(vectors, vectors))[:, None])
 
 
 def _across(out: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -110,14 +111,14 @@ _TURN = 2.0 * np.pi
 
 def wave_heights(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return heights h(x, y) of a few waves, in the precision of the coordinates."""
-    return sum((a * np.sin(_angle(x, y, m, n, p)) for m, n, p, a in _WAVES), start=0 * x)
+    return sum((a * pm.sin(_angle(x, y, m, n, p)) for m, n, p, a in _WAVES), start=0 * x)
 
 
 def wave_slopes(
     x: npt.NDArray[Any], y: npt.NDArray[Any]
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return the slopes dh/dx and dh/dy of the waves."""
-    turns = [(m, n, a * np.cos(_angle(x, y, m, n, p))) for m, n, p, a in _WAVES]
+    turns = [(m, n, a * pm.cos(_angle(x, y, m, n, p))) for m, n, p, a in _WAVES]
     along = sum((x.dtype.type(_TURN * m) * c for m, _, c in turns), start=0 * x)
     up = sum((x.dtype.type(_TURN * n) * c for _, n, c in turns), start=0 * x)
     return along, up

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.texture.procedures.points import ProcedurePoints, Work, unit_vector
 
 _Floats = npt.NDArray[np.float64]
@@ -25,8 +26,8 @@ def gradient(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
     def work(start: int, stop: int) -> None:
         points = _finite(samples.points[start:stop])
-        widths = _widths(samples, start, stop) @ np.abs(direction)
-        samples.out[start:stop, 0] = legend_values(points @ direction, widths, parameters)
+        widths = pm.matmul(_widths(samples, start, stop), np.abs(direction))
+        samples.out[start:stop, 0] = legend_values(pm.matmul(points, direction), widths, parameters)
 
     return work
 
@@ -37,9 +38,9 @@ def radial(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
     def work(start: int, stop: int) -> None:
         away = _finite(samples.points[start:stop]) - center
-        lengths = np.linalg.norm(away, axis=1)
+        lengths = pm.norm(away, axis=1)
         units = away / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-        widths = np.einsum("ij,ij->i", np.abs(units), _widths(samples, start, stop))
+        widths = pm.vecdot(np.abs(units), _widths(samples, start, stop))
         samples.out[start:stop, 0] = legend_values(lengths, widths, parameters)
 
     return work

@@ -50,7 +50,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
 from texbake.texture.procedures.options import INTERPOLATIONS, checked_parameters
 from texbake.texture.procedures.points import (
@@ -214,7 +214,7 @@ def value_noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 
 def squared_amplitudes(octaves: int, gain: float) -> float:
     """Return the sum of the squared amplitudes of octaves."""
-    return sum(gain ** (2 * i) for i in range(octaves))
+    return sum(pm.power(gain, 2 * i) for i in range(octaves))
 
 
 def signed_noise(

@@ -6,7 +6,6 @@ Kernels read points and widths with `core/procedure_points.h`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 
 # A function that evaluates the points start to stop - 1.
@@ -84,6 +84,6 @@ def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
 @lru_cache(maxsize=64)
 def unit_vector(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
     """Normalize a nonzero direction; return (3,) float64, read-only."""
-    vector = np.array(direction, np.float64) / math.hypot(*direction)
+    vector = np.array(direction, np.float64) / pm.norm(direction)
     vector.flags.writeable = False
     return vector

@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.texture.procedures.default_ramps import DEFAULT_RAMPS
 
 # Number of values for the mean color; ramps have only a few stops.
@@ -39,7 +40,7 @@ def own_ramp(name: str, distribution: str) -> Ramp:
     """Return the ramp of a procedure with values distributed `even` in [0, 1] or as a `sine`."""
     stops = np.array(DEFAULT_RAMPS[name])
     t = (np.arange(_N_VALUES) + 0.5) / _N_VALUES
-    values = t if distribution == "even" else 0.5 + 0.5 * np.sin(2.0 * np.pi * t)
+    values = t if distribution == "even" else 0.5 + 0.5 * pm.sin(2.0 * np.pi * t)
     places = np.linspace(0.0, 1.0, len(stops))
     mean = np.array([np.interp(values, places, channel).mean() for channel in stops.T])
     stops.flags.writeable = False

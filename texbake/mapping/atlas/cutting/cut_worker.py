@@ -11,6 +11,7 @@ there are no charts.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -22,6 +23,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
 
+from texbake.core import portable_math as pm  # noqa: E402
 from texbake.core.signal_watch import end_with_parent  # noqa: E402
 
 try:
@@ -50,7 +52,7 @@ def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> bytes
     packing.rotate_charts_to_axis = False  # texbake's own packer does that
     packing.bilinear = False
     longest = float(np.ptp(points, axis=0).max())
-    packing.texels_per_unit = min((_ATLAS_TEXELS / area) ** 0.5, _MOST_TEXELS / longest)
+    packing.texels_per_unit = min(math.sqrt(_ATLAS_TEXELS / area), _MOST_TEXELS / longest)
     atlas.generate(xatlas.ChartOptions(), packing)
     if atlas.chart_count == 0:
         return bytes(16)
@@ -65,7 +67,7 @@ def cut(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> bytes
 def _surface_area(points: npt.NDArray[np.float32], faces: npt.NDArray[np.uint32]) -> float:
     corners = points[faces].astype(np.float64)
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(crosses, axis=1).sum()) / 2.0
+    return float(pm.norm(crosses, axis=1).sum()) / 2.0
 
 
 def _answer(requests: BinaryIO, answers: BinaryIO) -> bool:

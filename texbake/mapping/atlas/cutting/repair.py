@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.overlap import overlap_layers
@@ -167,10 +168,10 @@ def _taken_apart(
 def laid_flat(corners: FloatArray) -> FloatArray:
     """(F, 3, 2) float64: triangles placed in the plane, with their lengths, counter-clockwise."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    lengths = np.linalg.norm(first, axis=1)
+    lengths = pm.norm(first, axis=1)
     flat = np.zeros((len(corners), 3, 2))
     flat[:, 1, 0] = lengths
-    flat[:, 2, 0] = np.einsum("ij,ij->i", first, second) / lengths
+    flat[:, 2, 0] = pm.vecdot(first, second) / lengths
     flat[:, 2, 1] = 2.0 * surface_areas(corners) / lengths
     return flat
 
@@ -201,13 +202,13 @@ def _evened(
     edges, areas = corners[:, 1:] - corners[:, :1], surface_areas(corners)
     uv_edges = uvs[faces[:, 1:]] - uvs[faces[:, :1]]
     # J Jᵀ = U G⁻¹ Uᵀ with the edges U in texture and their Gram matrix G in space; |G| = 4 A².
-    gram = np.einsum("fik,fjk->fij", edges, edges)
+    gram = pm.matmul(edges, edges.swapaxes(1, 2))
     adjugates = np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2) - gram
     weights = adjugates / (4.0 * np.maximum(areas, _TINY))[:, None, None]
-    moments = np.einsum("fik,fij,fjl->fkl", uv_edges, weights, uv_edges)
+    moments = pm.matmul(uv_edges.swapaxes(1, 2), pm.matmul(weights, uv_edges))
     sums = [np.bincount(face_charts, moments[:, i, j]) for i in (0, 1) for j in (0, 1)]
     maps = _inverse_square_roots(np.array(sums, dtype=np.float64).T.reshape(-1, 2, 2))
-    uvs = np.einsum("tij,tj->ti", maps[chart_ids], uvs)
+    uvs = pm.matvec(maps[chart_ids], uvs)
 
     flat_areas = np.bincount(face_charts, signed_areas(uvs[faces]))
     squares = np.zeros_like(flat_areas)
@@ -217,7 +218,7 @@ def _evened(
 
 def _inverse_square_roots(matrices: FloatArray) -> FloatArray:
     """H^(-1/2) of symmetric positive (n, 2, 2) matrices; the identity for a singular one."""
-    roots_det = np.sqrt(np.maximum(np.linalg.det(matrices), 0.0))
+    roots_det = np.sqrt(np.maximum(pm.det(matrices), 0.0))
     traces = np.trace(matrices, axis1=1, axis2=2)
     # A chart 1e12 times as long as wide has no width, and one of rounding alone no size.
     singular = ~((traces > 0.0) & (roots_det > 1e-12 * traces))

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import DependencyError
 from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
@@ -229,7 +229,7 @@ def plain_charts(
     used, indices = np.unique(coordinates.reshape(-1, 2), axis=0, return_inverse=True)
     across, up = _tangents(axes[:n_charts])
     where, chart_ids = points[used[:, 0]], used[:, 1].astype(np.int64)
-    uvs = [np.einsum("ij,ij->i", where, side[chart_ids]) for side in (across, up)]
+    uvs = [pm.vecdot(where, side[chart_ids]) for side in (across, up)]
     return indices.reshape(-1, 3).astype(np.int32), np.stack(uvs, axis=1), chart_ids
 
 
@@ -237,6 +237,6 @@ def _tangents(axes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors perpendicular to each axis, right-handed with it."""
     least = np.eye(3)[np.abs(axes).argmin(axis=1)]
     across = np.cross(least, axes)
-    lengths = np.linalg.norm(across, axis=1, keepdims=True)
+    lengths = pm.norm(across, axis=1, keepdims=True)
     across /= np.maximum(lengths, _TINY)
     return across, np.cross(axes, across)

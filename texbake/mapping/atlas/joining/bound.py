@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.join import join_charts
@@ -133,12 +134,12 @@ def _lines(piece: ChartPiece) -> list[npt.NDArray[np.bool_]]:
     grown = np.abs(signed_areas(uvs) / np.maximum(areas, np.finfo(float).tiny))
     weights = np.maximum(areas, np.finfo(float).tiny)
     about = centers - np.average(centers, axis=0, weights=weights)
-    _, axes = np.linalg.eigh((weights[:, None, None] * about[:, :, None] * about[:, None]).sum(0))
+    _, axes = pm.eigh((weights[:, None, None] * about[:, :, None] * about[:, None]).sum(0))
     # Areas that have changed much show curvature, which a cut through it removes.
-    stretched = weights * np.abs(np.log(np.clip(grown, 1e-6, 1e6)))
+    stretched = weights * np.abs(pm.log(np.clip(grown, 1e-6, 1e6)))
     lines = []
     for axis in (axes[:, 1], axes[:, 0]):
-        order = np.argsort(about @ axis, kind="stable")
+        order = np.argsort(pm.matmul(about, axis), kind="stable")
         for measure in (weights, stretched):
             sums = np.cumsum(measure[order])
             middle = int(np.searchsorted(sums, 0.5 * sums[-1]))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -66,7 +67,7 @@ def contact_of(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contac
         at_one=at_one[order],
         at_other=at_other[order],
         paths=paths,
-        lengths=np.linalg.norm(one.points[ends[order, 0]] - one.points[starts[order, 0]], axis=1),
+        lengths=pm.norm(one.points[ends[order, 0]] - one.points[starts[order, 0]], axis=1),
         turns=np.where(goes_on, one.angles[from_one] + other.angles[from_other], np.nan),
     )
 
@@ -193,10 +194,10 @@ def _fitted(
     weights = (
         weights / weights.sum() if weights.sum() > 0.0 else np.full(len(weights), 1 / len(weights))
     )
-    source, target = (array.reshape(-1, 2) @ np.array([1.0, 1.0j]) for array in (sources, targets))
-    # Not dot products, which sum in a different order with a different number of threads.
-    source_mean, target_mean = (weights * source).sum(), (weights * target).sum()
-    turn = np.sum(weights * np.conj(source - source_mean) * (target - target_mean))
-    turn = turn / abs(turn) if abs(turn) > 0.0 else 1.0
-    moved = (uvs @ np.array([1.0, 1.0j]) - source_mean) * turn + target_mean
-    return np.stack([moved.real, moved.imag], axis=1)
+    source, target = sources.reshape(-1, 2), targets.reshape(-1, 2)
+    source_mean, target_mean = ((weights[:, None] * ends).sum(axis=0) for ends in (source, target))
+    (x, y), (s, t) = (source - source_mean).T, (target - target_mean).T
+    cos, sin = float((weights * (x * s + y * t)).sum()), float((weights * (x * t - y * s)).sum())
+    length = pm.hypot(cos, sin)
+    cos, sin = (cos / length, sin / length) if length > 0.0 else (1.0, 0.0)
+    return pm.matmul(uvs - source_mean, np.array([[cos, sin], [-sin, cos]])) + target_mean

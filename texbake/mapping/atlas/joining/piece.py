@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _ANGLES = 2.0 * np.pi * np.arange(32) / 32.0
-_DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_DIRECTIONS = np.stack([pm.cos(_ANGLES), pm.sin(_ANGLES)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +74,7 @@ class ChartPiece:
     def border_lengths(self) -> FloatArray:
         """(k,) float64: lengths of the border's half-edges in space."""
         starts, ends = self.border_ends.T
-        return np.asarray(np.linalg.norm(self.points[ends] - self.points[starts], axis=1))
+        return np.asarray(pm.norm(self.points[ends] - self.points[starts], axis=1))
 
     @property
     def is_disk(self) -> bool:
@@ -121,10 +122,10 @@ def hull_area(uvs: FloatArray) -> float:
     """
     extents = _extents(uvs)
     step = 2.0 * math.pi / len(extents)
-    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * math.cos(step)
-    return float((extents * sides).sum() / (2.0 * math.sin(step)))
+    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * pm.cos(step)
+    return float((extents * sides).sum() / (2.0 * pm.sin(step)))
 
 
 def _extents(uvs: FloatArray) -> FloatArray:
     """(32,) float64: how far points extend in each direction, from the first of them."""
-    return np.asarray(((uvs - uvs[0]) @ _DIRECTIONS).max(axis=0))
+    return np.asarray((pm.matmul(uvs - uvs[0], _DIRECTIONS)).max(axis=0))

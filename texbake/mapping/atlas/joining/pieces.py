@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import measured
@@ -178,8 +179,8 @@ def _corner_angles(corners: FloatArray) -> FloatArray:
     """(m, 3) float64: angle in space at each corner; 0 if an edge has no length."""
     forward = np.roll(corners, -1, axis=1) - corners
     backward = np.roll(corners, 1, axis=1) - corners
-    sines = np.linalg.norm(np.cross(forward, backward), axis=2)
-    return np.asarray(np.arctan2(sines, (forward * backward).sum(axis=2)))
+    sines = pm.norm(np.cross(forward, backward), axis=2)
+    return np.asarray(pm.arctan2(sines, (forward * backward).sum(axis=2)))
 
 
 def _settled(piece: ChartPiece) -> FloatArray:
@@ -234,8 +235,8 @@ def _lines(piece: ChartPiece) -> list[npt.NDArray[np.bool_]]:
     centers = piece.uvs[piece.faces].mean(axis=1)
     angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     lines = []
-    for direction in np.stack([np.cos(angles), np.sin(angles)], axis=1):
-        along = centers @ direction
+    for direction in np.stack([pm.cos(angles), pm.sin(angles)], axis=1):
+        along = pm.matmul(centers, direction)
         for place in np.quantile(along, _PLACES):
             sides = along < place
             if sides.any():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines
 from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
@@ -67,7 +67,7 @@ class Bins:
         """(C,) int32: charts by size, the largest first; from trial 1 on, slightly shuffled."""
         ids = np.arange(self.charts.n_charts)
         noise = (_GOLDEN_RATIO * (trial * len(ids) + ids)) % 1.0 - 0.5 if trial > 0 else 0.0
-        return np.argsort(-self.sizes * np.exp(noise), kind="stable").astype(np.int32)
+        return np.argsort(-self.sizes * pm.exp(noise), kind="stable").astype(np.int32)
 
     def try_scale(self, scale: float, trial: int = 0) -> bool:
         """Place all charts at a scale, in cells per unit; return whether they fit."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -44,7 +44,7 @@ class Poses:
         cls, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, angles: FloatArray
     ) -> Poses:
         """Poses of charts rotated counter-clockwise by `angles` (C, K), in radians."""
-        cos, sin = np.cos(angles)[chart_ids], np.sin(angles)[chart_ids]
+        cos, sin = pm.cos(angles)[chart_ids], pm.sin(angles)[chart_ids]
         x, y = uvs[:, :1], uvs[:, 1:]
         posed = np.stack([x * cos - y * sin, x * sin + y * cos], axis=2)
         order = np.argsort(chart_ids, kind="stable")
@@ -123,5 +123,5 @@ def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))
     angles = np.arange(_BOX_ANGLES) * (math.pi / 2.0 / _BOX_ANGLES)
     best = np.zeros(n_charts, dtype=np.int64)
-    core.find_least_boxes(uvs[order], starts, np.cos(angles), np.sin(angles), best)
+    core.find_least_boxes(uvs[order], starts, pm.cos(angles), pm.sin(angles), best)
     return np.asarray(angles[best])

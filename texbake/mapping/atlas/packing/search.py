@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import Shapes, shapes_of
 from texbake.mapping.atlas.packing.poses import Outlines, Poses
 from texbake.mapping.atlas.packing.settle import (
@@ -127,7 +127,7 @@ class _Strip:
         self.sizes = poses.extents[:, 0].sum(axis=1)
         random = np.random.default_rng(seed)
         noise = random.uniform(-_NOISE, _NOISE, len(areas)) if seed > 0 else 0.0
-        self._order = np.argsort(-self.sizes * np.exp(noise), kind="stable").astype(np.int32)
+        self._order = np.argsort(-self.sizes * pm.exp(noise), kind="stable").astype(np.int32)
         self._places = np.zeros((len(areas), 3), dtype=np.int32)
         # A longer chart fits in no pose, and its bitmap could be of any size.
         self.longest_scale = max(size[0], 2 * size[1]) / poses.lengths().max()
@@ -157,7 +157,7 @@ def _searched_order(strip: _Strip, most_work: int, first_scale: float) -> _Order
         tried = strip.placed(scale, most_work - strip.work if best is not None else 0)
         if tried.top <= strip.height:
             best = tried
-            growth = min(max((strip.height / tried.top) ** 0.9, _LEAST_GROWTH), _MOST_GROWTH)
+            growth = min(max(pm.power(strip.height / tried.top, 0.9), _LEAST_GROWTH), _MOST_GROWTH)
             scale *= math.sqrt(growth)
         elif best is not None:
             break

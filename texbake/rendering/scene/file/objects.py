@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator, Tag
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
 from texbake.mapping.options import METHODS, UnwrapOptions
@@ -257,7 +258,7 @@ def _transform(given: Mapping[str, Any]) -> FloatArray | None:
 def _composed(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray | None:
     if outer is None or inner is None:
         return inner if outer is None else outer
-    return outer @ inner
+    return pm.matmul(outer, inner)
 
 
 def _shape_options(given: Mapping[str, Any]) -> dict[str, Any]:

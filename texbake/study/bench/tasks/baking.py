@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.normals import smooth_normals
 from texbake.study.bench.cases import BenchCase
@@ -85,7 +86,7 @@ def _prepare_displacement(case: BenchCase, options: BenchOptions, folder: Path) 
         read = lookup(_pixels(product), probes.uvs).astype(np.float64)
         heights = read[:, 0]
         if product.form == "positions":
-            heights = np.einsum("ij,ij->i", read - points, normals)
+            heights = pm.vecdot(read - points, normals)
         errors = 100.0 * np.abs(heights - probes.heights) / case.low.diagonal
         return Judgment(
             float(errors.mean()),
@@ -98,13 +99,13 @@ def _prepare_displacement(case: BenchCase, options: BenchOptions, folder: Path) 
 
 def _points(case: BenchCase, probes: Probes) -> FloatArray:
     corners = case.low.positions[case.low.faces[probes.faces]]
-    return np.asarray(np.einsum("nc,ncx->nx", probes.barycentrics, corners))
+    return np.asarray(pm.vecmat(probes.barycentrics, corners))
 
 
 def _directions(case: BenchCase, probes: Probes) -> FloatArray:
     corners = smooth_normals(case.low)[case.low.faces[probes.faces]]
-    found = np.einsum("nc,ncx->nx", probes.barycentrics, corners)
-    lengths = np.sqrt(np.einsum("ij,ij->i", found, found))
+    found = pm.vecmat(probes.barycentrics, corners)
+    lengths = np.sqrt(pm.vecdot(found, found))
     return np.asarray(found / np.where(lengths > 0.0, lengths, 1.0)[:, None])
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.normals import shading_normals
@@ -52,8 +53,8 @@ material = {{base_color = [1, 1, 1], shading = "lambert"}}
 def _prepare_preview(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared:
     size = options.picture_size
     camera = Camera.framing(case.high, options=RenderOptions(width=size, height=size))
-    light = np.array(_LIGHT) @ camera.axes
-    truth = lambert_picture(case, camera, size, -light / np.linalg.norm(light))
+    light = pm.matmul(np.array(_LIGHT), camera.axes)
+    truth = lambert_picture(case, camera, size, -light / pm.norm(light))
     mesh = mesh_file(case.high, folder, f"{case.name} high")
     scene = folder / f"{case.name}.toml"
     numbers = {
@@ -90,10 +91,10 @@ def lambert_picture(
 ) -> npt.NDArray[np.float32]:
     """(size, size, 3) float32: the cosine of the angle to the light, averaged over each pixel."""
     rays = sight_rays(camera, size * _PER_SIDE, size * _PER_SIDE).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays /= pm.norm(rays, axis=1, keepdims=True)
     frame = LocalFrame.around(case.high)
     origins = np.broadcast_to(frame.to_local(camera.eye[None]), rays.shape)
-    reach = np.linalg.norm(origins[0]) + 2.0  # beyond the mesh, which is about one unit wide
+    reach = pm.norm(origins[0]) + 2.0  # beyond the mesh, which is about one unit wide
     with RayScene.build(case.high, frame) as scene:
         hits = scene.cast(
             Rays(
@@ -105,13 +106,13 @@ def lambert_picture(
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     if case.surface is not None:
         corners = case.high.positions[case.high.faces[hits.faces[seen]]]
-        normals = case.surface.normals(np.einsum("nc,ncx->nx", weights, corners))
+        normals = case.surface.normals(pm.vecmat(weights, corners))
     else:
         values, rows = shading_normals(case.high)
-        normals = np.einsum("nc,ncx->nx", weights, values[rows[hits.faces[seen]]])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        normals = pm.vecmat(weights, values[rows[hits.faces[seen]]])
+        normals /= np.maximum(pm.norm(normals, axis=1, keepdims=True), 1e-30)
     light = np.zeros(len(rays))
-    light[seen] = np.maximum(normals @ to_light, 0.0)
+    light[seen] = np.maximum(pm.matmul(normals, to_light), 0.0)
     picture = light.reshape(size, _PER_SIDE, size, _PER_SIDE).mean(axis=(1, 3))
     return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
+
 FloatArray = npt.NDArray[np.float64]
 
 # Oklab to cube roots of cone responses, and those cubed to linear sRGB.
@@ -58,8 +60,13 @@ def linear_from_oklch(
     array([1., 1., 1.])
     """
     lightness, chroma, hue = np.broadcast_arrays(lightness, chroma, np.radians(hue_deg))
-    lab = np.stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)], axis=-1)
-    return np.asarray(np.clip((lab @ _CONES.T) ** 3 @ _LINEAR_SRGB.T, 0.0, 1.0))
+    lab = np.stack([lightness, chroma * pm.cos(hue), chroma * pm.sin(hue)], axis=-1)
+    cones = _transformed(lab, _CONES)
+    return np.asarray(np.clip(_transformed(cones * cones * cones, _LINEAR_SRGB), 0.0, 1.0))
+
+
+def _transformed(vectors: FloatArray, matrix: FloatArray) -> FloatArray:
+    return np.asarray((vectors[..., None, :] * matrix).sum(axis=-1))
 
 
 def diverging(levels: npt.ArrayLike) -> FloatArray:

@@ -1,6 +1,6 @@
 import numpy as np
 
-from texbake.colors import diverging, linear_from_oklch
+from texbake.mesh.oklch import diverging, linear_from_oklch
 
 
 def test_ends_of_lightness() -> None:
