@@ -415,6 +415,11 @@ void split_quads(
     const double after[n_vertices][3], const int32_t quads[n_quads][4],
     int32_t faces[n_quads][2][3], int64_t start, int64_t stop);
 
+/* fourier.c */
+int64_t fourier_transform_rows(
+    int64_t n, int64_t length, double real[n][length], double imaginary[n][length], bool inverse,
+    int64_t start, int64_t stop);
+
 /* gradient_noise.c */
 void fill_noise(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],

@@ -6,32 +6,32 @@
 
 #include "core.h"
 
-#define OVER_ARRAY(name)                                                                          \
-    void array_##name(int64_t n, const double x[n], double out[n])                                \
+#define OVER_ARRAY(name, function)                                                                \
+    void name(int64_t n, const double x[n], double out[n])                                        \
     {                                                                                             \
         for (int64_t i = 0; i < n; i++)                                                           \
-            out[i] = portable_##name(x[i]);                                                       \
+            out[i] = function(x[i]);                                                              \
     }
-#define OVER_PAIRS(name)                                                                          \
-    void array_##name(int64_t n, const double x[n], const double y[n], double out[n])             \
+#define OVER_PAIRS(name, function)                                                                \
+    void name(int64_t n, const double x[n], const double y[n], double out[n])                     \
     {                                                                                             \
         for (int64_t i = 0; i < n; i++)                                                           \
-            out[i] = portable_##name(x[i], y[i]);                                                 \
+            out[i] = function(x[i], y[i]);                                                        \
     }
 
-OVER_ARRAY(sin)
-OVER_ARRAY(cos)
-OVER_ARRAY(tan)
-OVER_ARRAY(asin)
-OVER_ARRAY(acos)
-OVER_ARRAY(atan)
-OVER_ARRAY(exp)
-OVER_ARRAY(log)
-OVER_ARRAY(log2)
-OVER_ARRAY(log10)
-OVER_PAIRS(atan2)
-OVER_PAIRS(hypot)
-OVER_PAIRS(power)
+OVER_ARRAY(array_sin, portable_sin)
+OVER_ARRAY(array_cos, portable_cos)
+OVER_ARRAY(array_tan, portable_tan)
+OVER_ARRAY(array_asin, portable_asin)
+OVER_ARRAY(array_acos, portable_acos)
+OVER_ARRAY(array_atan, portable_atan)
+OVER_ARRAY(array_exp, portable_exp)
+OVER_ARRAY(array_log, portable_log)
+OVER_ARRAY(array_log2, portable_log2)
+OVER_ARRAY(array_log10, portable_log10)
+OVER_PAIRS(array_atan2, portable_atan2)
+OVER_PAIRS(array_hypot, portable_hypot)
+OVER_PAIRS(array_power, portable_power)
 
 void array_float_power(int64_t n, const float x[n], const float y[n], float out[n])
 {

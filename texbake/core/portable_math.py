@@ -13,6 +13,7 @@ is rounded to float32. Kernels: `core/elementary.c` and `core/small_matrices.c`.
 
 from __future__ import annotations
 
+import math
 from typing import Any, overload
 
 import numpy as np
@@ -33,6 +34,8 @@ class _Unary:
     def __call__(self, x: float, /) -> float: ...
     @overload
     def __call__(self, x: Array, /) -> Array: ...
+    @overload
+    def __call__(self, x: Any, /) -> Any: ...
 
     def __call__(self, x: Any, /) -> Any:
         values, rounded = _prepared(x)
@@ -50,9 +53,11 @@ class _Binary:
     @overload
     def __call__(self, x: float, y: float, /) -> float: ...
     @overload
-    def __call__(self, x: Array, y: Array | float, /) -> Array: ...
+    def __call__(self, x: Array, y: Any, /) -> Array: ...
     @overload
-    def __call__(self, x: float, y: Array, /) -> Array: ...
+    def __call__(self, x: Any, y: Array, /) -> Array: ...
+    @overload
+    def __call__(self, x: Any, y: Any, /) -> Any: ...
 
     def __call__(self, x: Any, y: Any, /) -> Any:
         a, b = np.broadcast_arrays(x, y)
@@ -93,9 +98,8 @@ def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     products below.
     """
     first, second = np.broadcast_arrays(a, b)
-    inner, shape = first.shape[-1], first.shape[:-1]
-    out = np.empty(shape)
-    core.sum_row_products(_rows(first, inner), _rows(second, inner), out.reshape(-1))
+    out = np.empty(first.shape[:-1])
+    core.sum_row_products(_listed(first, 1), _listed(second, 1), out.reshape(-1))
     return _as_given(out, first, second)
 
 
@@ -112,13 +116,11 @@ def matmul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     if inner != of_inner:
         raise ValueError(f"matmul: shapes {first.shape} and {second.shape} do not match")
     if second.ndim == 2 and first.ndim > 2:  # as one long list of rows
-        product = matmul(first.reshape(-1, inner), second)
+        product = matmul(first.reshape(math.prod(first.shape[:-1]), inner), second)
         return np.asarray(product.reshape(*first.shape[:-1], columns))
     shape = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
     out = np.empty((*shape, rows, columns))
-    core.multiply_matrices(
-        _matrices(first, shape), _matrices(second, shape), out.reshape(-1, rows, columns)
-    )
+    core.multiply_matrices(_matrices(first, shape), _matrices(second, shape), _listed(out, 2))
     return _as_given(out, first, second)
 
 
@@ -145,9 +147,7 @@ def det(matrices: npt.ArrayLike) -> Any:
     """Determinants of square matrices (..., n, n)."""
     a = np.array(matrices, np.float64)
     out = np.empty(a.shape[:-2])
-    core.solve_systems(
-        a.reshape(-1, *a.shape[-2:]), np.empty((out.size, a.shape[-1], 0)), out.reshape(-1)
-    )
+    core.solve_systems(_listed(a, 2), np.empty((out.size, a.shape[-1], 0)), out.reshape(-1))
     return out if a.ndim > 2 else float(out)
 
 
@@ -164,9 +164,7 @@ def solve(matrices: npt.ArrayLike, sides: npt.ArrayLike) -> Array:
     a, b = np.array(matrices, np.float64), np.asarray(sides, np.float64)
     out = np.broadcast_to(b, (*a.shape[:-2], *b.shape[-2:])).copy()
     determinants = np.empty(out.shape[:-2])
-    core.solve_systems(
-        a.reshape(-1, *a.shape[-2:]), out.reshape(-1, *out.shape[-2:]), determinants.reshape(-1)
-    )
+    core.solve_systems(_listed(a, 2), _listed(out, 2), determinants.reshape(-1))
     if not determinants.all():
         raise np.linalg.LinAlgError("Singular matrix")
     return out
@@ -181,7 +179,7 @@ def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
     """Eigenvalues (..., n) of symmetric matrices, ascending, and eigenvectors as columns."""
     a = np.array(matrices, np.float64)
     vectors = np.empty_like(a)
-    core.diagonalize(a.reshape(-1, *a.shape[-2:]), vectors.reshape(-1, *a.shape[-2:]))
+    core.diagonalize(_listed(a, 2), _listed(vectors, 2))
     values = np.diagonal(a, axis1=-2, axis2=-1)
     order = np.argsort(values, axis=-1, kind="stable")
     return (
@@ -214,16 +212,18 @@ def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple
     return matmul(shares, kept), rank
 
 
-def _rows(values: Array, inner: int) -> npt.NDArray[np.float64]:
-    return np.ascontiguousarray(values, np.float64).reshape(-1, inner)
+def _listed(values: Array, n_axes: int) -> npt.NDArray[np.float64]:
+    """Contiguous float64, with all axes but the last ones made one."""
+    kept = values.shape[values.ndim - n_axes :]
+    shape = math.prod(values.shape[: values.ndim - n_axes]), *kept
+    return np.ascontiguousarray(values, np.float64).reshape(shape)
 
 
 def _matrices(values: Array, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
     """A list of matrices; one alone where it is the same for the whole list."""
-    matrices = values.shape[-2:]
     if values.ndim > 2 and values.shape[:-2] != shape:
-        values = np.broadcast_to(values, (*shape, *matrices))
-    return np.ascontiguousarray(values, np.float64).reshape(-1, *matrices)
+        values = np.broadcast_to(values, (*shape, *values.shape[-2:]))
+    return _listed(values, 2)
 
 
 def _as_given(out: npt.NDArray[np.float64], *arrays: Array) -> Array:

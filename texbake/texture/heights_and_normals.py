@@ -28,9 +28,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
+from texbake.parallel import run_bands
 from texbake.texture.encoding import decode_normals
 from texbake.texture.height_options import (
     DEFAULT_SCALE,
@@ -38,6 +39,8 @@ from texbake.texture.height_options import (
     NormalToHeightOptions,
 )
 from texbake.texture.image import Image
+
+_BAND = 1 << 18  # numbers that a thread transforms at a time
 
 # Weights, in sixteenths, of the three texels that a derivative averages across its direction.
 _ACROSS = {"central": (0, 16, 0), "sobel": (4, 8, 4), "scharr": (3, 10, 3)}
@@ -247,45 +250,72 @@ def _mirrored(right: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[FloatArray, float]:
-    """Return heights that tile, in units of a texel, and the root mean square of the residual."""
-    shape = slopes[0].shape
-    axes = (1, 0)
-    numerator = np.zeros((shape[0], shape[1] // 2 + 1), np.complex128)
-    denominator = np.zeros(numerator.shape)
-    for axis, slope in zip(axes, slopes, strict=True):
-        step, mean = _transfers(shape[axis], axis, method)
-        numerator += np.conj(step) * mean * np.fft.rfft2(slope)
-        denominator += np.abs(step) ** 2
-    denominator[denominator == 0.0] = 1.0  # only for the mean, which becomes 0
-    numerator /= denominator
-    square = 0.0
-    for axis, slope in zip(axes, slopes, strict=True):
-        step, mean = _transfers(shape[axis], axis, method)
-        left_over = np.fft.irfft2(step * numerator - mean * np.fft.rfft2(slope), s=shape)
-        square += float(np.mean(left_over**2))
-    return np.fft.irfft2(numerator, s=shape), float(np.sqrt(square))
+    """Return heights that tile, in units of a texel, and the root mean square of the residual.
+
+    Both slopes are transformed as one complex image, and so are both residuals. The arrays hold
+    real and imaginary parts.
+    """
+    height, width = slopes[0].shape
+    columns = _transfers(width, method)
+    rows = _transfers(height, method)
+    spectrum = _fourier(*slopes)
+    heights = np.empty((2, height, width))
+    residuals = np.empty((2, height, width))
+    for row in range(height):
+        z, mirrored = spectrum[:, row], np.roll(spectrum[:, -row, ::-1], 1, axis=1)
+        right = 0.5 * (z[0] + mirrored[0]), 0.5 * (z[1] - mirrored[1])
+        down = 0.5 * (z[1] + mirrored[1]), 0.5 * (mirrored[0] - z[0])
+        (step_x, mean_x), (step_y, mean_y) = columns, rows[:, :, row]
+        p, q = _product(mean_x, right), _product(mean_y, down)
+        a, b = _product(_conjugate(step_x), p), _product(_conjugate(step_y), q)
+        squares = np.square(step_x).sum(axis=0) + np.square(step_y).sum()
+        squares[squares == 0.0] = 1.0  # only for the mean, which becomes 0
+        heights[:, row] = found = (a[0] + b[0]) / squares, (a[1] + b[1]) / squares
+        off_x, off_y = (
+            _product(step, found) - np.array(wanted) for step, wanted in ((step_x, p), (step_y, q))
+        )
+        residuals[:, row] = off_x[0] - off_y[1], off_x[1] + off_y[0]
+    square = float(np.square(_fourier(*residuals, inverse=True)).mean())
+    return _fourier(*heights, inverse=True)[0], math.sqrt(2.0 * square)
 
 
-def _transfers(
-    n: int, axis: int, method: str
-) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
-    """Return the factors of waves for steps of heights and means of slopes, along one axis.
+def _fourier(real: FloatArray, imaginary: FloatArray, *, inverse: bool = False) -> FloatArray:
+    """(2, H, W): the discrete Fourier transform of a complex image; kernel `core/fourier.c`."""
+    parts = np.stack([real, imaginary])
+    for _ in "rows", "columns":
+        n, length = parts.shape[1:]
+
+        def work(start: int, stop: int, parts: FloatArray = parts) -> None:
+            core.fourier_transform_rows(parts[0], parts[1], inverse, start, stop)
+
+        run_bands(work, n, band=max(1, _BAND // length))
+        parts = np.ascontiguousarray(parts.transpose(0, 2, 1))
+    return parts / real.size if inverse else parts
+
+
+def _product(a: FloatArray, b: FloatArray | tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Products of complex numbers, as real and imaginary parts."""
+    return np.array([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _conjugate(a: FloatArray) -> FloatArray:
+    return np.array([a[0], -a[1]])
+
+
+def _transfers(n: int, method: str) -> FloatArray:
+    """(2, 2, n): factors of waves for steps of heights and means of slopes, along one axis.
 
     For Frankot and Chellappa, steps are derivatives and means are 1. With an even number of
     samples, their fastest wave alternates between +1 and -1 and has slope 0 at every sample.
     """
-    frequencies = 2.0 * np.pi * (np.fft.rfftfreq(n) if axis == 1 else np.fft.fftfreq(n))
-    waves = (1.0j * frequencies).astype(np.complex128)
-    step: npt.NDArray[np.complex128]
-    mean: npt.NDArray[np.complex128]
+    numbers = np.arange(n)
+    waves = 2.0 * np.pi * np.where(2 * numbers < n, numbers, numbers - n) / n
     if method == "poisson":
-        turns = pm.exp(waves).astype(np.complex128)
-        step, mean = turns - 1.0, (turns + 1.0) / 2.0
+        cos, sin = pm.cos(waves), pm.sin(waves)
+        step, mean = np.array([cos - 1.0, sin]), np.array([(cos + 1.0) / 2.0, sin / 2.0])
     else:
-        step, mean = waves, np.ones(len(frequencies), np.complex128)
+        step = np.array([np.zeros(n), waves])
+        mean = np.array([np.ones(n), np.zeros(n)])
     if n % 2 == 0:
-        if method == "poisson":
-            mean[n // 2] = 0.0
-        else:
-            step[n // 2] = 0.0
-    return (step, mean) if axis == 1 else (step[:, None], mean[:, None])
+        (mean if method == "poisson" else step)[:, n // 2] = 0.0
+    return np.array([step, mean])

@@ -98,7 +98,7 @@ def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
     """
     points = _oriented(_pruned(profile))
     edges = np.diff(points, axis=0)
-    lengths = pm.hypot(*edges.T)
+    lengths = pm.hypot(edges[:, 0], edges[:, 1])
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / lengths[:, None]
     starts, ends, smooth = _segment_normals(points, normals, lengths, np.radians(crease))
     ends_v = np.cumsum(lengths)

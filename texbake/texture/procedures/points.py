@@ -84,6 +84,6 @@ def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
 @lru_cache(maxsize=64)
 def unit_vector(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
     """Normalize a nonzero direction; return (3,) float64, read-only."""
-    vector = np.array(direction, np.float64) / pm.norm(direction)
+    vector = np.asarray(np.array(direction, np.float64) / pm.norm(direction))
     vector.flags.writeable = False
     return vector

@@ -200,4 +200,5 @@ def _fitted(
     cos, sin = float((weights * (x * s + y * t)).sum()), float((weights * (x * t - y * s)).sum())
     length = pm.hypot(cos, sin)
     cos, sin = (cos / length, sin / length) if length > 0.0 else (1.0, 0.0)
-    return pm.matmul(uvs - source_mean, np.array([[cos, sin], [-sin, cos]])) + target_mean
+    turn = np.array([[cos, sin], [-sin, cos]])
+    return np.asarray(pm.matmul(uvs - source_mean, turn) + target_mean)
