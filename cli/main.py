@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from texbake import __version__, limit_own_memory, raised_limits
+from texbake import __version__, heard_warnings, limit_own_memory, raised_limits
 
 from .lazy import LazyGroup
 from .signals import clear_after_signal, end_cleanly_on_signals, keep_exit_code
@@ -46,10 +46,17 @@ def texbake(ctx: click.Context, max_image: int | None, allow_outside: bool) -> N
     Simplifies meshes, gives them texture coordinates, bakes normal, displacement and other maps,
     and renders the result, without a GPU or a display.
     """
+    ctx.with_resource(heard_warnings(_warn))
     ctx.with_resource(raised_limits(max_image=max_image, allow_outside=allow_outside))
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
         ctx.exit(2)
+
+
+def _warn(line: str) -> None:
+    from .terminal import Terminal
+
+    Terminal().warn(line)
 
 
 def main() -> None:

@@ -59,7 +59,9 @@ def test_errors_form_one_tree() -> None:
     errors = [
         value
         for name in texbake.__all__
-        if isinstance(value := getattr(texbake, name), type) and issubclass(value, Exception)
+        if isinstance(value := getattr(texbake, name), type)
+        and issubclass(value, Exception)
+        and not issubclass(value, Warning)
     ]
     assert len(errors) > 5
     assert all(issubclass(error, texbake.TexbakeError) for error in errors)

@@ -62,9 +62,11 @@ from .errors import (
     MeshError as MeshError,
     MissError as MissError,
     OptionError as OptionError,
+    ReadWarning as ReadWarning,
     TexbakeError as TexbakeError,
     UnwrapError as UnwrapError,
     UvError as UvError,
+    heard_warnings as heard_warnings,
     is_out_of_memory as is_out_of_memory,
 )
 from .jobs.cages import cage_file as cage_file

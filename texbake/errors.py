@@ -16,7 +16,10 @@ from __future__ import annotations
 
 import errno
 import re
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from texbake.machine_memory import came_near_limit
 
@@ -123,6 +126,48 @@ class CageError(MeshError):
 
 class MissError(TexbakeError):
     """More texels missed the high-poly mesh than the user allows."""
+
+
+class ReadWarning(UserWarning):
+    """Something in a file was left out or read as something else, and the rest was read."""
+
+
+_LISTENER: ContextVar[Callable[[str], None] | None] = ContextVar("reading warnings", default=None)
+
+
+def warn_of(path: object, what: str) -> None:
+    """Warn of what a reader leaves out of a file or reads as something else.
+
+    The warning is a `ReadWarning` of Python's `warnings`, unless `heard_warnings` listens.
+    """
+    listener = _LISTENER.get()
+    if listener is None:
+        warnings.warn(f"{path}: {what}", ReadWarning, stacklevel=2)
+    else:
+        listener(f"{path}: {what}")
+
+
+@contextmanager
+def heard_warnings(listener: Callable[[str], None]) -> Iterator[None]:
+    """Give the warnings of readers in this block to a function, each line once.
+
+    >>> with heard_warnings(print):
+    ...     for _ in range(2):
+    ...         warn_of("a.obj", "2 of 90 normals are not finite")
+    a.obj: 2 of 90 normals are not finite
+    """
+    heard: set[str] = set()
+
+    def listen(line: str) -> None:
+        if line not in heard:
+            heard.add(line)
+            listener(line)
+
+    token = _LISTENER.set(listen)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
 
 
 # What Python and the loader of libraries say where the system gives no memory.

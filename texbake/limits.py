@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from texbake.errors import FileError, FileFormatError, OptionError, quoted
-from texbake.files import PathLike
+from texbake.files import PathLike, is_file
 
 MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
 """Environment variable: an image may have as many pixels as a square with this side."""
@@ -191,7 +191,7 @@ def file_beside(path: PathLike, name: str) -> Path:
     if len(name) > LONGEST_NAME:
         raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
     folder = Path(path).parent
-    place = folder / name
+    place = folder / _with_slashes(folder, name)
     if not is_within(folder, place) and not allows_outside():
         raise FileError(
             f"{path}: it names {quoted(str(name))}, which lies outside its folder; if you trust "
@@ -218,6 +218,11 @@ def folder_beside(path: PathLike, name: str) -> Path:
     return place
 
 
+def _with_slashes(folder: Path, name: str) -> str:
+    """Return a name with slashes for the backslashes of Windows, unless a file has these."""
+    return name.replace("\\", "/") if "\\" in name and not is_file(folder / name) else name
+
+
 def real_path(path: PathLike, name: str) -> str:
     """Return a path that is equal for all names by which a file names another one.
 
@@ -225,7 +230,8 @@ def real_path(path: PathLike, name: str) -> str:
     """
     if len(name) > LONGEST_NAME:  # the system would be asked about each of its parts
         return name
-    place = Path(path).parent / name
+    folder = Path(path).parent
+    place = folder / _with_slashes(folder, name)
     try:
         return os.path.realpath(place)
     except (OSError, ValueError):  # no file can have such a name

@@ -19,7 +19,7 @@ from texbake.building.locations import file_signature, is_url
 from texbake.building.step import Job
 from texbake.building.steps import STEP_KINDS
 from texbake.building.store import DamagedError, Manifest, Store
-from texbake.errors import FileError, TexbakeError, is_out_of_memory
+from texbake.errors import FileError, TexbakeError, heard_warnings, is_out_of_memory
 from texbake.files import scratch_folder
 from texbake.progress import peak_memory_bytes
 
@@ -169,16 +169,20 @@ def _done(task: Task) -> Manifest:
             for role, items in task.inputs.items()
         }
         signatures = _signatures(task)
-        figures = kind.run(
-            Job(
-                settings=task.settings,
-                inputs=inputs,
-                outputs={name: folder / file for name, file in task.outputs.items()},
-                threads=task.threads,
-                most_memory=task.most_memory,
-                asset=task.asset,
+        warned: list[str] = []
+        with heard_warnings(warned.append):
+            figures = kind.run(
+                Job(
+                    settings=task.settings,
+                    inputs=inputs,
+                    outputs={name: folder / file for name, file in task.outputs.items()},
+                    threads=task.threads,
+                    most_memory=task.most_memory,
+                    asset=task.asset,
+                )
             )
-        )
+        if warned:
+            figures = {**figures, "notes": [*warned, *figures.get("notes", ())]}
         _check_unchanged(task, signatures)
         more = {
             "figures": _finite(figures),

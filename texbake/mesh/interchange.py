@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError
+from texbake.errors import MeshError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.mesh import IntArray, Mesh
@@ -132,8 +132,11 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
 
     name = name or str(scene.metadata.get("file_name") or "scene")
     parts = []
+    n_projective = 0
     for node in scene.graph.nodes_geometry:
-        matrix, geometry = scene.graph[node]
+        with np.errstate(all="ignore"):  # trimesh looks whether the matrix is rigid
+            matrix, geometry = scene.graph[node]
+        n_projective += not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0))
         mesh = scene.geometry[geometry]
         if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
             continue
@@ -145,6 +148,9 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
             parts.append(transformed(part, np.array(matrix, np.float64)))
     if not parts:
         raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
+    if n_projective:
+        noun = "matrix" if n_projective == 1 else "matrices"
+        warn_of(name, f"read without the projective row of {n_projective:,} {noun}")
     return join_parts(parts, name)
 
 

@@ -21,10 +21,10 @@ from texbake.mesh.files.fbx_textures import base_layer, first_image
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, image_source, read_texture
-from texbake.mesh.files.mtl import library_names, map_name
+from texbake.mesh.files.mtl import library_names, library_statements, map_name
+from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
 from texbake.mesh.files.passed_over import passed_over_in_fbx, passed_over_in_gltf
-from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.usd_process import ask_usd
 
 
@@ -165,18 +165,17 @@ _MTL_CHANNELS = {
     "pm": "metallic", "map_pm": "metallic", "bump": "bump", "map_bump": "bump", "norm": "normal",
     "disp": "displacement",
 }  # fmt: skip
-_STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _VALUES = ("kd", "ks", "ke", "d", "tr", "ns", "pr", "pm")
 
 
 def _of_obj(path: Path) -> FileContents:
-    data = read_bytes(path)
+    data = read_obj_text(path).tobytes()
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
     for library in _allowed(path, library_names(path, data)):
         if is_file(library):
-            for match in _STATEMENT.finditer(read_bytes(library)):
-                _add_statement(library, match[1], match[2], materials, images)
+            for keyword, words in library_statements(library):
+                _add_statement(library, keyword.lower(), words, materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
         materials=tuple(materials),
@@ -187,13 +186,12 @@ def _of_obj(path: Path) -> FileContents:
 
 def _add_statement(
     library: Path,
-    keyword: bytes,
-    value: bytes,
+    statement: str,
+    words: str,
     materials: list[MaterialContent],
     images: dict[str, bytes | None],
 ) -> None:
     """Add what a statement of a .mtl file says, to the material that it belongs to."""
-    statement, words = keyword.decode().lower(), decode_name(value.strip())
     if statement == "newmtl":
         materials.append(MaterialContent(name=words, channels={}))
     elif statement in _MTL_CHANNELS and materials:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError, OptionError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SPACE, from_description
 from texbake.png import SIGNATURE, png_description
@@ -69,19 +69,74 @@ def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray
     return np.asarray(indices[np.stack([i, i + 1 + odd, i + 2 - odd], axis=1)])
 
 
+_INSTEAD = {
+    "normals": "computed ones take their place",
+    "texture coordinates": "(0, 0) takes their place",
+    "vertex colors": "white takes their place",
+}
+
+
+def finite_rows(path: PathLike, rows: npt.NDArray[Any], what: str) -> npt.NDArray[Any]:
+    """Return rows with zeros for those that are not finite, which are counted and warned of.
+
+    Parameters
+    ----------
+    path
+    rows : (n, k) floats
+    what
+        `normals`, `texture coordinates`, or `vertex colors`, which become ones.
+    """
+    is_bad = rows_not_finite(rows)
+    if not is_bad.any():
+        return rows
+    warn_of(path, f"{_count(is_bad)} {what} are not finite; {_INSTEAD[what]}")
+    rows = rows.copy()
+    rows[is_bad] = what == "vertex colors"
+    return rows
+
+
+def finite_vertices(
+    path: PathLike, positions: FloatArray, faces: IntArray, colors: npt.NDArray[Any] | None = None
+) -> tuple[FloatArray, IntArray, npt.NDArray[Any] | None]:
+    """Return a mesh's arrays without vertices that are not finite and that no face uses.
+
+    They are counted and warned of. One that a face uses is left for `Mesh` to refuse.
+    """
+    is_bad = rows_not_finite(positions)
+    if not is_bad.any() or faces.size == 0 or faces.min() < 0 or faces.max() >= len(positions):
+        return positions, faces, colors
+    if is_bad[faces].any():
+        return positions, faces, colors
+    warn_unused(path, f"{_count(is_bad)}")
+    numbers = np.cumsum(~is_bad, dtype=np.int32) - np.int32(1)
+    return positions[~is_bad], numbers[faces], None if colors is None else colors[~is_bad]
+
+
+def warn_unused(path: PathLike, count: str) -> None:
+    """Warn of vertices that are not finite and that no face uses; `count` is such as `2 of 9`."""
+    warn_of(path, f"{count} vertices are not finite; no face uses them, and they are left out")
+
+
+def rows_not_finite(rows: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """(n,) whether a row has a number that is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(rows.sum()):  # a finite sum has only finite terms
+            return np.zeros(len(rows), np.bool_)
+    is_bad: npt.NDArray[np.bool_] = ~np.isfinite(rows).all(axis=1)
+    return is_bad
+
+
+def _count(is_bad: npt.NDArray[np.bool_]) -> str:
+    return f"{np.count_nonzero(is_bad):,} of {len(is_bad):,}"
+
+
 def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
     """Colors in [0, 1].
 
     Colors that are all whole numbers with one above 1 are taken to go up to 255; others are left
-    as they are.
-
-    Raises
-    ------
-    MeshError
-        A color is not finite.
+    as they are. White takes the place of those that are not finite.
     """
-    if not np.isfinite(colors).all():
-        raise MeshError(f"{path}: a vertex color is not finite")
+    colors = finite_rows(path, colors, "vertex colors")
     if colors.max(initial=0.0) > 1.0 and (colors == np.round(colors)).all():
         colors = colors / 255.0
     return colors.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Reading FBX, binary and text, versions 6 and 7.
+"""Reading FBX, binary and text, versions 6 and 7. Files of earlier versions are an error.
 
 All geometry of the file is joined into one mesh, in the world, a geometry that two models show
 twice. Differences between files are removed, as the reader of USD does:
@@ -9,7 +9,8 @@ twice. Differences between files are removed, as the reader of USD does:
 Each model is a group of its name, and where its polygons are of several materials, each of those,
 named ``model/material``. Polygons are fanned out; a subdivision surface is read as its control
 mesh, a mesh with bones or shapes in the pose it is stored in, without animation. Models that are
-hidden, curves, lights and cameras are left out. Of several sets of texture coordinates or colors
+hidden, NURBS, curves, lights and cameras are left out. A warning names all that changes the
+surface. Of several sets of texture coordinates or colors
 the first is that of the mesh. Corners without one get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
@@ -27,6 +28,7 @@ import numpy as np
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.files.conversion import finite_vertices
 from texbake.mesh.files.fbx_geometry import FbxGeometry, read_geometry
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
@@ -36,9 +38,11 @@ from texbake.mesh.files.fbx_scene import (
     placed_models,
     read_scene,
 )
+from texbake.mesh.files.passed_over import passed_over_in_fbx, warn_of_fbx
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.mesh import FloatArray, Mesh
 
+_FIRST_VERSION = 6000
 # Corners that a file may place: instances can ask for far more than it has.
 _LEAST_CORNERS, _CORNERS_PER_BYTE = 1 << 24, 4
 
@@ -61,12 +65,26 @@ def read_fbx(path: PathLike) -> Mesh:
     scene = read_scene(path)
     parts = [part.mesh(path) for part in read_parts(scene)]
     if not parts:
-        is_there = any(model_geometry(scene, item) for item in scene.objects.values())
-        found = (
-            "it shows no faces; its meshes are hidden or empty" if is_there else "it has no faces"
-        )
-        raise MeshError(f"{path}: {found}; a mesh needs at least one triangle")
+        raise MeshError(f"{path}: {_why_empty(scene)}")
+    warn_of_fbx(scene)
     return join_parts(parts, Path(path).name)
+
+
+def _why_empty(scene: FbxScene) -> str:
+    """Say why a file has no triangles, and what to do."""
+    if 0 < scene.version < _FIRST_VERSION:
+        major, minor = divmod(scene.version // 100, 10)
+        return (
+            f"it is FBX {major}.{minor}, and files from 6.0 on are read; export it again as FBX "
+            "7.4, or convert it with Autodesk's FBX Converter"
+        )
+    if any(model_geometry(scene, item) for item in scene.objects.values()):
+        return (
+            "it shows no faces; its meshes are hidden or empty; a mesh needs at least one triangle"
+        )
+    others = passed_over_in_fbx(scene)
+    has = f", but {', '.join(others)}" if others else ""
+    return f"it has no faces{has}; a mesh needs at least one triangle"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +100,12 @@ class FbxPart:
         """Return it in the world, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
         names = [self._group_name(int(index)) for index in used]
+        fields = dict(self.geometry.fields)
+        fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
+            path, fields["positions"], fields["faces"], fields.get("colors")
+        )
         mesh = Mesh(
-            **self.geometry.fields,
+            **fields,
             face_groups=groups.astype(np.int32),
             group_names=(self.model.name,) if len(used) == 1 else tuple(names),
             name=Path(path).name,

@@ -7,6 +7,7 @@ until they are asked for.
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from dataclasses import dataclass
@@ -17,14 +18,22 @@ import numpy as np
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_nodes import MAX_DEPTH, MAX_NODES, PASSED_OVER, Budget, Node
-from texbake.mesh.files.source import ByteArray, line_number, require_text
+from texbake.mesh.files.source import ByteArray, line_number, text_of
 from texbake.mesh.mesh import FloatArray
 
 _BLANK = re.compile(rb"(?:[\s,]|;[^\n]*)*+")
 _NAME = re.compile(rb"([A-Za-z_][\w| .\-]*?)[ \t]*:(?!:)")
 _NUMBERS = re.compile(rb"[-+.\d][-+.,\d\seE]*+")
+# As C libraries write numbers that are none: -inf, nan(ind), 1.#INF, -1.#QNAN0. A run of
+# numbers ends before the letters, and may hold what they begin with.
+_NOT_FINITE = re.compile(
+    rb"[-+]?(?:\d+\.#)?#?(?:inf|nan|ind|qnan|snan)\w*+(?:\(\w*+\))?", re.IGNORECASE
+)
 _VALUE = re.compile(rb'"([^"]*+)"|\*[ \t]*(\d+)|([A-Za-z_#][\w#.+\-]*)')
+_BEGUN = re.compile(rb"(?:[-+]|[-+]?\d+\.)\Z")
 _BETWEEN = re.compile(rb"[^{}\";]*+")
+_VERSION_NUMBER = re.compile(rb"FBXVersion:\s*(\d{4})\b")
+_VERSION_WORDS = re.compile(rb";\s*FBX\s+(\d)\.(\d)")
 _INT64 = 1 << 63
 _LONG = 256  # bytes from which on numbers are kept as text
 
@@ -37,10 +46,20 @@ def read_ascii(path: PathLike, data: ByteArray) -> Node:
     FileFormatError
         It is not FBX, or breaks its rules; the message names the line.
     """
-    require_text(path, data, "an FBX file")
+    data = text_of(path, data, "an FBX file")
     if b"FBX" not in data[:4096].tobytes().upper():
         raise FileFormatError(f"{path}: it is not an FBX file; neither binary nor text")
     return _Reader(path, data).read()
+
+
+def ascii_version(data: ByteArray) -> int:
+    """Return the version that an FBX text file names at its head, such as 7400; 0 without one."""
+    head = data[:4096].tobytes()
+    number = _VERSION_NUMBER.search(head)
+    if number is not None:
+        return int(number[1])
+    words = _VERSION_WORDS.search(head)
+    return 0 if words is None else 1000 * int(words[1]) + 100 * int(words[2])
 
 
 class _Reader:
@@ -113,10 +132,18 @@ class _Reader:
         if numbers is not None:
             # An E behind a blank begins the name of the next node.
             words = numbers[0].rstrip(b"eE")
+            begun = _BEGUN.search(words)
+            if begun and _NOT_FINITE.match(self.text, self.at + begun.start()):
+                words = words[: begun.start()]
             self.at += len(words)
-            return self._numbers(words)
+            if words:
+                return self._numbers(words)
         if _NAME.match(self.text, self.at):
             return None
+        not_finite = _NOT_FINITE.match(self.text, self.at)
+        if not_finite is not None:
+            self.at = not_finite.end()
+            return [math.nan]
         match = _VALUE.match(self.text, self.at)
         if match is None:
             return None
@@ -125,10 +152,7 @@ class _Reader:
             return [match[1].replace(b"&quot;", b'"')]
         if match[2] is not None:
             return []  # the array itself follows in braces
-        word = match[3]
-        lowered = word.lower()
-        # As C libraries write numbers that are none.
-        return [float("nan")] if lowered.startswith((b"nan", b"inf", b"#")) else [word]
+        return [match[3]]
 
     def _numbers(self, words: bytes) -> list[Any]:
         """Numbers of a text with commas and blanks."""

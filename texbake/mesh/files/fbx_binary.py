@@ -43,6 +43,16 @@ def read_binary(path: PathLike, data: ByteArray) -> Node:
     return _Reader(path, data).read()
 
 
+def binary_version(data: ByteArray) -> int:
+    """Return the version that the header of a binary FBX file names, such as 7400."""
+    (version,) = struct.unpack_from(f"{_byte_order(data)}I", data.data, 23)
+    return int(version)
+
+
+def _byte_order(data: ByteArray) -> str:
+    return ">" if data[22] == 1 else "<"
+
+
 class _Reader:
     """Bytes of a file and how to read them."""
 
@@ -51,8 +61,8 @@ class _Reader:
         self.data = data
         if len(data) < _FIRST_NODE:
             self.fail(len(data), "it ends within its header")
-        self.order = ">" if data[22] == 1 else "<"
-        (version,) = struct.unpack_from(f"{self.order}I", data.data, 23)
+        self.order = _byte_order(data)
+        version = binary_version(data)
         # End, number of values, bytes of values, length of the name.
         self.header = struct.Struct(f"{self.order}{'QQQB' if version >= 7500 else 'IIIB'}")
         self.budget = Budget(path, len(data))

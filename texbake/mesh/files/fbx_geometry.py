@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import fan_corners
+from texbake.mesh.files.conversion import fan_corners, finite_rows, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_smoothing import Polygons, edge_mapping, smoothed_normals
 from texbake.mesh.mesh import FloatArray
@@ -29,6 +29,7 @@ Indices = npt.NDArray[np.int64]
 # Values, the row of each corner, and whether there is one row for each corner.
 _Layer = tuple[FloatArray, Indices, bool]
 _MOST_UV_SETS = 8
+_TITLES = {"Normals": "normals", "UV": "texture coordinates", "Colors": "vertex colors"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class _Reader:
 
     def __init__(self, path: PathLike, name: str, node: Node, most: int) -> None:
         self.path, self.name, self.node = path, name, node
-        positions = self.floats(node, "Vertices")
+        positions = _floats(node, "Vertices")
         self.positions = positions[: len(positions) // 3 * 3].reshape(-1, 3)
         indices = node.numbers("PolygonVertexIndex")
         if len(indices) > most:
@@ -89,17 +90,6 @@ class _Reader:
     def fail(self, what: str) -> None:
         """Raise `FileFormatError`."""
         raise FileFormatError(f"{self.path}: geometry {quoted(self.name)}: {what}; export it again")
-
-    def floats(self, node: Node, name: str) -> FloatArray:
-        """(n,) numbers of a child, all finite."""
-        values = node.numbers(name)
-        with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
-            values = values.astype(np.float64)
-        if not np.isfinite(values).all():
-            raise MeshError(
-                f"{self.path}: geometry {quoted(self.name)}: a number of {name} is not finite"
-            )
-        return values
 
     def _triangles(self) -> tuple[Indices, Indices]:
         """Corners and polygons of the triangles that are kept."""
@@ -122,6 +112,11 @@ class _Reader:
         """Return the whole."""
         if len(self.slots) == 0:
             return None
+        is_bad = rows_not_finite(self.positions)
+        if is_bad.any() and is_bad[self.vertices[self.slots]].any():
+            raise MeshError(
+                f"{self.path}: geometry {quoted(self.name)}: a number of Vertices is not finite"
+            )
         fields: dict[str, Any] = {
             "positions": self.positions,
             "faces": self.vertices[self.slots],
@@ -191,8 +186,9 @@ class _Reader:
         """Read a layer; None where it has nothing to say."""
         if node is None:
             return None
-        values = self.floats(node, name)
+        values = _floats(node, name)
         values = values[: len(values) // width * width].reshape(-1, width)
+        values = finite_rows(self.path, values, _TITLES[name])
         places = self._places(node)
         if places is None or len(values) == 0:
             return None
@@ -245,6 +241,12 @@ class _Reader:
             return np.zeros(len(self.polygons), np.int64)
         is_by_polygon = node.child_text("MappingInformationType") == "ByPolygon"
         return _looked_up(ids, self.polygons if is_by_polygon else 0 * self.polygons)
+
+
+def _floats(node: Node, name: str) -> FloatArray:
+    """(n,) numbers of a child."""
+    with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+        return node.numbers(name).astype(np.float64)
 
 
 def _looked_up(table: Indices, places: Indices) -> Indices:

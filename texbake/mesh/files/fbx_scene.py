@@ -16,8 +16,8 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_ascii import read_ascii
-from texbake.mesh.files.fbx_binary import MAGIC, read_binary
+from texbake.mesh.files.fbx_ascii import ascii_version, read_ascii
+from texbake.mesh.files.fbx_binary import MAGIC, binary_version, read_binary
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_transforms import WORLD, geometric, place, scene_axes
 from texbake.mesh.files.source import decode_name, parsed, read_array, short_name
@@ -58,6 +58,8 @@ class FbxScene:
         Properties of models by default.
     n_bytes : int
         Size of the file.
+    version : int
+        7400 is 7.4; 0 where the file does not say.
     creator : str
         What the file says of the program that wrote it.
     images : dict of str to bytes
@@ -74,6 +76,7 @@ class FbxScene:
     settings: dict[str, list[Any]]
     defaults: dict[str, list[Any]]
     n_bytes: int
+    version: int = 0
     creator: str = ""
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
     named: dict[str, Id] = field(default_factory=dict, repr=False)
@@ -132,6 +135,7 @@ def _read_scene(path: PathLike) -> FbxScene:
         settings=read_properties(settings),
         defaults=_model_defaults(root),
         n_bytes=len(data),
+        version=binary_version(data) if is_binary else ascii_version(data),
         creator=root.child_text("Creator"),
     )
 
@@ -259,7 +263,11 @@ def _is_visible(properties: dict[str, Sequence[float]]) -> bool:
 
 def model_geometry(scene: FbxScene, model: FbxObject) -> list[FbxObject]:
     """Objects that hold the polygons of a model, each once: itself, before version 7."""
-    if model.node.child("PolygonVertexIndex") is not None:
+    if has_polygons(model):
         return [model]
-    found = dict.fromkeys(scene.members_of(model.key, "Geometry"))
-    return [item for item in found if item.node.child("PolygonVertexIndex") is not None]
+    return list(filter(has_polygons, dict.fromkeys(scene.members_of(model.key, "Geometry"))))
+
+
+def has_polygons(item: FbxObject) -> bool:
+    """Whether an object is a mesh."""
+    return item.node.child("PolygonVertexIndex") is not None

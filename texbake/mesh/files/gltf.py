@@ -36,6 +36,7 @@ from texbake.mesh.files.gltf_nodes import (
 )
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
 from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
+from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count
 from texbake.mesh.uv_sets import UvSet, require_few_sets
@@ -64,6 +65,7 @@ def read_gltf(path: PathLike) -> Mesh:
         parts = _placed_parts(placed)
     if not parts.nodes:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    warn_of_gltf(placed.document)
     return _joined(parts, placed.mesh_matrices(placed.matrices())[parts.nodes], Path(path).name)
 
 

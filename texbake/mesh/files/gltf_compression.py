@@ -186,11 +186,11 @@ def decode_draco(
         decoded = DracoPy.decode(content)
         attributes = {int(item["unique_id"]): item["data"] for item in decoded.attributes}
         indices = np.asarray(decoded.faces, np.uint32).ravel()
+        rows = {n: np.reshape(values, (len(values), -1)) for n, values in attributes.items()}
     except MemoryError:
         raise
     except Exception:  # DracoPy's errors have no base of their own
         return "a primitive compressed by Draco is damaged"
-    rows = {number: values.reshape(len(values), -1) for number, values in attributes.items()}
     return rows, indices
 
 

@@ -15,13 +15,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError
-from texbake.mesh.files.conversion import strip_triangles
+from texbake.errors import MeshError, quoted, warn_of
+from texbake.mesh.files.conversion import (
+    finite_rows,
+    rows_not_finite,
+    strip_triangles,
+    warn_unused,
+)
 from texbake.mesh.files.gltf_compression import DRACO, decode_draco
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
+
+_TITLES = {
+    "NORMAL": "normals",
+    "TEXCOORD": "texture coordinates",
+    "COLOR": "vertex colors",
+}
 
 
 @dataclass(frozen=True)
@@ -94,6 +105,7 @@ def read_primitive(
     # Draco has made triangles of a strip.
     mode = TRIANGLES if arrays.decoded else mode
     corners = _triangles(_corner_indices(document, arrays, n), mode)
+    positions = _finite_positions(document, positions, corners)
     uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
     others = {
         number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further
@@ -174,7 +186,11 @@ def _primitive_arrays(
         document.fail(decoded)
     rows, indices = decoded
     numbers = document.mapping(draco, "attributes")
-    arrays = {name: rows[number] for name, number in numbers.items() if number in rows}
+    arrays = {}
+    for name, number in numbers.items():
+        if type(number) is not int or number not in rows:
+            document.fail(f"a primitive compressed by Draco has no attribute {quoted(number)}")
+        arrays[name] = rows[number]
     return _PrimitiveArrays(
         document,
         {INDICES: None, **accessors},
@@ -197,9 +213,31 @@ def _attribute(
         document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
     if count is not None and len(values) != count:
         document.fail(f"{name} counts {len(values)}, where there are {count} positions")
-    if not np.isfinite(values).all():  # before the cast, which warns of signaling NaNs
-        raise MeshError(f"{document.path}: a number of {name} is not finite; export it again")
-    return values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+        values = values.astype(np.float64)
+    if name == "POSITION":
+        return values
+    if name == "TANGENT":
+        return _finite_tangents(document, values)
+    return finite_rows(document.path, values, _TITLES[name.partition("_")[0]])
+
+
+def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:
+    """Return positions with one that is used in place of those that are not finite."""
+    is_bad = rows_not_finite(positions)
+    if not is_bad.any():
+        return positions
+    if len(corners) == 0 or is_bad[corners].any():
+        raise MeshError(f"{document.path}: a number of POSITION is not finite; export it again")
+    warn_unused(document.path, f"{np.count_nonzero(is_bad):,} of {len(positions):,}")
+    return np.where(is_bad[:, None], positions[corners[0, 0]], positions)
+
+
+def _finite_tangents(document: Document, tangents: FloatArray) -> FloatArray | None:
+    if np.isfinite(tangents).all():
+        return tangents
+    warn_of(document.path, "some tangents are not finite; computed ones take the place of all")
+    return None
 
 
 def _corner_indices(

@@ -13,17 +13,24 @@ Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1, and "MTL m
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import FileError, FileFormatError, quoted, shortened
+from texbake.errors import FileError, FileFormatError, quoted, shortened, warn_of
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import LONGEST_NAME, file_beside, real_path
-from texbake.mesh.files.conversion import fan_corners
-from texbake.mesh.files.obj import MARK, F, find_lines, read_corners
-from texbake.mesh.files.source import decode_name, read_array
+from texbake.mesh.files.obj import (
+    MARK,
+    F,
+    find_lines,
+    polygon_fans,
+    polygon_sizes,
+    read_obj_text,
+)
+from texbake.mesh.files.source import BYTE_ORDER_MARK, decode_name
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -73,7 +80,7 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     FileFormatError
         A color or a factor is not a number, or not as many as it needs.
     """
-    data = read_array(path)
+    data = read_obj_text(path)
     if re.search(rb"usemtl", data.data) is None:
         return None
     lines = find_lines(data)
@@ -92,10 +99,8 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     for (name, start), stop in zip(uses, [*stops, n_polygons], strict=True):
         if stop > start:
             polygons[start:stop] = ids.setdefault(name, len(ids))
-    faces = polygons
-    if n_polygons != mesh.n_faces:
-        sizes, _ = read_corners(path, data, lines)
-        faces = polygons[fan_corners(sizes)[1]]
+    fans = polygon_fans(polygon_sizes(data, lines))
+    faces = polygons if fans is None else polygons[fans[1]]
     missing = MissingParts()
     known = _read_libraries(Path(path), data.data, missing)
     return Materials(
@@ -146,11 +151,16 @@ def library_names(path: Path, data: bytes | memoryview) -> list[str]:
     return list(names.values())
 
 
+def library_statements(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the keyword of each statement of a .mtl file, and the rest of its line."""
+    for match in _STATEMENT.finditer(read_bytes(path).removeprefix(BYTE_ORDER_MARK)):
+        yield match[1].decode(), decode_name(match[2].strip())
+
+
 def _read_library(path: Path, missing: MissingParts, images: Images) -> dict[str, MeshMaterial]:
     known: dict[str, MeshMaterial] = {}
     name = "default"
-    for match in _STATEMENT.finditer(read_bytes(path)):
-        statement, words = match[1].decode(), decode_name(match[2].strip())
+    for statement, words in library_statements(path):
         if statement == "newmtl":
             name = words
             known[name] = MeshMaterial(name=name)
@@ -194,6 +204,9 @@ _OPAQUE = ChannelSource((1.0,))
 
 def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float, ...]:
     """Parse the numbers of a statement; one alone stands for all of a color."""
+    if "," in words and "." not in words:
+        warn_of(path, "decimal commas are read as points")
+        words = words.replace(",", ".")
     try:
         numbers = [float(word) for word in words.split()]
     except ValueError:

@@ -5,7 +5,7 @@ manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
 
 Where the format leaves a choice, or files differ, this holds:
 
-- A polygon is fanned out from its first corner. A face of fewer than three corners is an error.
+- A polygon is fanned out from its first corner. Faces of fewer than three corners are left out.
 - A face belongs to its object and group, named ``object/group``, or by one name where only one is
   set or both are equal; a new ``o`` ends the group before it. The rest of the line is the name,
   with its spaces. Where a file has neither ``o`` nor ``g``, its materials are the groups. Faces
@@ -17,6 +17,7 @@ Where the format leaves a choice, or files differ, this holds:
   color. Colors that are all whole numbers with one above 1 are taken to go up to 255. Vertices
   without a color in a file that has some are white.
 - Lines, points, curves, smoothing groups and unknown statements are skipped.
+- Numbers with decimal commas are read where blanks separate them.
 
 Kernel: `core/obj_rows.c`.
 """
@@ -32,17 +33,23 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike, appearing_together, replacing
-from texbake.mesh.files.conversion import fan_corners, unit_colors
+from texbake.mesh.files.conversion import (
+    fan_corners,
+    finite_rows,
+    finite_vertices,
+    unit_colors,
+)
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
-from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, require_text
+from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
 # Kinds of statements, each with its own list of lines; a mark is g, o or usemtl.
 V, VT, VN, F, MARK = range(5)
+_TITLES = {"uvs": "texture coordinates", "normals": "normals"}
 _OUT_OF_RANGE = -2  # written in the place of a position index
 
 
@@ -61,8 +68,7 @@ def read_obj(path: PathLike) -> Mesh:
     MeshError
         There are no faces, or a coordinate is not finite.
     """
-    data = read_array(path)
-    require_text(path, data, "an OBJ file")
+    data = read_obj_text(path)
     lines = find_lines(data)
     if len(lines[V]) == 0:
         raise FileFormatError(f"{path}: it is not an OBJ file; no line of it is a vertex (v)")
@@ -70,13 +76,16 @@ def read_obj(path: PathLike) -> Mesh:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     positions, n_words = read_values(path, data, lines, V, 3)
     sizes, corners = read_corners(path, data, lines)
+    n_short = int(np.count_nonzero(sizes < 3))
+    if n_short:
+        noun = "face" if n_short == 1 else "faces"
+        warn_of(path, f"read without {n_short:,} {noun} of fewer than three corners")
     fields: dict[str, Any] = {"positions": positions, "name": Path(path).name}
     if n_words.max() >= 6:
         fields["colors"] = _read_colors(path, data, lines, n_words)
 
-    slots, polygons = None, None
-    if (sizes != 3).any():
-        slots, polygons = fan_corners(sizes)
+    fans = polygon_fans(sizes)
+    slots, polygons = (None, None) if fans is None else fans
     for part, (values, corner_name, width) in enumerate(
         (("positions", "faces", 3), ("uvs", "uv_faces", 2), ("normals", "normal_faces", 3))
     ):
@@ -85,6 +94,7 @@ def read_obj(path: PathLike) -> Mesh:
             if (indices < 0).all():
                 continue
             array, _ = read_values(path, data, lines, part, width)
+            array = finite_rows(path, array, _TITLES[values])
             fields[values], indices = _completed(array, indices)
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
     groups, names = _read_groups(data, lines)
@@ -93,7 +103,30 @@ def read_obj(path: PathLike) -> Mesh:
             "face_groups": groups if polygons is None else groups[polygons],
             "group_names": names,
         }
-    return Mesh(**fields, uv_sets=read_uv_sets(path, fields["faces"]))
+    uv_sets = read_uv_sets(path, fields["faces"])
+    fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
+        path, positions, fields["faces"], fields.get("colors")
+    )
+    _require_finite(path, data, lines, fields["positions"])
+    return Mesh(**fields, uv_sets=uv_sets)
+
+
+def read_obj_text(path: PathLike) -> ByteArray:
+    """Read the text of an OBJ file; raises what `text_of` and `read_array` raise."""
+    return text_of(path, read_array(path), "an OBJ file")
+
+
+def polygon_fans(sizes: IntArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
+    """Corners and polygon of each triangle, as `fan_corners`; None if all polygons are one."""
+    return fan_corners(sizes) if (sizes != 3).any() else None
+
+
+def _require_finite(path: PathLike, data: ByteArray, lines: Lines, positions: FloatArray) -> None:
+    """Raise `MeshError`, which names the line, if a position is not finite."""
+    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
+    if len(bad):
+        line = line_number(data, int(lines[V][bad[0]]))
+        raise MeshError(f"{path}: line {line}: a coordinate is not finite")
 
 
 def _read_colors(
@@ -173,9 +206,13 @@ def read_values(
 ) -> tuple[FloatArray, IntArray]:
     """(n, width) numbers of the v, vt or vn lines, and (n,) how many words each line has.
 
-    Missing numbers are 0; too few to be used are an error.
+    Missing numbers are 0; too few to be used are an error. Words for what is no number give NaN.
     """
     values, n_words = _walk_lines(data, lines[kind], width)
+    if np.isnan(values).any() and _has_decimal_commas(data, lines[kind], values):
+        warn_of(path, "decimal commas are read as points")
+        data = np.where(data == ord(","), np.uint8(ord(".")), data)
+        values, n_words = _walk_lines(data, lines[kind], width)
     least = 1 if kind == VT else 3
     if (n_words < least).any():
         line = line_number(data, int(lines[kind][int((n_words < least).argmax())]))
@@ -183,14 +220,27 @@ def read_values(
             f"{path}: line {line}: too few numbers; {_KEYWORDS[kind]} needs {least}"
         )
     for row, column in np.argwhere(np.isnan(values)).tolist():
-        at = int(lines[kind][row])
-        for _ in range(column):
-            at = _word_at(data, at)[1]
-        at = _word_at(data, at)[0]
+        at = _column_at(data, int(lines[kind][row]), column)[0]
         values[row, column] = read_word(path, data, at)
-        if not np.isfinite(values[row, column]):
-            raise MeshError(f"{path}: line {line_number(data, at)}: a coordinate is not finite")
     return values, n_words
+
+
+# A number of which a comma is neither a separator nor one of thousands.
+_DECIMAL_COMMA = re.compile(rb"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+
+
+def _has_decimal_commas(data: ByteArray, starts: Offsets, values: FloatArray) -> bool:
+    """Whether the first word that is no number would be one with a point for its comma."""
+    row, column = np.argwhere(np.isnan(values))[0].tolist()
+    start, stop = _column_at(data, int(starts[row]), column)
+    return _DECIMAL_COMMA.fullmatch(data[start:stop].tobytes()) is not None
+
+
+def _column_at(data: ByteArray, at: int, column: int) -> tuple[int, int]:
+    """Where a word of a statement begins and ends, by its number."""
+    for _ in range(column):
+        at = _word_at(data, at)[1]
+    return _word_at(data, at)
 
 
 def _word_at(data: ByteArray, at: int) -> tuple[int, int]:
@@ -212,13 +262,15 @@ def _walk_lines(data: ByteArray, starts: Offsets, width: int) -> tuple[FloatArra
     return values, n_words
 
 
+def polygon_sizes(data: ByteArray, lines: Lines) -> IntArray:
+    """(P,) corners of each polygon."""
+    return _walk_lines(data, lines[F], 0)[1]
+
+
 def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArray, IntArray]:
     """(P,) corners of each polygon, and (3, C) their indices of v, vt and vn, -1 for none."""
     starts = lines[F]
-    sizes = _walk_lines(data, starts, 0)[1]
-    if (sizes < 3).any():
-        line = line_number(data, int(starts[int((sizes < 3).argmax())]))
-        raise FileFormatError(f"{path}: line {line}: a face needs at least three corners")
+    sizes = polygon_sizes(data, lines)
     ends = np.cumsum(sizes, dtype=np.int64)
     if max(ends[-1], *(len(lines[kind]) for kind in (V, VT, VN))) > np.iinfo(np.int32).max:
         raise FileFormatError(f"{path}: it is too large; indices must fit 32 bits")

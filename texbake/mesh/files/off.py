@@ -21,13 +21,13 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import fan_corners, unit_colors
+from texbake.mesh.files.conversion import fan_corners, finite_rows, finite_vertices, unit_colors
 from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
-from texbake.mesh.files.source import read_array, require_text
+from texbake.mesh.files.source import read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 # Comments and blank lines before the first word are skipped, and never divided in another way.
-_FIRST_WORD = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:\s|#[^\r\n]*+)*+(ST)?(C)?(N)?(4)?(n)?OFF\b")
+_FIRST_WORD = re.compile(rb"\A(?:\s|#[^\r\n]*+)*+(ST)?(C)?(N)?(4)?(n)?OFF\b")
 _BINARY = re.compile(rb"[ \t]*BINARY\b")
 
 
@@ -45,8 +45,7 @@ def read_off(path: PathLike) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     """
-    data = read_array(path)
-    require_text(path, data, "an ASCII OFF file")
+    data = text_of(path, read_array(path), "an ASCII OFF file")
     first_word = _FIRST_WORD.match(data[:65536].data)
     textured, colored, shaded, *extra = first_word.groups() if first_word else (None,) * 5
     start = first_word.end() if first_word else 0
@@ -69,14 +68,19 @@ def read_off(path: PathLike) -> Mesh:
     fields: dict[str, Any] = {"positions": table[:, :3], "faces": faces, "name": Path(path).name}
     column = 3
     if shaded:
-        fields |= {"normals": table[:, 3:6], "normal_faces": faces}
+        normals = finite_rows(path, table[:, 3:6], "normals")
+        fields |= {"normals": normals, "normal_faces": faces}
         column = 6
     if colored:
         width = min(table.shape[1] - column - (2 if textured else 0), 4)
         fields["colors"] = unit_colors(path, table[:, column : column + width])
         column += width
     if textured:
-        fields |= {"uvs": table[:, column : column + 2], "uv_faces": faces}
+        uvs = finite_rows(path, table[:, column : column + 2], "texture coordinates")
+        fields |= {"uvs": uvs, "uv_faces": faces}
+    fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
+        path, fields["positions"], faces, fields.get("colors")
+    )
     return Mesh(**fields)
 
 

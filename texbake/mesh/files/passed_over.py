@@ -6,20 +6,30 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
+from texbake.errors import warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_scene import FbxScene, read_scene
+from texbake.mesh.files.fbx_scene import (
+    FbxObject,
+    FbxScene,
+    has_polygons,
+    model_geometry,
+    placed_models,
+    read_scene,
+)
 from texbake.mesh.files.gltf_document import Document, read_document
 
 # Objects of FBX by the name of their node and their class.
 _OF_FBX = {
     ("AnimationStack", ""): "animation",
     ("Deformer", "Skin"): "skin",
-    ("Deformer", "BlendShape"): "shape key",
+    ("Deformer", "BlendShapeChannel"): "shape key",
+    ("Geometry", "NurbsSurface"): "NURBS surface",
     ("Model", "Camera"): "camera",
     ("Model", "Light"): "light",
 }
 _OF_GLTF = {"animations": "animation", "skins": "skin", "cameras": "camera"}
 _LIGHTS = "KHR_lights_punctual"
+_POSES = ("skin", "shape key")
 
 
 def passed_over(path: PathLike) -> tuple[str, ...]:
@@ -42,6 +52,58 @@ def passed_over(path: PathLike) -> tuple[str, ...]:
 
 def passed_over_in_gltf(document: Document) -> tuple[str, ...]:
     """Name what of a glTF document is not read."""
+    return _named(_counts_of_gltf(document))
+
+
+def passed_over_in_fbx(scene: FbxScene) -> tuple[str, ...]:
+    """Name what of an FBX scene is not read."""
+    return _named(_counts_of_fbx(scene))
+
+
+def pose_note(document: Document) -> str | None:
+    """Return what of a glTF document would move its vertices and is not read; None for nothing."""
+    return _pose_note(_counts_of_gltf(document))
+
+
+def warn_of_gltf(document: Document) -> None:
+    """Warn of what of a glTF document would change its surface and is not read."""
+    if (note := pose_note(document)) is not None:
+        warn_of(document.path, note)
+
+
+def warn_of_fbx(scene: FbxScene) -> None:
+    """Warn of what of an FBX scene would change its surface and is not read."""
+    counts = _counts_of_fbx(scene)
+    if (note := _pose_note(counts)) is not None:
+        warn_of(scene.path, note)
+    if (n := counts["NURBS surface"]) > 0:
+        warn_of(scene.path, f"read without {_counted(n, 'NURBS surface')}; only polygons are read")
+    meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
+    cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
+    if cages:
+        are = "is read as its control mesh" if cages == 1 else "are read as their control meshes"
+        warn_of(scene.path, f"{_counted(cages, 'subdivision surface')} {are}")
+    shown = {
+        item.key for placed in placed_models(scene) for item in model_geometry(scene, placed.model)
+    }
+    if hidden := len(set(meshes) - shown):
+        warn_of(scene.path, f"read without {_counted(hidden, 'hidden mesh')}")
+
+
+def _is_subdivided(item: FbxObject) -> bool:
+    """Whether programs show the surface that subdivision makes of polygons."""
+    levels = item.node.numbers("PreviewDivisionLevels"), item.node.numbers("RenderDivisionLevels")
+    return bool(item.node.numbers("Smoothness").any()) and any(level.any() for level in levels)
+
+
+def _pose_note(counts: Mapping[str, int]) -> str | None:
+    found = _named({noun: counts[noun] for noun in _POSES})
+    if not found:
+        return None
+    return f"read without {' and '.join(found)}, in the pose that the mesh is stored in"
+
+
+def _counts_of_gltf(document: Document) -> dict[str, int]:
     counts = {noun: len(document.items(kind)) for kind, noun in _OF_GLTF.items()}
     extensions = document.mapping(document.content, "extensions")
     lights = document.mapping(extensions, _LIGHTS)
@@ -52,19 +114,25 @@ def passed_over_in_gltf(document: Document) -> tuple[str, ...]:
         for primitive in document.objects(mesh, "primitives")
         if "targets" in primitive
     )
-    return _named(counts)
+    return counts
 
 
-def passed_over_in_fbx(scene: FbxScene) -> tuple[str, ...]:
-    """Name what of an FBX scene is not read."""
+def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
     counts: Counter[str] = Counter()
     for item in scene.objects.values():
         name = item.node.name
         found = _OF_FBX.get((name, item.kind if name != "AnimationStack" else ""))
         if found is not None:
             counts[found] += 1
-    return _named(counts)
+        if has_polygons(item):  # before version 7, a mesh holds its shape keys itself
+            counts["shape key"] += len(item.node.named("Shape"))
+    return counts
 
 
 def _named(counts: Mapping[str, int]) -> tuple[str, ...]:
-    return tuple(f"{n} {noun}{'s' if n > 1 else ''}" for noun, n in counts.items() if n)
+    return tuple(_counted(n, noun) for noun, n in counts.items() if n)
+
+
+def _counted(n: int, noun: str) -> str:
+    """Return a number of things in words, such as `2 skins`."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}{'es' if noun.endswith('sh') else 's'}"

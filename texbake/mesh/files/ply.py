@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import fan_corners, strip_triangles
+from texbake.mesh.files.conversion import fan_corners, finite_rows, finite_vertices, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
 from texbake.mesh.files.source import read_array
@@ -38,6 +38,7 @@ NORMAL_NAMES = ("nx", "ny", "nz")
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 POLYGON_NAMES = ("vertex_indices", "vertex_index")
 _STRIPS = "tristrips"
+_TITLES = {"uvs": "texture coordinates", "normals": "normals"}
 # What corners of faces may have of their own.
 CORNER_LISTS = ("texcoord", "normals")
 
@@ -88,13 +89,11 @@ def read_ply(path: PathLike) -> Mesh:
         ("normals", "normal_faces", NORMAL_NAMES),
     ):
         if values not in fields and (stacked := stack_columns(vertices, names)) is not None:
-            fields |= {values: stacked, corners: faces}
-    return Mesh(
-        positions=positions,
-        colors=read_colors(path, vertices, types),
-        name=Path(path).name,
-        **fields,
+            fields |= {values: finite_rows(path, stacked, _TITLES[values]), corners: faces}
+    positions, fields["faces"], colors = finite_vertices(
+        path, positions, faces, read_colors(path, vertices, types)
     )
+    return Mesh(positions=positions, colors=colors, name=Path(path).name, **fields)
 
 
 def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
@@ -121,8 +120,7 @@ def read_colors(
     colors = stack_columns(vertices, names)
     if colors is None:
         return None
-    if not np.isfinite(colors).all():
-        raise MeshError(f"{path}: a vertex color is not finite")
+    colors = finite_rows(path, colors, "vertex colors")
     for axis, name in enumerate(names):
         if types[name][0] in "iu":
             colors[:, axis] /= 65535.0 if types[name] == "u2" else 255.0
@@ -142,7 +140,8 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
         lengths, numbers = _flattened(polygons[column])
         if (lengths != width * sizes).any():
             raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
-        rows, ids = _joined(indices, numbers.reshape(-1, width))
+        numbers = finite_rows(path, numbers.reshape(-1, width), _TITLES[values])
+        rows, ids = _joined(indices, numbers)
         fields |= {values: rows, corners: _triangles(sizes, ids)}
     return fields
 
@@ -198,8 +197,6 @@ def _joined(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, I
 
     Returns the values that are kept and the index of each corner into them.
     """
-    if not np.isfinite(values).all():
-        return values.astype(np.float64), np.arange(len(values), dtype=np.int32)  # Mesh refuses it
     firsts = weld_rows(np.concatenate([vertices[:, None], values], axis=1, dtype=np.float64))
     is_first = firsts == np.arange(len(firsts))
     ids = np.cumsum(is_first, dtype=np.int32) - 1

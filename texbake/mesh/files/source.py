@@ -21,6 +21,7 @@ from texbake.limits import LONGEST_NAME
 ByteArray = npt.NDArray[np.uint8]
 Parsed = TypeVar("Parsed")
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _PARSED: ContextVar[dict[Any, Any] | None] = ContextVar("parsed files", default=None)
 
 
@@ -74,10 +75,22 @@ def parsed(path: PathLike, parse: Callable[[PathLike], Parsed]) -> Parsed:
     return found
 
 
-def require_text(path: PathLike, data: ByteArray, kind: str) -> None:
-    """Raise `FileFormatError` where bytes that no text has show that a file is not of this kind."""
-    if (data[: 1 << 16] == 0).any():
+def text_of(path: PathLike, data: ByteArray, kind: str) -> ByteArray:
+    """Return text without a byte-order mark, and without the NULs that some programs end it with.
+
+    Raises
+    ------
+    FileFormatError
+        Bytes that no text has show that the file is not of this kind.
+    """
+    start = len(BYTE_ORDER_MARK) if data[:3].tobytes() == BYTE_ORDER_MARK else 0
+    stop = len(data)
+    while stop > start and data[stop - 1] == 0:
+        stop -= 1
+    text = data[start:stop]
+    if (text[: 1 << 16] == 0).any():
         raise FileFormatError(f"{path}: it is not {kind}; it holds binary data")
+    return text
 
 
 def line_number(data: ByteArray, at: int) -> int:
@@ -136,10 +149,9 @@ def read_lines(path: PathLike, kind: str) -> list[TextLine]:
     FileFormatError
         It is empty, or no text.
     """
-    content = read_bytes(path)
-    require_text(path, np.frombuffer(content, np.uint8), kind)
+    content = text_of(path, np.frombuffer(read_bytes(path), np.uint8), kind)
     try:
-        text = content.decode("utf-8-sig")
+        text = content.tobytes().decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: it is not {kind}; it is not text in UTF-8") from error
     words = (line.partition("#")[0].replace(",", " ").split() for line in text.splitlines())

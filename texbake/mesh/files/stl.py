@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError, quoted
+from texbake.errors import FileFormatError, MeshError, quoted, warn_of
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
-from texbake.mesh.files.source import ByteArray, decode_name, read_array, require_text
+from texbake.mesh.files.source import ByteArray, decode_name, read_array, text_of
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
@@ -45,11 +45,15 @@ def read_stl(path: PathLike) -> Mesh:
     names: tuple[str, ...] = ()
     n_triangles = binary_count(data)
     body = data[HEADER_SIZE + 4 :]
-    if n_triangles is not None and len(body) == n_triangles * RECORD.itemsize:
-        # Tested first, because many binary files begin with the word solid too.
+    n_more = len(body) - (n_triangles or 0) * RECORD.itemsize
+    if n_triangles is not None and n_more >= 0 and (n_triangles > 0 or n_more == 0):
+        # Tested first, because many binary files begin with the word solid too. In text, these
+        # bytes would be hundreds of millions of triangles.
+        if n_more:
+            warn_of(path, f"{n_more:,} bytes after its last triangle are left out")
         records = np.ndarray(n_triangles, RECORD, buffer=body.data)
         corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
-    elif data[:512].tobytes().lstrip()[:5].lower() == b"solid":
+    elif data[:512].tobytes().lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid":
         corners, groups, names = _read_ascii(path, data)
     else:
         raise FileFormatError(
@@ -90,7 +94,7 @@ def _read_ascii(
 
     A single solid without a name makes no group.
     """
-    require_text(path, data, "an STL file")
+    data = text_of(path, data, "an STL file")
     if not _END.search(data[-4096:].data):
         raise FileFormatError(f"{path}: it does not end with 'endsolid'; it is truncated")
     solids = [(match.end(), decode_name(match[1].strip())) for match in _SOLID.finditer(data.data)]

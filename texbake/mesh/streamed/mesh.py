@@ -15,6 +15,7 @@ import numpy as np
 from texbake.core import core
 from texbake.errors import MeshError
 from texbake.files import PathLike
+from texbake.mesh.files.conversion import warn_unused
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import add_angle_weighted, fill_canceled, normalize_sums
@@ -94,14 +95,18 @@ class StreamedMesh:
         MeshError
             There are no faces, a position is not finite, or an index is out of range.
         """
-        source.vertices.check(threads)
+        not_finite = source.vertices.not_finite(threads)
         n_faces, boxes = 0, []
         for faces in source.blocks(threads):
+            if not_finite is not None and len(not_finite.touching(faces)[0]):
+                raise MeshError(f"{source.path}: a position is not finite")
             n_faces += len(faces)
             boxes.append(_bounds(*source.vertices.of_faces(faces, threads), threads))
             source.vertices.file.release()
         if n_faces == 0:
             raise MeshError(f"{source.path}: it has no faces; a mesh needs at least one triangle")
+        if not_finite is not None:
+            warn_unused(source.path, f"{len(not_finite.vertices):,} of {source.vertices.n:,}")
         if n_faces > np.iinfo(np.int32).max:
             raise MeshError(f"{source.path}: it has {n_faces} triangles, more than can be numbered")
         low, high = np.stack(boxes).transpose(1, 0, 2)

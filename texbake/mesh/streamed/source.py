@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError, MeshError, TexbakeError
+from texbake.errors import FileFormatError, MeshError, TexbakeError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files import ply, stl
 from texbake.mesh.files.ply_tables import (
@@ -232,6 +232,10 @@ def _ply_attributes(
         "normals": ply.stack_columns(rows, ply.NORMAL_NAMES),
         "colors": ply.read_colors(path, rows, types),
     }
+    normals = found["normals"]
+    if normals is not None and not np.isfinite(normals).all():  # of some vertices, so not counted
+        warn_of(path, "some normals are not finite; computed ones take their place")
+        normals[~np.isfinite(normals).all(axis=1)] = 0.0
     return {name: values for name, values in found.items() if values is not None}
 
 

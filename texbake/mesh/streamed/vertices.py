@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import MeshError
 from texbake.mesh.files.source import ByteArray
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.streamed.mapped_file import MappedFile
@@ -87,19 +86,18 @@ class FileVertices:
         run_bands(read, len(positions), band=1 << 16, threads=threads)
         return positions, faces - np.int32(first)
 
-    def check(self, threads: int | None) -> None:
-        """Raise `MeshError` if a position is not finite."""
+    def not_finite(self, threads: int | None) -> VertexMarks | None:
+        """Mark the vertices that are not finite; None if all are."""
         bad: list[int] = []
 
         def find(start: int, stop: int) -> None:
-            found = core.find_not_finite(self.data, self.layout, start, stop)
-            if found >= 0:
+            while (found := core.find_not_finite(self.data, self.layout, start, stop)) >= 0:
                 bad.append(found)
+                start = found + 1
 
         run_bands(find, self.n, band=_VERTICES_PER_BAND, threads=threads)
         self.file.release()
-        if bad:
-            raise MeshError(f"{self.file.path}: a position is not finite (the first at {min(bad)})")
+        return VertexMarks.of_corners(np.array(bad, np.int32), self.n) if bad else None
 
     def at(self, positions: FloatArray, threads: int | None) -> VertexMarks:
         """Mark all vertices that lie at some positions, and a few others."""

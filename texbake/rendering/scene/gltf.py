@@ -24,6 +24,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
+from texbake.mesh.files.passed_over import pose_note
 from texbake.mesh.files.source import short_name
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
@@ -97,7 +98,9 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
-        self.notes = [
+        pose = pose_note(document)
+        self.notes = [] if pose is None else [pose]
+        self.notes += [
             f"it uses {shortened(name)}, which is not supported"
             for name in document.texts("extensionsUsed")
             if name not in SHOWN
