@@ -9,6 +9,8 @@ from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 
 # A room imports from itself and from those before it; the first is texbake/ itself, without its
@@ -224,3 +226,52 @@ def test_tests_start_the_installed_package() -> None:
         for path in (ROOT / "tests").rglob("test_*.py")
         if starts.search(path.read_text("utf-8"))
     ] == []
+
+
+# What rounds, or orders equal values, as the processor and the library like; texbake.core has
+# portable_math and elementary.h for the first.
+_OF_MATH = (
+    "sin|cos|tan|exp2?|expm1|log(2|10|1p)?|pow|atan2?|asin|acos|hypot|dist|cbrt|(sin|cos|tan)h"
+)
+_OF_NUMPY = (
+    f"{_OF_MATH}|sinc|logaddexp|power|float_power|arctan2|arc(sin|cos|tan)h?|i0|angle|einsum|v?dot|"
+    "inner|tensordot|matmul|vecdot|matvec|vecmat|linalg|fft|convolve|correlate|polyfit|roots|cov|"
+    "corrcoef|partition|argpartition"
+)
+_OF_C = r"(?:sin|cos|tan|exp2?|log(?:2|10|1p)?|pow|a?(?:sin|cos|tan)h?|atan2|hypot|cbrt|fma)f?"
+
+
+def unportable(node: ast.AST) -> bool:
+    """Whether an expression may give other bits on another processor."""
+    if isinstance(node, ast.BinOp):
+        if isinstance(node.op, ast.MatMult):
+            return True
+        # Squares are products, and small powers of whole numbers are exact.
+        sides = ast.unparse(node.left), ast.unparse(node.right)
+        return isinstance(node.op, ast.Pow) and not any(re.fullmatch(r"-?\d+", s) for s in sides)
+    if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "argsort":
+        return not any(ast.unparse(keyword.value) == "'stable'" for keyword in node.keywords)
+    if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
+        return False
+    names = {"np": _OF_NUMPY, "math": _OF_MATH}.get(node.value.id)
+    return names is not None and re.fullmatch(names, node.attr) is not None
+
+
+@pytest.mark.parametrize("source", ["np.sin(x)", "a @ b", "x**0.4", "math.log(2)", "x.argsort()"])
+def test_the_reader_of_expressions_finds_what_is_not_portable(source: str) -> None:
+    assert any(map(unportable, ast.walk(ast.parse(source))))
+
+
+def test_what_depends_on_the_processor_is_computed_by_the_core() -> None:
+    found = [
+        f"{module}:{node.lineno}: {ast.unparse(node)}"
+        for module in modules()
+        # Runners are started in the Python of other programs.
+        if not module.startswith(("texbake.study.bench.runners.", "texbake.core.portable_math"))
+        for node in ast.walk(tree_of(module))
+        if unportable(node)
+    ]
+    for path in sorted((ROOT / "texbake" / "core").glob("*.[ch]")):
+        code = re.sub(r"/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        found += [f"{path.name}: {name}" for name in re.findall(rf"\b({_OF_C})\(", code)]
+    assert not found

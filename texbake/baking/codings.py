@@ -5,6 +5,7 @@ Integer files hold codes; float files hold the values themselves, in the units o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,7 @@ FLOAT = 32  # bits per channel of files that hold plain values
 _CURVATURE_PERCENTILE = 99.0
 _EXACT_IN_HALF = 2048  # half floats hold all integers up to it
 # Colors of ids differ in hue by the golden angle, so that neighboring ids look different.
-_GOLDEN_ANGLE_DEG = 180.0 * (3.0 - 5.0**0.5)
+_GOLDEN_ANGLE_DEG = 180.0 * (3.0 - math.sqrt(5.0))
 _LIGHTNESSES = (0.70, 0.52, 0.86)
 _CHROMA = 0.15
 _MOST_READABLE = 1024  # ids whose colors a person can tell apart; beyond it only programs can

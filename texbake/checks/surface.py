@@ -17,6 +17,7 @@ manifold surfaces", 2001 (singular edges and vertices). Kernel of the intersecti
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ from texbake.parallel import run_bands
 _CRACK = 1e-6
 
 # A slanted direction, along which few points of a model built on a grid lie at the same height.
-_SLANTED = np.array([1.0, 2.0**0.5, 3.0**0.5]) / 6.0**0.5
+_SLANTED = np.array([1.0, math.sqrt(2.0), math.sqrt(3.0)]) / math.sqrt(6.0)
 _MAX_NEIGHBORS = 64  # along it, that a point is compared with
 
 # Share of the diagonal: the step of float32 from which detail of a bake is lost.

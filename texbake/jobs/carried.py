@@ -6,6 +6,7 @@ from one image share one: occlusion, roughness and metallic; base color and alph
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -364,7 +365,7 @@ def texture_size(materials: Materials | None, least: int, most: int) -> int:
         images = {s.image.name: s.image for s in material.channels.values() if s.image is not None}
         shapes = [image_shape(image.data, image.name) for image in images.values()]
         area += max((width * height for width, height, _ in shapes), default=0)
-    side = area**0.5
+    side = math.sqrt(area)
     size = least
     while size < side and size < most:
         size *= 2

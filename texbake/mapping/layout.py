@@ -158,7 +158,7 @@ def _legend(width: int) -> LayoutPixels:
     has_words = width > 2 * room + 12 * size
     left, right = (room, width - room) if has_words else (size, max(width - size, size + 1))
     levels = np.linspace(-1.0, 1.0, right - left)
-    bar = linear(np.array([heat_color(HEAT_RANGE**level) for level in levels.tolist()]))
+    bar = linear(np.array([heat_color(pm.power(HEAT_RANGE, level)) for level in levels.tolist()]))
     strip[size // 2 : size // 2 + size, left:right] = bar[: max(width - left, 0)]
     for stretch, label in HEAT_TICKS:
         ink = text_coverage(label, size)

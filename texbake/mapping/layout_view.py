@@ -33,7 +33,13 @@ _ROOMY_PX = 12.0  # smaller triangles get fainter edges, which would hide everyt
 # The heat map shows L2 stretch from this to its inverse; beyond, the color stays the same.
 HEAT_RANGE = 2.0
 _HEAT_STEPS = 64  # colors on either side of the middle: more than the eye can distinguish
-HEAT_TICKS = ((0.5, "0.5"), (2.0**-0.5, "0.7"), (1.0, "1"), (2.0**0.5, "1.4"), (2.0, "2"))
+HEAT_TICKS = (
+    (0.5, "0.5"),
+    (math.sqrt(0.5), "0.7"),
+    (1.0, "1"),
+    (math.sqrt(2.0), "1.4"),
+    (2.0, "2"),
+)
 HEAT_WORDS = ("compressed", "stretch L2", "stretched")
 
 _GAMMA = 2.2  # close enough to sRGB for choosing colors

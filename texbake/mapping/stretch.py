@@ -167,7 +167,7 @@ def stretch_by_group(
     columns = (
         worst * np.sqrt(means(doubled_l2) / 2.0),
         worst * largest,
-        worst * means(doubled_l2 + found.greatest**-2.0 + found.least**-2.0),
+        worst * means(doubled_l2 + 1.0 / np.square(found.greatest) + 1.0 / np.square(found.least)),
         means(ratios),
         means(ratios + 1.0 / ratios - 2.0),
         means(growths + 1.0 / growths - 2.0),

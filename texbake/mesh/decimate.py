@@ -114,7 +114,7 @@ def _order_in_space(
     id_bits = max(1, int(len(faces) - 1).bit_length())
     axis_bits = min((64 - id_bits) // 3, 10)
     low -= extent * (0.31 * number % 1.0)
-    cells_a_unit = (2.0**axis_bits - 1.0) / (2.0 * extent) if extent > 0.0 else 0.0
+    cells_a_unit = (2**axis_bits - 1.0) / (2.0 * extent) if extent > 0.0 else 0.0
     keys = np.empty(len(faces), dtype=np.uint64)
     run_bands(
         lambda start, stop: core.morton_keys(

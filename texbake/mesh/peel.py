@@ -11,6 +11,7 @@ number generators", OOPSLA 2014 (the hash). Kernel: `core/orange_pores.c`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -71,7 +72,7 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
     s = x * x + z * z
     top, bottom = (pm.exp(-np.clip(1.0 - sign * y, 0.0, None) / 0.035) for sign in (1.0, -1.0))
     # Re (x + iz)^5 and the like: ribs around the stem that are smooth at the pole itself.
-    ribs = (x**5 - 10.0 * x**3 * z**2 + 5.0 * x * z**4) / (s + 1e-3) ** 2.5
+    ribs = (x**5 - 10.0 * x**3 * z**2 + 5.0 * x * z**4) / pm.power(s + 1e-3, 2.5)
     stem = -0.085 * top * (1.0 + 0.22 * ribs * (1.0 - pm.exp(-s / 0.01)))
     button = 0.03 / (1.0 + pm.exp((s - 0.0045) / 0.0009)) * (y > 0.0)
     navel = -0.03 * pm.exp(-np.clip(1.0 + y, 0.0, None) / 0.006) - 0.012 * bottom
@@ -98,7 +99,7 @@ def _pores() -> _Pores:
     i = np.arange(_N_PORES)
     spacing = np.sqrt(4.0 * np.pi / _N_PORES)
     jitter = (0.7 * spacing) * (np.stack([_hashed(i, stream) for stream in range(3)], 1) - 0.5)
-    golden_angle = np.pi * (3.0 - 5.0**0.5)
+    golden_angle = np.pi * (3.0 - math.sqrt(5.0))
     y = 1.0 - (2.0 * i + 1.0) / _N_PORES
     ring = np.sqrt(1.0 - y * y)
     centers = np.stack([ring * pm.cos(golden_angle * i), y, ring * pm.sin(golden_angle * i)], 1)

@@ -257,7 +257,7 @@ def _lattice_triangles(f: int) -> IntArray:
 
 
 def _icosahedron() -> tuple[FloatArray, IntArray]:
-    g = (1.0 + 5.0**0.5) / 2.0
+    g = (1.0 + math.sqrt(5.0)) / 2.0
     cyclic = [(0.0, s, t * g) for s in (-1.0, 1.0) for t in (-1.0, 1.0)]
     corners = np.array([np.roll(p, shift) for shift in range(3) for p in cyclic])
     # Faces are the triples of corners that lie 2, the length of an edge, apart.

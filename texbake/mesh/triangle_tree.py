@@ -140,7 +140,7 @@ def _morton_order(
     axis_bits = (64 - id_bits) // 3
     low = positions.min(axis=0)
     extent = float((positions.max(axis=0) - low).max())
-    cells_a_unit = (2.0**axis_bits - 1.0) / extent if extent > 0.0 else 0.0
+    cells_a_unit = (2**axis_bits - 1.0) / extent if extent > 0.0 else 0.0
     keys = np.empty(len(faces), dtype=np.uint64)
 
     def work(start: int, stop: int) -> None:

@@ -103,7 +103,7 @@ def ticks(low: float, high: float) -> list[float]:
     >>> ticks(-0.03, 0.021)
     [-0.03, -0.02, -0.01, 0.0, 0.01, 0.02]
     """
-    power = 10.0 ** math.floor(pm.log10((high - low) / _MAX_TICKS))
+    power = 10 ** math.floor(pm.log10((high - low) / _MAX_TICKS))
     for step in (power, 2 * power, 5 * power, 10 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
         if last - first < _MAX_TICKS:

@@ -115,7 +115,7 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
     nets = scrambled_nets(_DIRECTIONS // n_points, n_points)
     # Points of a net that follow each other, in number a power of two, are a net themselves.
     points = _sorted(nets.reshape(-1, n_rays, 2))
-    disk = concentric_disk((points.astype(np.float64) + 0.5) / 2.0**_BITS)
+    disk = concentric_disk((points.astype(np.float64) + 0.5) / 2**_BITS)
     z = np.sqrt(1.0 - np.square(disk).sum(axis=-1, keepdims=True))
     return frozen(np.concatenate([disk, z], axis=-1).astype(np.float32))
 
@@ -190,7 +190,7 @@ def _sorted(nets: UintArray) -> UintArray:
     bits = nets.shape[1].bit_length() - 1
     columns, rows = (bits + 1) // 2, bits // 2
     cells = _top_bits(nets[..., 0], columns) << np.uint32(rows) | _top_bits(nets[..., 1], rows)
-    order = np.argsort(cells, axis=1)
+    order = np.argsort(cells, axis=1, kind="stable")
     return np.take_along_axis(nets, order[:, :, np.newaxis], axis=1)
 
 

@@ -156,5 +156,5 @@ def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | 
             return seconds
         before, was = front[k - 1]
         part = pm.log(was / error) / pm.log(was / reached)
-        return float(before * (seconds / before) ** part)
+        return float(before * pm.power(seconds / before, part))
     return None

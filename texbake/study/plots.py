@@ -252,7 +252,7 @@ def _widen(axes: Axes, texts: list[Any], floor: float, most_ticks: int) -> None:
     ):
         low, high = pm.log10(min(values)), pm.log10(max(values))
         room = 0.12 * max(high - low, 0.3) + 0.06
-        set_limits(10.0 ** (low - room), 10.0 ** (high + room))
+        set_limits(pm.power(10.0, low - room), pm.power(10.0, high + room))
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         ticks = _ticks(*limits, most_ticks)
         if floor and axis is axes.yaxis:
@@ -264,7 +264,7 @@ def _ticks(low: float, high: float, most: int) -> list[float]:
     """Return round numbers within limits, as many as fit."""
     powers = range(int(np.floor(pm.log10(low))) - 1, int(np.ceil(pm.log10(high))) + 1)
     for steps in _STEPS:
-        ticks = [step * 10.0**power for power in powers for step in steps]
+        ticks = [step * pm.power(10.0, power) for power in powers for step in steps]
         inside = [tick for tick in ticks if low <= tick <= high]
         if len(inside) <= most:
             return inside

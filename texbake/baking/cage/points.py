@@ -76,7 +76,7 @@ def find_outer_points(
         [over_lattice, _vertex_points(high, positions, low.faces, normals, frame, threads)]
     )
     sides = pm.matvec(normals[low.faces], face_normals(low, threads=threads))
-    folded = np.less(sides, _FOLDED).any(axis=1)
+    folded = np.any(sides < _FOLDED, axis=1)
     return replace(points, exact=points.exact & ~folded[points.faces])
 
 

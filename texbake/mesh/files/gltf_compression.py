@@ -70,7 +70,7 @@ def ordered_triangles(
     _library().optimize_vertex_cache(codes, given, len(given), n_vertices)
     ordered = codes.astype(np.int64)
     used, firsts = np.unique(ordered, return_index=True)
-    vertices = used[np.argsort(firsts)]
+    vertices = used[np.argsort(firsts, kind="stable")]
     places = np.empty(n_vertices, np.int64)
     places[vertices] = np.arange(len(vertices))
     return places[ordered], vertices

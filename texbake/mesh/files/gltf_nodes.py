@@ -67,7 +67,7 @@ class PlacedNodes:
         with np.errstate(over="ignore", invalid="ignore"):
             for start, stop in zip([0, *stops], stops, strict=False):
                 of_parents = placed[parents[start:stop]]
-                np.matmul(of_parents, local[start:stop], out=placed[start:stop])
+                placed[start:stop] = pm.matmul(of_parents, local[start:stop])
         return np.asarray(placed[numbers[:-1]])
 
     def mesh_matrices(self, matrices: FloatArray) -> FloatArray:

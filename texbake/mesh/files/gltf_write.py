@@ -145,7 +145,7 @@ def write_glb(
 def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[float]:
     """Least share of the picture at which each level is shown."""
     if coverages is None:
-        return [*(_FINEST_COVERAGE / 4.0**number for number in range(n_levels - 1)), 0.0]
+        return [*(_FINEST_COVERAGE / 4**number for number in range(n_levels - 1)), 0.0]
     falling = all(a > b for a, b in pairwise(coverages))
     if len(coverages) != n_levels or not falling or not all(0.0 <= c <= 1.0 for c in coverages):
         raise OptionError(

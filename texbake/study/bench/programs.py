@@ -8,6 +8,7 @@ complete it.
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -180,7 +181,7 @@ def _qualities(options: BenchOptions) -> Settings:
 
 def _pixels(options: BenchOptions) -> Settings:
     return [
-        (f"{n} sample{'s' if n > 1 else ''}", {"samples": n, "side": round(n**0.5)})
+        (f"{n} sample{'s' if n > 1 else ''}", {"samples": n, "side": round(math.sqrt(n))})
         for n in options.pixel_samples
     ]
 

@@ -136,7 +136,7 @@ class _SplitMix64:
             x, y, z = (2.0 * self.unit() - 1.0 for _ in "xyz")
             squared = x * x + y * y + z * z
             if 1e-4 < squared <= 1.0:
-                length = squared**0.5
+                length = np.sqrt(squared)
                 return x / length, y / length, z / length
 
 
@@ -334,7 +334,7 @@ def turbulence(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
 def _as_values(samples: ProcedurePoints, parameters: dict[str, Any], *, absolute: bool) -> Work:
     tables, numbers = _tables(parameters, samples.n_dimensions, absolute)
     squares = squared_amplitudes(parameters["octaves"], parameters["gain"])
-    scale = 1.0 / (WEIGHTS[parameters["weight"]].bound * squares**0.5)
+    scale = 1.0 / (WEIGHTS[parameters["weight"]].bound * np.sqrt(squares))
     offset, scale = (0.0, scale) if absolute else (0.5, 0.5 * scale)
 
     def work(start: int, stop: int) -> None:

@@ -209,7 +209,7 @@ def _checked_vector(where: str, value: Any, *, is_direction: bool) -> tuple[floa
         or not isinstance(value, Sequence)
         or len(value) != 3
         or not all(_is_real(number) and math.isfinite(number) for number in value)
-        or not (1e-100 if is_direction else -1.0) < math.hypot(*value) < 1e100
+        or not (1e-100 if is_direction else -1.0) < max(map(abs, value)) < 1e100
     ):
         raise OptionError(
             f"{where}: {quoted(value)} is not {'a direction' if is_direction else 'a point'}; "

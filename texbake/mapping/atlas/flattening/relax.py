@@ -106,7 +106,7 @@ def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> C
     _, first_faces = np.unique(parts, return_index=True)
     # Parts of the first chart come first, as their coordinates did.
     order = np.argsort(charts.chart_ids[corners[first_faces, 0]], kind="stable")
-    new_charts = np.argsort(order)[parts]
+    new_charts = np.argsort(order, kind="stable")[parts]
     # A coordinate for each vertex of each part.
     owned = weld_rows(np.column_stack([joints.ravel(), np.repeat(parts, 3)]))
     firsts, numbers = np.unique(owned, return_inverse=True)

@@ -139,7 +139,7 @@ def glued(
     points[labels] = np.concatenate([one.points, other.points])
     border, ends = _open_border(one, other, contact, way, labels)
     face_ids = np.concatenate([one.face_ids, other.face_ids])
-    order = np.argsort(face_ids)
+    order = np.argsort(face_ids, kind="stable")
     return ChartPiece(
         face_ids=face_ids[order],
         faces=labels[np.concatenate([one.faces, other.faces + np.int32(n_one)])[order]],
@@ -179,7 +179,7 @@ def _open_border(
     back = ends[:, 1].astype(np.int64) << 32 | ends[:, 0]
     is_open = ~np.isin(back, keys)
     border, ends = border[is_open], ends[is_open]
-    order = np.argsort(border)
+    order = np.argsort(border, kind="stable")
     return border[order], ends[order]
 
 
