@@ -78,5 +78,6 @@ def with_common_levels(maps: Sequence[BakedMap], bits: int) -> list[BakedMap]:
 
 def _ends(baked: BakedMap) -> tuple[float, float]:
     """Least and greatest finite value with data; 0 if there is none."""
-    values = baked.values[baked.covered & np.isfinite(baked.values)]
+    values = baked.values[baked.has_data]
+    values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
