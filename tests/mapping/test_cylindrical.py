@@ -113,6 +113,15 @@ def test_side_and_caps_have_one_density_and_none_is_mirrored(theta, height):
     assert side / caps[0] == pytest.approx(np.full(2 * n_sides, half / math.sin(half)), rel=1e-9)
 
 
+@pytest.mark.parametrize(("height", "end"), [(0.5, 0.25 / math.pi), (2.0, 1.0 / math.pi)])
+def test_with_caps_t_of_the_side_is_height_over_the_length_of_the_arc(height, end):
+    side = mapped(prism(64, 1.0, height), caps=True).corners[:128]
+    assert [side[..., 1].min(), side[..., 1].max()] == pytest.approx([0.0, end], abs=1e-12)
+    without = mapped(prism(64, 1.0, height)).corners[:128]
+    assert [without[..., 1].min(), without[..., 1].max()] == [0.0, 1.0]
+    np.testing.assert_array_equal(side[..., 0], without[..., 0])
+
+
 def test_caps_lie_above_the_side_apart_and_within_the_square():
     n_sides = 32
     for height in 0.5, 2.0, 40.0:

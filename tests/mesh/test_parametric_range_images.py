@@ -68,13 +68,28 @@ def test_holes_stay_and_large_steps_are_not_bridged() -> None:
     image[6, 6] = np.nan
     holed = make("depth-image", image=image)
     assert holed.n_vertices == 78
-    assert holed.n_faces == 2 * 7 * 9 - 2 * 6
+    assert holed.n_faces == 2 * 7 * 9 - 2 * 4  # of each square around a hole, one triangle
     image = np.full((8, 10), 0.5)
     image[:, 5:] = 0.8
     whole, parted = (make("depth-image", image=image, max_step=step) for step in (None, 0.1))
     assert whole.n_faces - parted.n_faces == 2 * 7
     cylinder = make("cylindrical-range", image=image, max_step=0.1)
     assert cylinder.n_faces == 2 * 7 * 8
+
+
+@pytest.mark.parametrize("missing", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_a_square_without_one_corner_keeps_the_triangle_of_the_others(
+    missing: tuple[int, int],
+) -> None:
+    for value, options in (0.0, {}), (0.9, {"max_step": 0.1}):
+        image = np.full((2, 2), 0.5)
+        image[missing] = value
+        mesh = make("depth-image", image=image, **options)
+        assert (mesh.n_vertices, mesh.n_faces) == (3, 1)
+        assert (face_normals(mesh)[:, 2] > 0.0).all()
+        rows, columns = 2 * (1.0 - mesh.uvs[:, 1]) - 0.5, 2 * mesh.uvs[:, 0] - 0.5
+        kept = set(zip(np.rint(rows).tolist(), np.rint(columns).tolist(), strict=True))
+        assert kept == {(0, 0), (0, 1), (1, 0), (1, 1)} - {missing}
 
 
 @pytest.mark.parametrize("shape", ["cylindrical-range", "depth-image"])

@@ -298,11 +298,13 @@ def test_normalized_embossing_is_the_light_on_the_tilted_wall(wall, height, spac
     assert (numerator - expected).min() > 0.01
 
 
+TURN = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+
+
 def embossed_block(form, space, scale, seen_from=(0.4, 0.7, 3.0)):
     """A wavy wall under a turning and scaling transform, in light from one side."""
-    turn = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
     transform = np.eye(4)
-    transform[:3, :3] = turn @ np.diag(scale)
+    transform[:3, :3] = TURN @ np.diag(scale)
     material = bump(WAVES, height=0.02, form=form, light_space=space)
     scene = Scene(
         objects=(SceneObject(mesh=plane(), material=material, transform=transform),),
@@ -322,6 +324,35 @@ def test_normalized_embossing_is_blinn_also_where_scaled_and_from_behind(seen_fr
     # Seen at a slant, steps are several texels wide, and along the light other than along u and v.
     np.testing.assert_allclose(whole, blinn, atol=6e-3)
     assert np.ptp(blinn) > 0.05
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (0.5, 3.0, 1.0)])
+def test_embossing_in_the_world_is_the_numerator_of_the_normal_of_the_scaled_wall(scale):
+    """On a slope g in object space, M^-T (N - g) · L / |M^-T N|, with the lamp in world space."""
+    matrix = TURN @ np.diag(scale)
+    transform = np.eye(4)
+    transform[:3, :3] = matrix
+    material = bump(2.0 * U + V, height=0.6, form="emboss")
+    scene = Scene(
+        objects=(SceneObject(mesh=plane(), material=material, transform=transform),),
+        lighting=lamps((-0.5, -0.6, -1.0)),
+    )
+    middle = matrix @ [0.5, 0.5, 0.0]
+    eye = middle + np.array([0.4, 0.7, 3.0])
+    camera = Camera.looking_at(eye, middle, fov=0.05, near=0.01)
+    frame = draw(prepare(scene, CLOSE), camera)
+    found = frame.color[frame.coverage == 1][:, 0]
+    corners = plane().positions[plane().faces[0]][:, :2]
+    heights = 0.6 * plane().corner_uvs()[0] @ [2.0, 1.0]
+    slope = np.linalg.solve(corners[1:] - corners[0], heights[1:] - heights[0])
+    inverse = np.linalg.inv(matrix).T
+    normal = inverse @ [0.0, 0.0, 1.0]
+    bent = normal - inverse @ [*slope, 0.0]
+    to_light = unit(np.array([0.5, 0.6, 1.0]))
+    expected = 0.8 * (bent @ to_light) / np.linalg.norm(normal)
+    assert len(found) > 100 and abs((bent - normal) @ to_light) > 0.05 * np.linalg.norm(normal)
+    # float32 heights up to 1.8, over 1/1024.
+    np.testing.assert_allclose(found, expected, atol=2e-4)
 
 
 def test_light_in_object_space_is_the_same_unless_axes_are_scaled_apart():

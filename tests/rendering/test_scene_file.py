@@ -6,8 +6,11 @@ import pytest
 from texbake.errors import FileError, FileFormatError
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
+from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import plan_scene, render_scene
 from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import camera_of
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.image import write_image
 
@@ -51,6 +54,20 @@ def test_the_matrix_of_a_projector_may_have_three_rows(folder):
     ):
         text = f'projected = [{{texture = "gray.png", matrix = {matrix}}}]'
         np.testing.assert_array_equal(material(folder, text).projected[0].matrix, expected)
+
+
+def test_a_scene_is_drawn_as_its_render_table_says_unless_options_are_given(folder):
+    table = '[render]\nwidth = 24\nheight = 10\nsupersampling = 1\nbackground = "#000000"\n'
+    scene = read(folder, BALL + table)
+    for found in render_scene(scene), draw(prepare(scene), camera_of(scene, scene.options())):
+        assert found.color.shape == (10, 24, 4)
+        np.testing.assert_array_equal(found.color[0, 0], [0.0, 0.0, 0.0, 1.0])
+    buffered = read(folder, BALL + '[render]\nbuffer = "depth"\n')
+    assert plan_scene(buffered).has("buffer") and not plan_scene(buffered, RenderOptions()).has(
+        "buffer"
+    )
+    assert render_scene(scene, RenderOptions(width=16, height=12)).color.shape == (12, 16, 4)
+    assert render_scene(scene, scene.options(width=16)).color.shape == (10, 16, 4)
 
 
 def test_everything_that_a_file_says_is_there(folder):

@@ -116,6 +116,22 @@ def test_only_sets_that_are_looked_up_are_interpolated():
     assert plan.has("further texture coordinates") and not plan.has("texture coordinates")
 
 
+@pytest.mark.parametrize("slots", [
+    {"base_color": image(uv_set="TEXCOORD_0")},
+    {"base_color": ProcedureTexture(procedure="checker", space="uv", uv_set="TEXCOORD_0")},
+    {"normal_map": NormalMap(texture=image(uv_set="TEXCOORD_0"), space="tangent")},
+])  # fmt: skip
+def test_texcoord_0_is_the_first_set(slots):
+    mesh = with_second(uv_sphere(8, 16), turned)
+    ((name, holder),) = slots.items()
+    unnamed = (
+        replace(holder, texture=replace(holder.texture, uv_set=None))
+        if name == "normal_map" else replace(holder, uv_set=None)
+    )  # fmt: skip
+    expected = picture(mesh, Material(**{name: unnamed}))
+    np.testing.assert_array_equal(picture(mesh, Material(**slots)), expected)
+
+
 def test_a_missing_set_is_named():
     with pytest.raises(UvError, match=r"has no UV set 'second'.*--set second"):
         picture(plane(2, 2), Material(base_color=image(uv_set="second")))

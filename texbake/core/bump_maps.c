@@ -193,8 +193,8 @@ void find_light_steps(
     }
 }
 
-/* Turn slopes along the light into what they add to N·L, with the light in the other space or the
-   length of the bent normal, or both. Those without a frame stay. */
+/* Turn slopes along the light in the object's space into what they add to N·L in the light's space,
+   with the length of the bent normal if `normalized`. Those without a frame stay. */
 void bend_embossed(
     int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
     const double positions[n_positions][3], const int32_t faces[n_faces][3],
@@ -224,16 +224,18 @@ void bend_embossed(
             bent[k] = frame.n[k] - along * u[k] - up * v[k];
         const double facing = dot_f32(shading[i], toward);
         const double side = back_facing[i] ? -1.0 : 1.0;
-        double value, length;
+        double shift = 0.0, length;
         if (in_object) {
-            value = side * dot(frame.n, light) / size + lifts[i];
+            shift = side * dot(frame.n, light) / size - facing;
             length = sqrt(dot(bent, bent));
         } else {
             const double stretch = turn(to_world, frame.n[0], frame.n[1], frame.n[2], turned);
-            value = facing + lifts[i] * size / stretch;
+            lifts[i] *= size / stretch;
             length = turn(to_world, bent[0], bent[1], bent[2], turned) / stretch;
         }
-        lifts[i] = (normalized ? value / length : value) - facing;
+        lifts[i] += shift;
+        if (normalized)
+            lifts[i] = (facing + lifts[i]) / length - facing;
     }
 }
 

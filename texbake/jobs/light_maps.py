@@ -34,6 +34,7 @@ from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
+from texbake.mapping.options import further_uv_set
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import run_bands
@@ -259,6 +260,7 @@ def bake_light_maps(
     [1.0, 1.0, 1.0]
     """
     options = options or BakeOptions()
+    uv_set = further_uv_set(uv_set)
     stages = Stages(progress)
     meshes = [placed(item) for item in scene.objects]
     chosen = [

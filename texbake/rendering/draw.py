@@ -104,13 +104,13 @@ def prepare(
     scene
         The scene.
     options
-        None uses the defaults.
+        None uses those of the scene.
     effects
         All available effects, in order.
     threads
         Number of threads; None uses every processor. The result does not depend on it.
     """
-    options = options or RenderOptions()
+    options = options or scene.options()
     if options.mapping_order != "screen":
         scene, options = base_colors_alone(scene), replace(options, supersampling=1)
     keeps_materials = options.buffer is not None or effects is not EFFECTS

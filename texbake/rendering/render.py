@@ -106,7 +106,7 @@ def render_scene(
     scene
         A scene from `texbake.read_scene`, or built in Python.
     options
-        None uses the defaults.
+        None uses those of the scene, which a scene file sets under `[render]`.
     camera
         None uses the scene's view or, if it has none, frames all objects by `options`.
     threads
@@ -132,7 +132,7 @@ def render_scene(
     ['placing', 'slots']
     """
     clock = clock or BudgetClock()
-    options = options or RenderOptions()
+    options = options or scene.options()
     prepared = prepare(scene, options, threads=threads)
     return draw_picture(
         prepared, camera or camera_of(scene, options), progress=progress, clock=clock
@@ -155,7 +155,7 @@ def plan_scene(
     >>> [item.name for item in plan_scene(dark).passes]
     ['placing', 'slots', 'unlit']
     """
-    options = options or RenderOptions()
+    options = options or scene.options()
     return plan_of(prepare(scene, options), camera or camera_of(scene, options))
 
 

@@ -80,7 +80,8 @@ class ProjectionOptions(CheckedOptions):
     height: Annotated[
         tuple[float, float] | None,
         Option(
-            "Cylindrical: heights above the center that become t = 0 and t = 1.",
+            "Cylindrical: heights above the center that become t = 0 and t = 1; with caps, t ends "
+            "below 1.",
             metavar="A,B",
             unit="model units",
             default="the lowest and the highest corner",
@@ -88,7 +89,11 @@ class ProjectionOptions(CheckedOptions):
     ] = None
     caps: Annotated[
         bool,
-        Option("Cylindrical: map faces that look along the axis, such as ends, by a plane."),
+        Option(
+            "Cylindrical: map faces that look along the axis, such as ends, by a plane above the "
+            "side. All have one scale, so t of the side ends at its height divided by the length "
+            "of the arc."
+        ),
     ] = False
     overlap: Annotated[
         bool,

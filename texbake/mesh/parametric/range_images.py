@@ -147,12 +147,8 @@ def _joined(
     # One more column for the texture: the first one again, beyond the right border.
     places = np.column_stack([numbers, numbers[:, 0]]) if closed else numbers
     of_uvs = np.arange(places.size, dtype=np.int32).reshape(places.shape)
-    corners = _triangles(of_uvs)
+    corners, kept = _triangles(of_uvs, ranges.ravel()[places.ravel()], max_step)
     faces = places.ravel()[corners]
-    known = ranges.ravel()[faces]
-    with np.errstate(invalid="ignore"):
-        steps = known.max(axis=1) - known.min(axis=1)
-        kept = np.isfinite(steps) & (steps <= (math.inf if max_step is None else max_step))
     if not kept.any():
         raise MeshError("image: no three neighboring pixels have a distance; nothing is to be made")
     u, v = _centers(n_rows, n_columns)
@@ -170,10 +166,33 @@ def _joined(
     )
 
 
-def _triangles(numbers: IntArray) -> IntArray:
-    """(2 (H - 1) (W - 1), 3): two triangles of each four neighbors, counter-clockwise."""
+def _triangles(
+    numbers: IntArray, distances: FloatArray, max_step: float | None
+) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+    """(2 S, 3) and (2 S,): two triangles of each square of neighbors, and which of them are kept.
+
+    `numbers` (H, W) are the corners, and `distances` those of each number. Triangles are
+    counter-clockwise. A square is divided from lower left to upper right, or by the other diagonal
+    where that keeps more triangles, as where one of these two corners has no distance.
+    """
     upper_left, upper_right = numbers[:-1, :-1].ravel(), numbers[:-1, 1:].ravel()
     lower_left, lower_right = numbers[1:, :-1].ravel(), numbers[1:, 1:].ravel()
-    first = np.stack([lower_left, lower_right, upper_right], axis=1)
-    second = np.stack([lower_left, upper_right, upper_left], axis=1)
-    return np.stack([first, second], axis=1).reshape(-1, 3)
+
+    def halves(
+        *triangles: tuple[IntArray, IntArray, IntArray],
+    ) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+        corners = np.stack([np.stack(each, axis=1) for each in triangles], axis=1)
+        known = distances[corners]
+        with np.errstate(invalid="ignore"):
+            steps = known.max(axis=2) - known.min(axis=2)
+            return corners, np.isfinite(steps) & (steps <= (max_step or math.inf))
+
+    corners, kept = halves(
+        (lower_left, lower_right, upper_right), (lower_left, upper_right, upper_left)
+    )
+    others, others_kept = halves(
+        (lower_left, lower_right, upper_left), (lower_right, upper_right, upper_left)
+    )
+    better = others_kept.sum(axis=1) > kept.sum(axis=1)
+    corners[better], kept[better] = others[better], others_kept[better]
+    return corners.reshape(-1, 3), kept.ravel()

@@ -18,12 +18,13 @@ procedure in space has no texture coordinates; there u and v are lengths along t
 step is one pixel.
 
 `emboss` leaves the normal unchanged. For each lamp it adds to the diffuse light, per unit of light,
-f(u + L_u, v + L_v) - f(u - L_u, v - L_v), where (L_u, L_v) is the direction of the light along the
-surface, scaled to half a step. Divided by its length this is the slope of d along the light, which
-is to first order what the tilted normal would add to N·L. On a slope of 0.25 it is up to 0.03 too
+f(u - L_u, v - L_v) - f(u + L_u, v + L_v), where (L_u, L_v) is the direction to the light along the
+surface, scaled to half a step: the height away from the light minus the height toward it, since a
+slope that falls toward the light faces it. Divided by its length this is what the tilted normal
+would add to N·L, to first order. On a slope of 0.25 it is up to 0.03 too
 bright. `emboss-normalized` divides by the length of the bent normal N' = N - grad d:
 
-    (N·L + f(u + L_u, v + L_v) - f(u - L_u, v - L_v)) / sqrt(N'·N'),
+    (N·L + f(u - L_u, v - L_v) - f(u + L_u, v + L_v)) / sqrt(N'·N'),
 
 which is N'·L of Blinn's form. With `light_space` object, L is brought to the object's space and
 compared with the normal there, which saves turning normals to world space. That is the same unless
@@ -298,12 +299,10 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
         rise = heights_at(fragments, state, surface, shifts)
         rise -= heights_at(fragments, state, surface, -shifts)
         lifts = _over(rise, 2.0 * lengths)
-        if normalized or in_object:
-            core.bend_embossed(
-                *kernel_arrays(fragments, surface), light.directions,
-                surface.directions_to_object, surface.to_world, slopes, in_object, normalized,
-                lifts,
-            )  # fmt: skip
+        core.bend_embossed(
+            *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,
+            surface.to_world, slopes, in_object, normalized, lifts,
+        )  # fmt: skip
         core.add_embossed(
             fragments.normals, light.directions, light.radiance, fragments.values.base_color,
             fragments.values.metalness if is_metal else _NO_METAL, lifts, fragments.light,

@@ -86,8 +86,8 @@ class BumpMap:
     """A height d over the surface that only tilts its normal.
 
     `form` is `blinn` (first order: N + d_u (N x P_v) ... normalized), `exact` (with the terms
-    d N_u and d N_v of the displaced surface), `emboss` (d at the point and a step toward the
-    light, subtracted) or `emboss-normalized` (divided by the length of the bent normal). `height`
+    d N_u and d N_v of the displaced surface), `emboss` (d a step away from the light minus d a
+    step toward it) or `emboss-normalized` (divided by the length of the bent normal). `height`
     is what value 1 stands for, in model units of the object.
     """
 
@@ -114,7 +114,7 @@ class BumpMap:
     difference: Annotated[
         str,
         Option(
-            "Difference of heights that stands for the slope, for exact and blinn.",
+            "Difference of heights that stands for the slope, for exact, blinn, emboss-normalized.",
             choices=DIFFERENCES,
         ),
     ] = "central"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
+from texbake.mapping.options import further_uv_set
 from texbake.schema import Option, check_fields
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ VOLUME_FILTERS = ("trilinear", "nearest")
 SPACES = ("object", "world", "uv")
 
 _UV_SET = Option(
-    "Name of the texture coordinates, as TEXCOORD_1 or lightmap; without it, the first set."
+    "Name of the texture coordinates, as TEXCOORD_1 or lightmap; without it, the first set, which "
+    "is also TEXCOORD_0."
 )
 
 Rgb = tuple[float, float, float]
@@ -90,6 +92,7 @@ class ImageTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        object.__setattr__(self, "uv_set", further_uv_set(self.uv_set))
         check_ramp(self.colors)
         if self.range[0] == self.range[1]:
             raise OptionError("range: both ends are equal; give two numbers")
@@ -127,6 +130,7 @@ class ProcedureTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        object.__setattr__(self, "uv_set", further_uv_set(self.uv_set))
         for name in "scale", "factor":
             _check_finite(name, getattr(self, name))
         check_ramp(self.colors)
@@ -138,7 +142,7 @@ class VolumeTexture(ProcedureTexture):
 
     volume: Annotated[
         PathLike | tuple[PathLike, ...] | npt.NDArray[np.float32],
-        Option("A .npy file of a volume, or the images of its slices, from front to back."),
+        Option("A .npy file of a volume, or the images of its slices, from back (-z) to front."),
     ]
     procedure: Annotated[str, Option("Always volume.")] = "volume"
     offset: Annotated[
