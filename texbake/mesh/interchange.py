@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
@@ -126,6 +127,21 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
     return (colors / scale).astype(np.float32)
 
 
+def _world_matrix(scene: trimesh.Scene, node: str) -> npt.NDArray[np.float64]:
+    """(4, 4): the product of the matrices from the root of a scene down to a node.
+
+    trimesh's own product goes through BLAS and LAPACK, whose rounding depends on the processor.
+    """
+    tree, matrix = scene.graph.transforms, np.eye(4)
+    with np.errstate(over="ignore", invalid="ignore"):
+        while node != scene.graph.base_frame:
+            parent = tree.parents[node]
+            local = tree.edge_data[parent, node].get("matrix")
+            matrix = matrix if local is None else pm.matmul(local, matrix)
+            node = parent
+    return matrix
+
+
 def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
     """Meshes of a scene at their places, as one."""
     import trimesh
@@ -134,10 +150,9 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
     parts = []
     n_projective = 0
     for node in scene.graph.nodes_geometry:
-        with np.errstate(all="ignore"):  # trimesh looks whether the matrix is rigid
-            matrix, geometry = scene.graph[node]
+        matrix = _world_matrix(scene, node)
+        mesh = scene.geometry[scene.graph.transforms.node_data[node]["geometry"]]
         n_projective += not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0))
-        mesh = scene.geometry[geometry]
         if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
             continue
         part = from_trimesh(mesh, name=name)
@@ -145,7 +160,7 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
             groups = np.zeros(part.n_faces, np.int32)
             part = part.replace(face_groups=groups, group_names=(str(node),))
         with np.errstate(over="ignore", invalid="ignore"):  # `Mesh` refuses what overflows
-            parts.append(transformed(part, np.array(matrix, np.float64)))
+            parts.append(transformed(part, matrix))
     if not parts:
         raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
     if n_projective:
