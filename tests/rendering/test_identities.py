@@ -17,8 +17,17 @@ from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Effect, only_when_needed
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting, Shadow
+from texbake.rendering.render import render_scene
+from texbake.rendering.scene.lights import (
+    GATES,
+    Ambient,
+    Environment,
+    Light,
+    Lighting,
+    Shadow,
+)
 from texbake.rendering.scene.material import (
+    EMBOSS_FORMS,
     BumpMap,
     Displacement,
     Material,
@@ -28,7 +37,8 @@ from texbake.rendering.scene.material import (
     Reflection,
     Refraction,
 )
-from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 
 OPTIONS = RenderOptions(width=32, height=24)
@@ -379,11 +389,135 @@ def test_a_scene_without_such_parts_stays_the_same_object() -> None:
     assert prepare(scene, OPTIONS).scene is scene
 
 
-def test_an_object_space_normal_map_counts_whatever_its_strength(tmp_path: Path) -> None:
-    holder = NormalMap(texture=IMAGE, space="object", convention="opengl", strength=0.0)
-    scene = scene_of(AMBIENT, **LAMBERT, normal_map=holder)
-    with pytest.raises(FileError, match=r"missing\.png"):
-        draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
+@pytest.mark.parametrize("space", [None, "tangent", "object", "world"])
+def test_a_normal_map_of_strength_0_is_not_opened_whatever_its_space(space: str | None) -> None:
+    """Its space may be in the file alone, which is missing here."""
+    holder = NormalMap(texture=IMAGE, space=space, strength=0.0)
+    scene, bare = (
+        scene_of(Lighting(lights=(LIGHT,)), **LAMBERT, normal_map=item) for item in (holder, None)
+    )
+    camera = camera_of(scene, OPTIONS)
+    found, expected = (draw(prepare(item, OPTIONS), camera).color for item in (scene, bare))
+    np.testing.assert_array_equal(found, expected)
+
+
+FRONT = CameraView(position=(0.0, 0.0, 6.0), target=(0.0, 0.0, 0.0))
+BEHIND = Light(name="lamp", kind="spot", position=(0.0, 0.0, -5.0), direction=(0.0, 0.0, 1.0))
+# A band, below the ball, of a square that has the ball in it.
+BELOW = replace(BEHIND, position=(0.0, 0.0, 10.0), direction=(0.0, -3.0, -10.0), angle=40.0,
+                profile=ImageTexture(image=np.ones((8, 64, 3), np.float32)))  # fmt: skip
+RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("light", "material", "n_maps"),
+    [
+        (BEHIND, LAMBERT, 0),
+        (replace(BEHIND, kind="point"), LAMBERT, 0),
+        (replace(BEHIND, kind="directional"), LAMBERT, 0),
+        *((replace(BEHIND, kind=kind), {**LAMBERT, "bump_map": BumpMap(texture=RELIEF, form=form)},
+           0) for kind in ("spot", "directional") for form in EMBOSS_FORMS),
+        (BELOW, LAMBERT, 0),
+        (replace(BELOW, direction=(0.0, 0.0, -1.0)), LAMBERT, 1),
+        (replace(BELOW, aspect=1.0), LAMBERT, 1),
+    ],
+)  # fmt: skip
+def test_a_shadow_map_is_drawn_for_a_lamp_that_reaches_a_visible_pixel_alone(
+    light: Light, material: dict[str, Any], n_maps: int
+) -> None:
+    light = replace(light, shadow=Shadow(size=64))
+    lighting = Lighting(lights=(light,), ambient=Ambient(color=(0.1, 0.1, 0.1)))
+    scene = replace(scene_of(lighting, **material), view=FRONT)
+    frame = render_scene(scene, OPTIONS)
+    # Depths and triangles, of four bytes each.
+    assert frame.costs.by_name["shadow maps"].n_bytes == n_maps * 64 * 64 * 8
+    dark = replace(lighting, lights=(replace(light, intensity=0.0),))
+    is_same = np.array_equal(
+        frame.color, render_scene(replace(scene, lighting=dark), OPTIONS).color
+    )
+    assert is_same == (n_maps == 0)
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> ImageTexture:
+    (tmp_path / "damaged.png").write_bytes(b"no image at all")
+    return ImageTexture(image=tmp_path / "damaged.png")
+
+
+@pytest.mark.parametrize("gate", GATES)
+def test_a_slide_that_reaches_no_pixel_is_not_opened(damaged: ImageTexture, gate: str) -> None:
+    lamp = replace(BEHIND, profile=damaged, gate=gate)
+    sun = Lighting(lights=(lamp, LIGHT))
+    scene = replace(scene_of(sun, **LAMBERT), view=FRONT)
+    expected = render_scene(replace(scene, lighting=Lighting(lights=(LIGHT,))), OPTIONS)
+    np.testing.assert_array_equal(render_scene(scene, OPTIONS).color, expected.color)
+    reached = replace(sun, lights=(replace(lamp, position=(0, 0, 5), direction=(0, 0, -1)), LIGHT))
+    with pytest.raises(FileError, match=r"damaged\.png"):
+        render_scene(replace(scene, lighting=reached), OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("keys", "is_opened"),
+    [
+        ("target = [0, 0, 0], strength = 0", False),
+        ("target = [0, 0, 9]", False),
+        ("target = [0, 9, 4.9]", False),
+        ("target = [9, 0, 5]", False),
+        ("target = [0, 0, 0]", True),
+    ],
+)
+def test_a_projected_picture_that_hits_nothing_is_not_opened(
+    damaged: ImageTexture, tmp_path: Path, keys: str, is_opened: bool
+) -> None:
+    """Its aspect is that of the file, which cannot be read."""
+    ball = '[ambient]\ncolor = "#fff"\n[[objects]]\nshape = "sphere"\nresolution = [8, 4]\n'
+    picture = f'projected = [{{texture = "damaged.png", position = [0, 0, 5], {keys}}}]'
+    files = {"bare.toml": ball, "scene.toml": f"{ball}[objects.material]\n{picture}\n"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    bare, scene = (read_scene(tmp_path / name) for name in files)
+    if is_opened:
+        with pytest.raises(FileError, match=r"damaged\.png"):
+            render_scene(scene, OPTIONS)
+        return
+    found = render_scene(scene, OPTIONS)
+    assert not found.plan.has("projected textures")
+    np.testing.assert_array_equal(found.color, render_scene(bare, OPTIONS).color)
+
+
+METAL = {"shading": "metallic-roughness", "metalness": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("fields", "scatters"),
+    [
+        (METAL, False),
+        (METAL | {"metalness": 0.99}, True),
+        (METAL | {"metalness": ImageTexture(image=np.ones((2, 2, 1), np.float32))}, True),
+        (METAL | {"metalness": 0.0, "base_color": (0.0, 0.0, 0.0)}, False),
+        (LAMBERT | {"metalness": 1.0}, True),
+    ],
+)
+def test_the_irradiance_is_for_what_scatters_alone(fields: dict[str, Any], scatters: bool) -> None:
+    """An environment of one color: what a pure metal mirrors of it has a closed form elsewhere."""
+    around = Environment(color=(0.2, 0.5, 0.9), lighting=True, background=False, size=8)
+    scene = scene_of(Lighting(environment=around), **fields)
+    camera = camera_of(scene, OPTIONS)
+    frame = draw(prepare(scene, OPTIONS), camera)
+    assert frame.plan.has("irradiance") == scatters
+    assert ("irradiance" in frame.costs.by_name) == scatters
+    lit = frame.color[frame.coverage == 1, :3]
+    assert len(lit) > 0 and (lit > 0.0).all()
+    if not scatters:  # as it is beside an object that needs the irradiance
+        other = replace(scene.objects[0], material=Material(shading="lambert"), name="other")
+        both = replace(scene, objects=(*scene.objects, other))
+        np.testing.assert_array_equal(draw(prepare(both, OPTIONS), camera).color, frame.color)
+
+
+def test_baked_light_falls_on_a_surface_whose_model_reads_no_metalness() -> None:
+    scene = scene_of(Lighting(), **LAMBERT, metalness=1.0, light_map=(0.5, 0.25, 1.0))
+    color = draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS)).color[12, 16, :3]
+    np.testing.assert_allclose(color, np.multiply(0.8, (0.5, 0.25, 1.0)), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("alpha", "covered"), [(0.7, False), (0.95, True)])

@@ -37,7 +37,7 @@ from texbake.rendering.fragments import Fragments
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_rows
 from texbake.rendering.results import Target
-from texbake.rendering.scene.material import EMBOSS_FORMS, Material
+from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
 
 N_SCENES = int(os.environ.get("TEXBAKE_RANDOM_SCENES", "60"))
@@ -241,23 +241,17 @@ def _for_lamps(
     """Slides and shadow maps of lamps that light no pixel, whatever lies between."""
     if has_rendered_environments(scene):
         return  # what they show of it may be too dark or small to count
-    if ("layers", None) in ran.effects or any(_embosses(item.material) for item in scene.objects):
-        return  # transparent surfaces may cover what is lit, and embossing lights what faces away
+    if ("layers", None) in ran.effects:
+        return  # transparent surfaces may cover what is lit
     for place, light in enumerate(scene.lighting.lights):
         dark, bare = replace(light, intensity=0.0), replace(light, shadow=None)
         (dark_pixels, _), (bare_pixels, _) = (
             drawn(with_light(scene, place, item), options, camera) for item in (dark, bare)
         )
-        # A slide that falls on nothing is told by its place, after the shadow map.
         own = {("light profiles", place)} & ran.loads
-        if light.profile is None:
-            own |= {("shadow maps", place)} & ran.effects
+        own |= {("shadow maps", place)} & ran.effects
         if own and pixels == dark_pixels == bare_pixels:
             yield f"lights[{place}] reaches nothing: {sorted(map(str, own))}"
-
-
-def _embosses(material: Material) -> bool:
-    return material.bump_map is not None and material.bump_map.form in EMBOSS_FORMS
 
 
 def misstatements(seed: int, folder: Path) -> list[str]:

@@ -243,9 +243,9 @@ def test_projectors(folder):
     slide, other = material(folder, text).projected
     # 90 degrees high at distance 4: from -4 to 4; the picture is twice as wide as high.
     for point, place in ((0, 0), (0.5, 0.5)), ((8, 4), (1, 1)), ((-8, -4), (0, 0)):
-        s, t, _, q = slide.matrix @ [*point, 0, 1]
+        s, t, _, q = slide.world_matrix @ [*point, 0, 1]
         np.testing.assert_allclose([s / q, t / q], place, atol=1e-12)
-    assert (slide.matrix @ [0, 0, 5, 1])[3] == pytest.approx(-1)  # behind it
+    assert (slide.world_matrix @ [0, 0, 5, 1])[3] == pytest.approx(-1)  # behind it
     assert other.matrix[0, 3] == 5
     assert other.strength == 0.5
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.errors import TexbakeError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
@@ -37,16 +38,34 @@ def lights_object(light: Light, item: SceneObject) -> bool:
 
 
 def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
-    """Whether a projected picture, and as much around it, may meet an object's bounding box."""
+    """Whether a projected picture, and as much around it, may meet an object's bounding box.
+
+    The file of a picture whose aspect decides is opened only for objects before the projector and
+    level with it; a file that cannot be read counts as square.
+    """
     corners = _corners(item)
     if corners is None:
         return True
+    points = np.concatenate([corners, np.ones((8, 1))], 1).T
+    matrix = picture.matrix
+    if callable(matrix):
+        square = matrix(aspect=1.0)
+        if _passes(square, points, across=False):
+            return False
+        try:
+            matrix = picture.world_matrix
+        except TexbakeError:
+            matrix = square
+    return not _passes(matrix, points, across=True)
+
+
+def _passes(matrix: FloatArray, points: FloatArray, *, across: bool) -> bool:
+    """Whether all points (4, n) lie behind a projector or on one side of its picture."""
     with np.errstate(over="ignore", invalid="ignore"):
-        s, t, _, q = pm.matmul(
-            np.asarray(picture.matrix), np.concatenate([corners, np.ones((8, 1))], 1).T
-        )
-        beyond = [q <= 0.0, s < -q, s > 2.0 * q, t < -q, t > 2.0 * q]
-    return not any(side.all() for side in beyond)
+        s, t, _, q = pm.matmul(matrix, points)
+        beyond = [q <= 0.0, t < -q, t > 2.0 * q]
+        beyond += [s < -q, s > 2.0 * q] if across else []
+    return any(side.all() for side in beyond)
 
 
 def _corners(item: SceneObject) -> FloatArray | None:

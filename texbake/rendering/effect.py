@@ -10,6 +10,7 @@ functions:
 `prepare`   once per picture, for results that depend on the camera, such as an occlusion picture
 `shade`     for the fragments of one object in some rows of the picture, in the order of the list
 `dim`       for the light of one lamp at some fragments, before they reflect it
+`tint`      likewise, once all effects have dimmed it
 
 `load` and `prepare` are each a `Result`: a function that also serves as a typed key for its values
 in the `RenderState`. They run for each target of the effect: the index of an object, the index of a
@@ -92,7 +93,7 @@ class Effect:
         the same target (or with the target None, for effects of the picture).
     load, prepare : Result, optional
         See the module docstring.
-    shade, dim : callable, optional
+    shade, dim, tint : callable, optional
         See the module docstring.
     behind : callable, optional
         Function of the state that returns the background as (3,) or (H, W, 3) linear light. The
@@ -123,6 +124,7 @@ class Effect:
     prepare: Result[Any] | None = None
     shade: Callable[[Fragments, RenderState], None] | None = None
     dim: Callable[[Fragments, RenderState, int, Incident], None] | None = None
+    tint: Callable[[Fragments, RenderState, int, Incident], None] | None = None
     unneeded: Callable[[RenderState, Target], str | None] | None = None
     behind: Callable[[RenderState], FloatImage] | None = None
     finds_objects: Callable[[RenderState], Collection[int]] | None = None

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.rendering.maps import has_opacity, normal_space
+from texbake.rendering.maps import has_opacity
 from texbake.rendering.scene.material import (
     EMBOSS_FORMS,
     Material,
@@ -158,8 +158,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
     if material.shading == "unlit":
         return
     lamps, surrounding = _reflects_lamps(material, around), _reflects_surroundings(material, around)
-    light_map = material.light_map is not None and is_diffuse(material)
-    light_map = light_map and material.metalness != 1.0
+    light_map = material.light_map is not None and scatters(material)
     if material.light_map is not None and not light_map:
         material = replace(material, light_map=None)
         yield "light map", "its material reflects none of it", material
@@ -183,7 +182,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
             kind = "images" if isinstance(getattr(material, slot), ImageTexture) else "procedures"
             material = _changed(material, {slot: _ZEROS.get(slot)})
             yield kind, f"{slot} shows nowhere, as {why}", material
-    bump_map, embosses = material.bump_map, lamps and is_diffuse(material)
+    bump_map, embosses = material.bump_map, lamps and scatters(material)
     if bump_map is not None and bump_map.form in EMBOSS_FORMS and not embosses:
         yield "bump map", "no light is reflected", replace(material, bump_map=None)
 
@@ -248,6 +247,13 @@ def is_diffuse(material: Material) -> bool:
     return bool(material.projected) or not _is_black(material.base_color)
 
 
+def scatters(material: Material) -> bool:
+    """Whether a lit material may reflect light to all sides, as no pure metal does."""
+    if material.shading == "metallic-roughness" and isinstance(material.metalness, float | int):
+        return is_diffuse(material) and material.metalness < 1.0
+    return is_diffuse(material)
+
+
 def _reflects_lamps(material: Material, around: Surroundings) -> bool:
     if not around.lamps:
         return False
@@ -278,11 +284,7 @@ def _is_perfect(mirror: Reflection | Refraction | None) -> bool:
 def _no_normals(material: Material) -> str:
     holder = material.normal_map
     assert holder is not None
-    if holder.strength != 0.0:
-        return ""
-    # In other spaces the strength does not count; the header of the file may say which.
-    space = holder.space or normal_space(holder.texture.image)
-    return "its strength is 0" if space == "tangent" else ""
+    return "its strength is 0" if holder.strength == 0.0 else ""
 
 
 def _no_bumps(material: Material) -> str:

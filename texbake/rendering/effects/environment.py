@@ -29,7 +29,7 @@ from texbake.rendering.maps import colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Environment
-from texbake.rendering.simplified_material import reflects_environment
+from texbake.rendering.simplified_material import reflects_environment, scatters
 from texbake.rendering.studio import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
 from texbake.texture.cube_map import CubeChain, CubeMap
@@ -146,7 +146,9 @@ def _lighting_called_for(request: RenderRequest) -> Iterator[Call]:
 
 def _lighting_needs(request: RenderRequest, target: Target) -> Iterator[str]:
     assert target is not None
-    yield from ("slots", normals_effect(request, target), "irradiance")
+    yield from ("slots", normals_effect(request, target))
+    if scatters(request.material(target)):
+        yield "irradiance"
     if request.material(target).shading == "metallic-roughness":
         yield from ("view directions", "prefiltered environment")
 
@@ -179,7 +181,9 @@ def _or_zero(values: Floats | None) -> Floats:
 def _light(fragments: Fragments, state: RenderState) -> None:
     values, normals, to_eye = fragments.values, fragments.normals, fragments.to_eye
     assert normals is not None
-    diffuse = state.of(IRRADIANCE_MAP).look(normals)
+    diffuse = np.zeros_like(normals)
+    if scatters(fragments.drawn.material):
+        diffuse = state.of(IRRADIANCE_MAP).look(normals)
     mirrored, table = np.empty((0, 3), np.float32), _NO_TABLE
     if fragments.drawn.material.shading == "metallic-roughness":
         assert to_eye is not None
@@ -229,7 +233,7 @@ IRRADIANCE = Effect(
     does="integrates the environment's light for each normal",
     of="picture",
     called_for=only_when_needed,
-    left_out="no environment lights a surface in the picture",
+    left_out="no environment lights a surface in the picture that is not pure metal",
     needs=lambda request, target: ("environment",),
     load=IRRADIANCE_MAP,
 )

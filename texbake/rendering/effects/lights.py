@@ -32,7 +32,6 @@ from texbake.rendering.fragments import (
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Light
-from texbake.rendering.scene.material import EMBOSS_FORMS
 from texbake.rendering.scene.transforms import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
@@ -121,7 +120,9 @@ def _of_unit_size(direction: npt.ArrayLike) -> FloatArray:
 def _cosines(light: Light) -> tuple[float, float]:
     """Cosines of the inner and outer cone of a spot."""
     if light.profile is not None and light.gate == "rectangle":
-        corner = _AROUND_CORNERS / float(pm.norm([1.0, *slide_extent(light)]))
+        # Without an aspect the cone is that around a square, so that no file is opened for it.
+        extent = slide_extent(light if light.aspect is not None else replace(light, aspect=1.0))
+        corner = _AROUND_CORNERS / float(pm.norm([1.0, *extent]))
         return corner, corner
     half = math.radians(light.angle) / 2.0
     inner = half * (1.0 - min(max(light.blend, 0.0), 1.0))
@@ -183,25 +184,21 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
     assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
-    for item in state.plan.passes:
-        if item.effect.dim is not None and item.is_for(index):
-            with state.costs.timed(item.name):
-                item.effect.dim(fragments, state, index, found)
+    passes = [item for item in state.plan.passes if item.is_for(index)]
+    for step in "dim", "tint":
+        for item in passes:
+            work = getattr(item.effect, step)
+            if work is not None:
+                with state.costs.timed(item.name):
+                    work(fragments, state, index, found)
     return found
 
 
 def lights_any(fragments: Fragments, incident: Incident) -> bool:
-    """Whether light arrives at a fragment, at its front; embossing may light its back as well."""
+    """Whether light arrives at a fragment, at the side that is seen."""
     assert fragments.normals is not None
-    arrives = incident.radiance.any(axis=1)
-    bump_map = fragments.drawn.material.bump_map
-    if bump_map is None or bump_map.form not in EMBOSS_FORMS:
-        arrives = arrives & (
-            pm.vecdot(
-                fragments.normals, np.broadcast_to(incident.directions, fragments.normals.shape)
-            )
-            > 0.0
-        )
+    directions = np.broadcast_to(incident.directions, fragments.normals.shape)
+    arrives = incident.radiance.any(axis=1) & (pm.vecdot(fragments.normals, directions) > 0.0)
     return bool(arrives.any())
 
 

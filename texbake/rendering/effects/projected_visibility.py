@@ -49,7 +49,7 @@ class ProjectorView:
 
 def projector_view(state: RenderState, item: ProjectedTexture) -> ProjectorView:
     """Rasterize the objects that cast shadows from the position of a projector."""
-    matrix = np.asarray(item.matrix, np.float64)
+    matrix = item.world_matrix
     light = PlacedLight(
         kind="point",
         radiance=one_row((1.0, 1.0, 1.0), 3),

@@ -237,23 +237,32 @@ def _place_slide(state: RenderState, target: Target) -> FloatArray:
     return slide_matrix(state.lights[target], state.of(PLACED_LIGHTS, target))
 
 
-def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+def _on_slide(fragments: Fragments, state: RenderState, index: int) -> PicturePoints:
     profile = state.lights[index].profile
     assert fragments.positions is not None and profile is not None
     filter_name = state.request.filter_of(profile)
     steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
-    found = on_picture(state.of(SLIDE_MATRICES, index), fragments.positions, steps, filter_name)
-    covered = replace(incident, radiance=incident.radiance * found.coverage[:, None])
-    if not lights_any(fragments, covered):
-        incident.radiance = covered.radiance
-        return
-    colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
-    incident.radiance = incident.radiance * colors
+    return on_picture(state.of(SLIDE_MATRICES, index), fragments.positions, steps, filter_name)
+
+
+def _leave_out(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    """Darken a lamp whose slide falls on no fragment, before its shadow map is drawn."""
+    if lights_any(fragments, incident):
+        covered = incident.radiance * _on_slide(fragments, state, index).coverage[:, None]
+        if not lights_any(fragments, replace(incident, radiance=covered)):
+            incident.radiance = covered
+
+
+def _tint(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+    if lights_any(fragments, incident):
+        found = _on_slide(fragments, state, index)
+        colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
+        incident.radiance = incident.radiance * colors
 
 
 SLIDE_IMAGES = Result(_load_slide, deferred=True)
 
-SLIDE_MATRICES = Result(_place_slide)
+SLIDE_MATRICES = Result(_place_slide, deferred=True)
 
 LIGHT_PROFILES = Effect(
     name="light profiles",
@@ -264,7 +273,8 @@ LIGHT_PROFILES = Effect(
     needs=lambda request, target: ("lights",),
     load=SLIDE_IMAGES,
     prepare=SLIDE_MATRICES,
-    dim=_dim,
+    dim=_leave_out,
+    tint=_tint,
 )
 
 
@@ -349,7 +359,7 @@ def _throw(fragments: Fragments, state: RenderState) -> None:
     assert fragments.positions is not None
     views = state.of(PROJECTOR_VIEWS, fragments.target)
     for picture, item, view, name in zip(pictures, projected, views, filters, strict=True):
-        matrix = np.asarray(item.matrix, np.float64)
+        matrix = item.world_matrix
         found = on_picture(matrix, fragments.positions, steps, name)
         coverage = found.coverage
         if item.facing:

@@ -7,8 +7,9 @@ is computed for a slot that is None.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -22,7 +23,7 @@ from texbake.rendering.scene.textures import (
     Slot,
     Texture,
 )
-from texbake.rendering.scene.transforms import projector_position
+from texbake.rendering.scene.transforms import picture_aspect, projector_position
 from texbake.schema import Option, check_fields
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
@@ -57,7 +58,8 @@ class NormalMap:
     """Normals in place of those of the mesh.
 
     `space` and `convention` are those that the file's metadata names where they are None, else
-    tangent space, +Y up. `strength` scales x and y of tangent-space normals, as glTF does.
+    tangent space, +Y up. `strength` scales x and y of tangent-space normals, as glTF does;
+    a strength of 0 leaves out a map of any space, and its file is not read.
     """
 
     texture: Annotated[ImageTexture, Option("Image of normals.")]
@@ -75,7 +77,10 @@ class NormalMap:
             choices=CONVENTIONS,
         ),
     ] = None
-    strength: Annotated[float, Option("Factor of x and y of tangent-space normals.")] = 1.0
+    strength: Annotated[
+        float,
+        Option("Factor of x and y of tangent-space normals; 0 leaves out a map of any space."),
+    ] = 1.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -254,12 +259,13 @@ class ProjectedTexture:
     `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); with (3, 4) it has the rows s, t
     and q, as cameras in computer vision do. The picture is looked up at (s/q, t/q) inside the unit
     square, and nothing behind the projector (q <= 0) gets any. It replaces the base color by its
-    own opacity times `strength`.
+    own opacity times `strength`. A function as `matrix` gets the `aspect` of the picture, which is
+    found out when something may be hit.
     """
 
     texture: Annotated[ImageTexture, Option("Image that is projected.")]
     matrix: Annotated[
-        FloatArray,
+        FloatArray | Callable[..., FloatArray],
         Option(
             "4 x 4 numbers that take a point of the world to (s, t, r, q), or 3 x 4 to (s, t, q)."
         ),
@@ -274,12 +280,22 @@ class ProjectedTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if callable(self.matrix):
+            self.matrix(aspect=1.0)  # raises if there is none
+            return
         rows = np.array(self.matrix, np.float64)
         if rows.shape not in ((3, 4), (4, 4)) or not np.isfinite(rows).all():
             raise OptionError("matrix: it is not 4 x 4 or 3 x 4 finite numbers")
         object.__setattr__(self, "matrix", frozen(np.array(whole_matrix(rows.tolist()))))
         if self.facing or self.occlusion:
-            projector_position(self.matrix)
+            projector_position(self.world_matrix)
+
+    @cached_property
+    def world_matrix(self) -> FloatArray:
+        """(4, 4) float64: the matrix, of the aspect that the picture has."""
+        if callable(self.matrix):
+            return self.matrix(aspect=picture_aspect(self.texture))
+        return np.asarray(self.matrix, np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -48,7 +49,7 @@ from texbake.rendering.scene.material import (
     Refraction,
 )
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import picture_aspect, projector_matrix
+from texbake.rendering.scene.transforms import projector_matrix
 
 NormalMapTable = table(
     NormalMap,
@@ -135,9 +136,10 @@ def _projected(
     for name in "position", "target":
         if name not in given:
             raise OptionError(f"{name}: it is missing; give position and target, or a matrix")
-    if "aspect" not in given:
-        given["aspect"] = picture_aspect(texture)
-    return ProjectedTexture(texture=texture, matrix=projector_matrix(**given), **options)
+    of_aspect = partial(projector_matrix, **given)
+    return ProjectedTexture(
+        texture=texture, matrix=of_aspect() if "aspect" in given else of_aspect, **options
+    )
 
 
 ProjectedTable = table(
