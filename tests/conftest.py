@@ -1,8 +1,9 @@
 """Fixtures shared by all tests."""
 
-import os
 import signal
 import sys
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +11,8 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+
+from tests.models import HAS_REAL, REAL
 
 # The same examples in every run. None is too slow: machines are busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -55,15 +58,23 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
     return FileScheduling(config, log)
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_terminal_summary(terminalreporter: Any) -> Iterator[None]:
+    """Count skipped tests by their reason, after all else but the last line."""
+    result = yield
+    skipped = terminalreporter.stats.get("skipped", ())
+    reasons = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
+    for reason, count in reasons.most_common():
+        terminalreporter.write_line(f"{count} {'tests' if count > 1 else 'test'} skipped: {reason}")
+    return result
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """Folder of the real meshes; the test is skipped where it is absent."""
-    folder = Path(
-        os.environ.get("TEXBAKE_DATA", Path(__file__).parents[2] / "shared" / "data")
-    ).resolve()
-    if not (folder / "INDEX.md").is_file():
-        pytest.skip(f"the real meshes are not here ({folder}); name their folder in TEXBAKE_DATA")
-    return folder
+    """Folder of the real meshes, for figures of certain files; the test is skipped without it."""
+    if not HAS_REAL:
+        pytest.skip("needs certain real files; name their folder in TEXBAKE_DATA")
+    return REAL
 
 
 @pytest.fixture(scope="session")

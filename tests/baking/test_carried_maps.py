@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
     read_materials,
 )
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.encoding import decode_normals, encode_normals
 from texbake.texture.image import read_image, write_image
 
@@ -167,8 +167,10 @@ def test_wrapping_may_differ_along_u_and_v(tmp_path):
     np.testing.assert_array_equal(row, lit)
 
 
-def test_colors_of_vertices_are_factors_of_a_gltf_base_color(data_dir):
-    path = data_dir / "gltf" / "BoxVertexColors.glb"
+def test_colors_of_vertices_are_factors_of_a_gltf_base_color(tmp_path):
+    colors = np.random.default_rng(7).random((8, 3))
+    write_mesh(cube().replace(colors=colors), tmp_path / "a.glb")
+    path = tmp_path / "a.glb"
     mesh = read_mesh(path)
     materials = read_materials(path, mesh)
     assert materials.has_vertex_colors

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests import models
 from texbake.baking.bake import bake
 from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.remap import remap_hits
 from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -303,10 +303,8 @@ def test_another_version_is_named(kept, tmp_path):
         read_hits(altered(kept, tmp_path, change))
 
 
-def test_a_real_pair_is_remapped_byte_for_byte(data_dir, tmp_path):
-    high, low = (
-        read_mesh(data_dir / "pairs" / "spot" / name) for name in ("high.obj", "low_uv.obj")
-    )
+def test_a_pair_is_remapped_byte_for_byte(tmp_path):
+    high, low = models.pair("figure")
     maps = ("normal", "displacement", "position", "curvature", "object-id", "opacity")
     options = BakeOptions(size=256, maps=maps, keep_hits=True)
     result = bake(high, low, options)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from tests.models import model, real
 from texbake.errors import OptionError
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.classical.box import box
 from texbake.mapping.classical.box_sides import box_sides
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.files import read_mesh
 from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
@@ -187,19 +187,17 @@ def test_padding_that_leaves_nothing_is_one_clear_error():
         mapped(cube(), size=20, padding=5)
 
 
-@pytest.mark.realdata
-def test_flecks_of_a_scan_are_gone(data_dir):
-    mesh = read_mesh(data_dir / "meshes" / "nefertiti-lowres.obj")
+@pytest.mark.parametrize("name", ["scan", *real("meshes/nefertiti-lowres.obj")])
+def test_flecks_of_a_scan_are_gone(name):
+    mesh = model(name)
     by_normal = (face_normals(mesh) @ SIDES.T).argmax(axis=1)
     before, after = _region_sizes(mesh, by_normal), _region_sizes(mesh, box_sides(mesh).sides)
     assert len(after) < len(before) / 5
     assert (after == 1).sum() < (before == 1).sum() / 10
 
 
-@pytest.mark.realdata
-def test_a_sponge_of_cubes_is_left_as_it_is(data_dir):
-    mesh = read_mesh(data_dir / "meshes" / "mengerSponge3.glb")
-    assert box_sides(mesh).n_joined == 0
+def test_a_sponge_of_cubes_is_left_as_it_is():
+    assert box_sides(model("sponge")).n_joined == 0
 
 
 def _region_sizes(mesh, sides):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from tests.models import model, real
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.classical.box import box
 from texbake.mapping.classical.cylindrical import cylindrical
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.spherical import spherical
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange
 
@@ -123,22 +123,12 @@ def test_a_mesh_maps_as_its_faces_do_one_by_one(name):
     assert np.array_equal(mapped(name, soup).corners, mapped(name, mesh).corners)
 
 
-@pytest.mark.realdata
 @every_method
 @pytest.mark.parametrize(
-    "path",
-    [
-        "pairs/spot/low.obj",
-        "pairs/koala/low.obj",
-        "meshes/boot.obj",
-        "meshes/Generic_Twin_7081.1.t0_left.obj",
-        "broken/VH_M_Heart.glb",
-        "broken/cycloidal.ply",
-        "meshes/1002_tray_bottom.STL",
-    ],
+    "path", ["organs", "bracket", "fused cells", *real("meshes/boot.obj", "broken/VH_M_Heart.glb")]
 )
-def test_real_meshes_are_mapped(data_dir, name, path):
-    mesh = read_mesh(data_dir / path)
+def test_rough_and_broken_meshes_are_mapped(name, path):
+    mesh = model(path)
     found = mapped(name, mesh)
     check(found, mesh)
     spans = np.ptp(found.corners[..., 0], axis=1)

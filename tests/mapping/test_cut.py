@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.models import BROKEN, model, real
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
@@ -15,7 +16,6 @@ from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
 
@@ -69,10 +69,9 @@ def test_a_move_changes_charts_only_by_rounding(direction: tuple[float, ...]) ->
     assert np.abs(cut.uvs - whole.uvs).max() < 4.0 * 2.0**-20
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["spot", "koala", "skull"])
-def test_real_meshes_have_the_same_charts_at_any_scale_and_place(name: str, data_dir: Path) -> None:
-    mesh = read_mesh(data_dir / "pairs" / name / "low.obj")
+@pytest.mark.parametrize("name", ["figure", *real("pairs/skull/low.obj")])
+def test_figures_have_the_same_charts_at_any_scale_and_place(name: str) -> None:
+    mesh = model(name)
     whole = cut_charts(mesh)
     for scale in (1e-6, 1e6):
         assert np.array_equal(
@@ -212,23 +211,14 @@ def no_overlaps_in(charts: Charts) -> bool:
     return bool((signed_areas(corners) > 0.0).all() and not layers.any())
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("quality", ["fast", "good"])
 @pytest.mark.parametrize(
-    "path",
-    [
-        "pairs/koala/low.obj",
-        "meshes/ADIS16480.STL",
-        "meshes/busted.STL",
-        "broken/openscad-nonmanifold-crash.obj",
-        "broken/inverted_triangles.obj",
-        "broken/self_intersectA.obj",
-    ],
+    "name", [*BROKEN, "bracket", *real("meshes/ADIS16480.STL", "broken/self_intersectA.obj")]
 )
-def test_charts_of_real_and_broken_meshes_neither_overlap_nor_mirror(
-    path: str, quality: str, data_dir: Path
+def test_charts_of_parts_and_broken_meshes_neither_overlap_nor_mirror(
+    name: str, quality: str
 ) -> None:
-    charts = cut_charts(read_mesh(data_dir / path), quality=quality)
+    charts = cut_charts(model(name), quality=quality)
     assert no_overlaps_in(charts)
     assert charts.notes == ()
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.models import model, real
 from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import snap_points
@@ -10,7 +11,6 @@ from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
 from texbake.mapping.atlas.flattening.flatten import measured
 from texbake.mapping.atlas.flattening.relax import relax_charts
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.files import read_mesh
 
 
 def charts_of(uvs, faces, chart_ids):
@@ -110,10 +110,9 @@ def test_a_chart_that_would_overlap_itself():
     assert 4.0001 < figures(points, faces, after)[1] < old.energy
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["pairs/spot/low.obj", "meshes/wingnut.obj"])
-def test_real_charts(data_dir, name):
-    mesh = read_mesh(data_dir / name)
+@pytest.mark.parametrize("name", ["figure with coordinates", *real("meshes/wingnut.obj")])
+def test_charts_of_xatlas(name):
+    mesh = model(name)
     points = snap_points(mesh)
     # As xatlas cuts and flattens it: what is laid flat by `flatten` is relaxed already.
     whole = [np.arange(mesh.n_faces, dtype=np.int32)]

@@ -1,9 +1,9 @@
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.models import HAS_REAL, model, real
 from texbake.errors import MeshError, OptionError, UnwrapError
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.distortion import distortion
@@ -11,7 +11,6 @@ from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
@@ -145,14 +144,12 @@ def test_the_report_is_json_and_the_stages_are_announced() -> None:
     assert written["seconds"] == pytest.approx(sum(s["seconds"] for s in written["stages"]))
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize(
     ("name", "least_fill"),
-    # xatlas' own packing with 2 texels between charts fills 0.55 and 0.48, at another size.
-    [("pairs/spot/low.obj", 0.67), ("pairs/koala/low.obj", 0.69)],
+    [("figure", 0.67), ("bracket", 0.65), *(("pairs/spot/low.obj", 0.67),) * HAS_REAL],
 )
-def test_real_meshes(name: str, least_fill: float, data_dir: Path) -> None:
-    mesh = read_mesh(data_dir / name)
+def test_figures_and_parts(name: str, least_fill: float) -> None:
+    mesh = model(name)
     unwrapped, report = unwrap_with_report(mesh, size=1024, padding=1)
     assert_sound(mesh, unwrapped, 1, (1024, 1024))
     assert report.fill > least_fill
@@ -246,10 +243,12 @@ def test_only_an_atlas_takes_several_meshes() -> None:
         unwrap_together([])
 
 
-@pytest.mark.realdata
-def test_a_broken_mesh(data_dir: Path) -> None:
-    mesh = read_mesh(data_dir / "broken" / "openscad-nonmanifold-crash.obj")
-    # Coplanar faces lie on one another.
+@pytest.mark.parametrize(
+    "name",
+    ["fused cells", "crossing figures", "organs", *real("broken/openscad-nonmanifold-crash.obj")],
+)
+def test_broken_meshes(name: str) -> None:
+    mesh = model(name)
     assert_sound(mesh, unwrap(mesh, size=1024, padding=1), 1, (1024, 1024))
 
 

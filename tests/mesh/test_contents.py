@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.hard_cases.fbx_writer import binary, properties, rich_scene
+from tests.hard_cases.fbx_writer import binary, properties, rich_scene, scene
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_document import read_document
 
@@ -150,15 +150,13 @@ def test_fbx(tmp_path):
     assert found.images[image] == b"picture"
 
 
-@pytest.mark.parametrize(
-    ("name", "meters", "up"),
-    [
-        ("blender_279_default_7400_binary.fbx", 1.0, "+Y"),
-        ("blender_279_default_6100_ascii.fbx", 0.01, "+Y"),
-    ],
-)
-def test_real_fbx_files_say_unit_and_axis(data_dir, name, meters, up):
-    found = read_contents(data_dir / "fbx" / name)
+@pytest.mark.parametrize("version", [6100, 7400])
+@pytest.mark.parametrize(("factor", "meters"), [(1.0, 0.01), (100.0, 1.0), (50.0, 0.5)])
+@pytest.mark.parametrize(("axis", "sign", "up"), [(1, 1, "+Y"), (2, 1, "+Z"), (1, -1, "-Y")])
+def test_fbx_files_say_unit_and_axis(tmp_path, version, factor, meters, axis, sign, up):
+    settings = {"UnitScaleFactor": [factor], "UpAxis": [axis], "UpAxisSign": [sign]}
+    (tmp_path / "a.fbx").write_bytes(binary(scene(version, settings=settings), version))
+    found = read_contents(tmp_path / "a.fbx")
     assert (found.meters_per_unit, found.up) == (meters, up)
 
 

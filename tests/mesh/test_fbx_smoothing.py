@@ -1,7 +1,4 @@
-"""Normals of FBX files without them: a cube whose hard edges have closed forms, and real files."""
-
-import os
-from pathlib import Path
+"""Normals of FBX files without them: closed forms, corners joined one by one, and real files."""
 
 import numpy as np
 import pytest
@@ -10,7 +7,6 @@ from tests.hard_cases.fbx_writer import binary, layer, scene, shape
 from texbake.mesh.files import read_mesh
 from texbake.mesh.normals import shading_normals
 
-DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "fbx"
 # x, y, z from the bits of the index.
 CUBE = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], float) - 0.5
 TOP, BOTTOM = [4, 5, 7, 6], [0, 2, 3, 1]
@@ -115,29 +111,64 @@ def test_edges_and_polygons_that_are_not_there_count_for_nothing(read):
     assert len(lid_alone.normals) == 24
 
 
+@pytest.mark.parametrize("mapping", ["ByEdge", "ByPolygon"])
+def test_corners_share_a_normal_where_smooth_edges_join_them(read, mapping):
+    """A bumpy torus of quads with random hard edges, or random groups, joined edge by edge."""
+    random = np.random.default_rng(9)
+    n, m = 9, 7
+    u, v = np.meshgrid(np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij")
+    radius = 3.0 + np.cos(v)
+    torus = np.stack([radius * np.cos(u), radius * np.sin(u), np.sin(v)], axis=-1).reshape(-1, 3)
+    ids = np.arange(n * m).reshape(n, m)
+    after = np.roll(ids, -1, axis=0)
+    quads = np.stack([ids, after, np.roll(after, -1, 1), np.roll(ids, -1, 1)], -1).reshape(-1, 4)
+    starts, ends = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
+    keys = np.sort(np.stack([starts, ends], axis=1), axis=1)
+    edges = np.unique(keys, axis=0, return_index=True)[1]
+    values = random.integers(0, 4 if mapping == "ByPolygon" else 2, len(edges))
+    if mapping == "ByPolygon":
+        values = values[: len(quads)]
+    first = list(range(quads.size))
+
+    def root(corner):
+        return corner if first[corner] == corner else root(first[corner])
+
+    corner_at = {(start, end): i for i, (start, end) in enumerate(zip(starts, ends, strict=True))}
+    for i, edge in enumerate(edges):
+        there = corner_at[ends[edge], starts[edge]]
+        groups = values[[edge // 4, there // 4]] if mapping == "ByPolygon" else ()
+        if (groups[0] & groups[1]) if mapping == "ByPolygon" else values[i]:
+            for a, b in ((edge, there // 4 * 4 + (there + 1) % 4),
+                         (edge // 4 * 4 + (edge + 1) % 4, there)):  # fmt: skip
+                low, high = sorted((root(a), root(b)))
+                first[high] = low
+    polygons = quads.copy()
+    polygons[:, 3] = ~polygons[:, 3]
+    bumpy = torus + 0.2 * random.normal(size=torus.shape)
+    mesh = read(values, mapping, edges, points=bumpy, polygons=polygons.ravel().astype(np.int32))
+    polygon_of = np.arange(mesh.n_faces) // 2  # two triangles each, whose corners follow
+    places = np.argmax(quads[polygon_of][:, None] == mesh.faces[:, :, None], axis=2)
+    roots = np.array([root(i) for i in range(quads.size)])[4 * polygon_of[:, None] + places]
+    found = _first_equal(mesh)
+    _, expected = np.unique(roots.ravel(), return_inverse=True)
+    pairs = np.unique(np.stack([found, expected], axis=1), axis=0)
+    assert len(pairs) == len(np.unique(found)) == len(np.unique(expected))
+
+
 MARKS = (b"LayerElementNormal:", b"LayerElementSmoothing:", b"Edges:")
 
 
-def _has_all(data):
-    return all(mark in data for mark in MARKS)
-
-
-def smoothed_files():
-    """Text files with normals and smoothing, but for one whose normals are wrong on purpose."""
-    files = (file for file in sorted(DATA.glob("*ascii*.fbx")) if "bad_face" not in file.name)
-    return [pytest.param(file, id=file.stem) for file in files if _has_all(file.read_bytes())]
-
-
-@pytest.mark.skipif(not DATA.is_dir(), reason=f"the meshes of {DATA} are not there")
-@pytest.mark.parametrize("file", smoothed_files())
-def test_normals_are_shared_where_those_of_the_file_are(file, tmp_path):
+@pytest.mark.realdata
+def test_normals_are_shared_where_those_of_the_file_are(data_dir, tmp_path):
     """Corners at a vertex have one normal, or several, as in the file with its normals."""
     without = tmp_path / "a.fbx"
-    without.write_bytes(file.read_bytes().replace(b"LayerElementNormal:", b"LayerElementNothing:"))
-    mesh, made = read_mesh(file), read_mesh(without)
-    of_file, of_smoothing = (_first_equal(m) for m in (mesh, made))
-    differ = of_file != of_smoothing
-    assert not differ.any()
+    for file in sorted((data_dir / "fbx").glob("*ascii*.fbx")):
+        data = file.read_bytes()
+        # The normals of bad faces are wrong on purpose.
+        if "bad_face" not in file.name and all(mark in data for mark in MARKS):
+            without.write_bytes(data.replace(MARKS[0], b"LayerElementNothing:"))
+            of_file, of_smoothing = (_first_equal(read_mesh(path)) for path in (file, without))
+            assert not (of_file != of_smoothing).any(), file.name
 
 
 def _first_equal(mesh):

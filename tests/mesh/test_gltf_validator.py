@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.mesh.test_gltf_material_write import full_material, sphere_of
+from tests.mesh.test_tangents import REFERENCES, reference_mesh
+from tests.models import CASES, REAL, model, real
 from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.files.obj import read_obj
-from texbake.mesh.materials import read_materials
+from texbake.mesh.materials import MeshMaterial, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
 from texbake.texture.gltf_images import gltf_images
@@ -132,34 +134,36 @@ def test_levels_and_compressed_views_are_sound(
     assert report["info"]["hasTextures"]
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["koala", "skull", "spot", "penguin"])
-def test_real_meshes_with_real_maps_are_sound(validate, tmp_path, data_dir, name):
-    mesh = read_obj(data_dir / "pairs" / name / "low_uv.obj")
-    image = data_dir / "blender" / f"{name}_normal_1024.png"
-    write_glb(mesh, tmp_path / "a.glb", normal_map=image)
+def test_a_figure_with_a_map_of_blender_is_sound(validate, tmp_path):
+    mesh = model("figure with coordinates")
+    write_glb(mesh, tmp_path / "a.glb", normal_map=CASES / "figure_normal.png")
     report = validate(tmp_path / "a.glb")
     assert_sound(report)
     assert report["info"]["totalTriangleCount"] == mesh.n_faces
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["obliterated", "rancid_geometry", "doomcone"])
-def test_torture_meshes_are_sound(validate, tmp_path, data_dir, normal_map, name):
-    mesh = read_obj(data_dir / "mikktspace" / f"{name}.obj")
-    write_glb(mesh, tmp_path / "a.glb", normal_map=normal_map)
+@pytest.mark.parametrize("path", REFERENCES, ids=lambda path: path.stem)
+def test_torture_meshes_are_sound(validate, tmp_path, normal_map, path):
+    write_glb(reference_mesh(np.load(path)), tmp_path / "a.glb", normal_map=normal_map)
     assert_sound(validate(tmp_path / "a.glb"))
 
 
-@pytest.mark.realdata
+IMAGES = {"plain": {}, "clamped": {"wraps": ("clamp", "mirror")}, "second set": {"uv_set": 1}}
+
+
 @pytest.mark.parametrize(
     "name",
-    ["ClearCoatTest.glb", "GlamVelvetSofa.glb", "MultiUVTest.glb", "SpecularTest.glb",
-     "EmissiveStrengthTest.glb", "TextureTransformMultiTest.glb", "VertexColorTest.glb",
-     "GlassVaseFlowers.glb", "ToyCar.gltf"],
+    [*IMAGES, *real("gltf/ClearCoatTest.glb", "gltf/GlamVelvetSofa.glb", "gltf/SpecularTest.glb",
+                    "gltf/TextureTransformMultiTest.glb", "gltf/ToyCar/ToyCar.gltf")],
 )  # fmt: skip
-def test_materials_of_real_files_are_sound(validate, tmp_path, data_dir, name):
-    path = next((data_dir / "gltf").rglob(name))
+def test_materials_are_sound_when_read_and_written_again(validate, tmp_path, name):
+    path = REAL / name
+    if name in IMAGES:
+        path = tmp_path / "made.glb"
+        glass = MeshMaterial(name="glass", alpha_mode="mask", alpha_cutoff=0.25, is_unlit=True)
+        mesh, materials = sphere_of(full_material("all", **IMAGES[name]), glass)
+        write_glb(mesh, path, materials=materials)
+        assert_sound(validate(path))
     mesh = read_gltf(path)
     materials = read_materials(path, mesh)
     # What stands where glTF reads it is not touched.

@@ -1,9 +1,11 @@
 import json
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
 
+from tests.models import model, real
 from texbake.mesh.files import read_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
@@ -92,23 +94,46 @@ def test_json():
     assert read["bounds"] == [[0.0, 0.0, 0.0], [2.0, 3.0, 4.0]]
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize(
     ("name", "facts"),
     [
-        ("meshes/mri_skin.ply", {"closed": True, "genus": 13}),
-        ("meshes/boot.obj", {"closed": True, "genus": 12}),
-        ("meshes/mengerSponge3.glb", {"closed": True, "genus": 1409, "n_faces": 21_598}),
-        ("meshes/makehuman_base.obj", {"closed": False, "n_components": 154}),
-        ("meshes/mountain.obj", {"closed": False, "n_components": 1}),
-        ("meshes/spothead.obj", {"closed": False}),
-        ("broken/inverted_triangles.obj", {"n_misoriented_edges": 23_889}),
-        ("broken/cycloidal.ply", {"closed": False, "n_boundary_edges": 0, "genus": None}),
+        ("figure", {"closed": True, "genus": 1, "n_components": 1}),
+        ("sponge", {"closed": True, "genus": 81, "n_faces": 2112, "area": 1056.0}),
+        ("bracket", {"closed": True, "genus": 12, "n_split_vertices": 4980 - 808}),
+        ("scan", {"closed": False, "genus": None, "n_components": 5}),
+        ("fused cells", {"closed": False, "n_boundary_edges": 0, "n_duplicate_faces": 9,
+                         "n_degenerate_faces": 5, "genus": None}),
+        ("crossing figures", {"closed": True, "genus": 2, "n_components": 2}),
     ],
-)
-def test_real_meshes_agree_with_their_index(data_dir, name, facts):
-    info = mesh_info(read_mesh(data_dir / name))
+)  # fmt: skip
+def test_facts_that_models_have_by_construction(name, facts):
+    info = mesh_info(model(name))
     assert {fact: getattr(info, fact) for fact in facts} == facts
+
+
+@pytest.mark.parametrize("name", ["inverted figure", *real("broken/inverted_triangles.obj")])
+def test_misoriented_edges_are_those_that_both_faces_wind_the_same_way(name):
+    mesh = model(name)
+    edges = Counter(zip(mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel(), strict=True))
+    twice = sum(count == 2 for count in edges.values())
+    assert mesh_info(mesh).n_misoriented_edges == twice > 1000
+
+
+@pytest.mark.realdata
+def test_real_meshes_agree_with_their_index(data_dir):
+    index = {
+        "meshes/mri_skin.ply": {"closed": True, "genus": 13},
+        "meshes/boot.obj": {"closed": True, "genus": 12},
+        "meshes/mengerSponge3.glb": {"closed": True, "genus": 1409, "n_faces": 21_598},
+        "meshes/makehuman_base.obj": {"closed": False, "n_components": 154},
+        "meshes/mountain.obj": {"closed": False, "n_components": 1},
+        "meshes/spothead.obj": {"closed": False},
+        "broken/cycloidal.ply": {"closed": False, "n_boundary_edges": 0, "genus": None},
+    }
+    found = {name: mesh_info(read_mesh(data_dir / name)) for name in index}
+    assert index == {
+        name: {fact: getattr(found[name], fact) for fact in facts} for name, facts in index.items()
+    }
 
 
 def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:

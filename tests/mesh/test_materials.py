@@ -273,19 +273,6 @@ def test_images_on_more_sets_of_coordinates_than_a_mesh_has_are_refused(tmp_path
         read_materials(path, read_mesh(path))
 
 
-def test_real_files_have_theirs(data_dir):
-    path = data_dir / "meshes" / "capsule.obj"
-    found = read_materials(path, read_mesh(path))
-    (color,) = found.sources("base-color")
-    assert color.image.data == (data_dir / "meshes" / "capsule0.jpg").read_bytes()
-    path = next((data_dir / "gltf" / "ToyCar").rglob("*.gl*"))
-    mesh = read_mesh(path)
-    found = read_materials(path, mesh)
-    assert len(found.face_materials) == mesh.n_faces
-    assert any(source.image for source in found.sources("base-color"))
-    assert "clearcoat" in found.materials[0].channels or len(found.materials) == 3
-
-
 def test_materials_are_checked():
     ids = np.array([0, 2], dtype=np.int32)
     with pytest.raises(MeshError, match="out of range"):

@@ -4,16 +4,15 @@ import os
 import platform
 import subprocess
 import sys
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from tests.models import BROKEN, HAS_REAL, flipped, joined, model, moved, real
 from texbake.core import core
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import surface_distance
-from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import remesh, remesh_with_report
@@ -26,24 +25,6 @@ from texbake.mesh.topology import (
     find_edges,
     genus,
 )
-
-DATA = Path(os.environ.get("TEXBAKE_DATA", "/nowhere"))
-
-
-def moved(mesh, *, scale=1.0, by=(0.0, 0.0, 0.0)):
-    return mesh.replace(positions=mesh.positions * scale + np.asarray(by))
-
-
-def joined(*meshes):
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    return Mesh(
-        positions=np.concatenate([mesh.positions for mesh in meshes]),
-        faces=np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]),
-    )
-
-
-def flipped(mesh):
-    return mesh.replace(faces=mesh.faces[:, ::-1])
 
 
 def holed(mesh, n, width):
@@ -377,44 +358,27 @@ def test_wrong_options_and_meshes_are_refused():
         remesh(point)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real meshes are not there")
 @pytest.mark.parametrize(
     "name",
-    [
-        "broken/VH_M_Heart.glb",
-        "broken/VH_M_Blood_Vasculature_Heart.glb",
-        "broken/cycloidal.ply",
-        "broken/inverted_triangles.obj",
-        "broken/self_intersectA.obj",
-        "broken/openscad-nonmanifold-crash.obj",
-        "meshes/mri_skin.ply",
-        "meshes/makehuman_base.obj",
-        "meshes/maze.obj",
-    ],
-)
-def test_real_meshes_become_closed(name):
-    assert wrapped(read_mesh(DATA / name), resolution=96).n_faces > 0
+    [*BROKEN, "scan", "bracket", "sponge",
+     *real("broken/VH_M_Blood_Vasculature_Heart.glb", "broken/cycloidal.ply",
+           "broken/self_intersectA.obj", "meshes/mri_skin.ply", "meshes/maze.obj")],
+)  # fmt: skip
+def test_rough_and_broken_meshes_become_closed(name):
+    assert wrapped(model(name), resolution=96).n_faces > 0
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("keep", [True, False])
-def test_cavities_told_are_those_in_the_result(data_dir, keep):
-    heart = read_mesh(data_dir / "broken" / "VH_M_Heart.glb")
+@pytest.mark.parametrize(
+    ("name", "n_cavities"), [("organs", 2), *(("broken/VH_M_Heart.glb", 4),) * HAS_REAL]
+)
+def test_cavities_told_are_those_in_the_result(name, n_cavities, keep):
     options = RemeshOptions(resolution=128, keep_interior=keep)
-    result, report = remesh_with_report(heart, options)
+    result, report = remesh_with_report(model(name), options)
     volumes = np.array(by_volume(result)) / report.voxel**3
-    assert np.count_nonzero(volumes < 0.0) == report.n_cavities_kept == (4 if keep else 0)
+    n_expected = n_cavities if keep else 0
+    assert np.count_nonzero(volumes < 0.0) == report.n_cavities_kept == n_expected
     assert np.abs(volumes).min() >= 1.0
-
-
-@pytest.mark.realdata
-@pytest.mark.parametrize("resolution", [48, 64])
-def test_crumbs_are_left_out_and_counted(data_dir, resolution):
-    spot = read_mesh(data_dir / "pairs" / "spot" / "low_uv.obj")
-    result, report = remesh_with_report(spot, RemeshOptions(resolution=resolution))
-    assert len(by_volume(result)) == report.n_components == 1
-    assert report.n_crumbs == 1
-    assert "separate parts smaller than a voxel are left out: 1;" in report.notes[0]
 
 
 @pytest.mark.parametrize(("size", "n_crumbs"), [(0.2, 1), (4.0, 0)])
@@ -426,3 +390,5 @@ def test_a_part_smaller_than_a_voxel_is_a_crumb(size, n_crumbs):
     assert report.n_crumbs == n_crumbs
     assert report.n_components == 2 - n_crumbs
     assert len(by_volume(result)) == 2 - n_crumbs
+    note = "separate parts smaller than a voxel are left out: 1;"
+    assert any(note in text for text in report.notes) == (n_crumbs == 1)

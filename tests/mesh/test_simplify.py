@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from skimage import measure
 
+from tests.models import BROKEN, HAS_REAL, model, real
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.decimate import bring_down
 from texbake.mesh.distance import surface_distance
-from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import simplify, simplify_with_report
@@ -134,11 +134,10 @@ def test_a_surface_stays_one_where_it_cannot_come_down(quality):
     assert topology(low)[1] > 0
 
 
-@pytest.mark.realdata
 @BOTH
-def test_a_menger_sponge_keeps_its_tunnels(data_dir, quality):
-    mesh = read_mesh(data_dir / "meshes" / "mengerSponge3.glb")
-    low, report = simplify_with_report(mesh, 500, quality=quality)
+@pytest.mark.parametrize("name", ["sponge", *real("meshes/mengerSponge3.glb")])
+def test_a_menger_sponge_keeps_its_tunnels(name, quality):
+    low, report = simplify_with_report(model(name), 100, quality=quality)
     assert not report.reached
     assert_clean(low)
     assert topology(low)[1] > 0
@@ -629,11 +628,10 @@ def test_an_error_does_not_depend_on_threads():
     assert_same(simplify(mesh, error="0.3%", threads=1), simplify(mesh, error="0.3%", threads=3))
 
 
-@pytest.mark.realdata
 @BOTH
-@pytest.mark.parametrize("name", ["pairs/spot/high.obj", "meshes/fish.obj"])
-def test_real_meshes_stay_within_an_error(data_dir, name, quality):
-    mesh = read_mesh(data_dir / name)
+@pytest.mark.parametrize("name", ["crossing figures", *real("meshes/fish.obj")])
+def test_crossing_parts_stay_within_an_error(name, quality):
+    mesh = model(name)
     low, _ = simplify_with_report(mesh, error="0.5%", quality=quality)
     assert low.n_faces < mesh.n_faces
     assert measured_anew(mesh, low) <= 1.01 * 0.005 * mesh.diagonal
@@ -660,18 +658,10 @@ def test_report_is_plain_data():
     assert values["distance"]["rms_relative"] == report.distance.rms_relative
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize(
-    "name",
-    [
-        "broken/inverted_triangles.obj",
-        "broken/self_intersectA.obj",
-        "mikktspace/rancid_geometry.obj",  # crashes PyMeshLab
-    ],
-)
 @BOTH
-def test_broken_meshes_come_down_too(data_dir, name, quality):
-    mesh = read_mesh(data_dir / name)
+@pytest.mark.parametrize("name", [*BROKEN, *real("mikktspace/rancid_geometry.obj")])
+def test_broken_meshes_come_down_too(name, quality):
+    mesh = model(name)
     low, report = simplify_with_report(mesh, 500, quality=quality)
     assert 0 < low.n_faces <= 500
     assert report.reached
@@ -681,10 +671,11 @@ def test_broken_meshes_come_down_too(data_dir, name, quality):
         assert rows(low.positions) <= rows(mesh.positions)
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize(("name", "n_faces"), [("koala", 7116), ("spot", 1654), ("penguin", 6720)])
-def test_best_beats_fast_on_real_meshes(data_dir, name, n_faces):
-    mesh = read_mesh(data_dir / "pairs" / name / "high.obj")
+@pytest.mark.parametrize(
+    ("name", "n_faces"), [("bumpy figure", 2000), *(("pairs/koala/high.obj", 7116),) * HAS_REAL]
+)
+def test_best_beats_fast(name, n_faces):
+    mesh = model(name)
     rms = {}
     for quality in QUALITIES:
         low = simplify(mesh, n_faces, quality=quality)

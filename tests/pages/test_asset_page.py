@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests import models
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakeResult
@@ -307,15 +308,12 @@ def test_a_page_is_the_same_each_time(pair, baked, tmp_path) -> None:
     assert pages[0].read_bytes() == pages[1].read_bytes()
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("width", [1280, 390])
-def test_a_real_pair(browser, data_dir, tmp_path_factory, width: int) -> None:
-    from texbake.mesh.files import read_mesh
+def test_a_figure(browser, tmp_path_factory, width: int) -> None:
     from texbake.pages.asset_page import page_options
 
-    folder = data_dir / "pairs" / "spot"
-    high, low = read_mesh(folder / "high.obj"), read_mesh(folder / "low_uv.obj")
-    path = tmp_path_factory.mktemp("real") / "spot.html"
+    high, low = models.pair("figure")
+    path = tmp_path_factory.mktemp("figure") / "figure.html"
     result = bake(high, low, page_options(BakeOptions(size=512)))
     comparison = write_bake_page(path, high, low, result)
     assert comparison is not None and comparison.mapped.mean_deg < comparison.bare.mean_deg

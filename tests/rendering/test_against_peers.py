@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from skimage.data import astronaut
 
-from texbake.mesh.files.obj import read_obj
+from tests.models import model, moved
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import plane, uv_sphere
@@ -85,6 +85,7 @@ def made_cases():
     unlit = {"mesh": ball, "camera": camera_at((1.2, 1.0, 2.6), (0, 0, 0))}
     lit = {**unlit, "shading": "lambert"}
     color, photo = (0.7, 0.3, 0.1), astronaut()
+    figure = moved(model("figure with coordinates"), scale=1.2)
     return {
         "ball": Case(**lit, base_color=color),
         "dented ball": Case(**lit, base_color=color, normal_map=dents()),
@@ -92,6 +93,7 @@ def made_cases():
         "photo on a lit ball": Case(**lit, base_map=photo),
         "nearest": Case(**unlit, base_map=checks(), filter="nearest"),
         "bilinear": Case(**lit, base_map=photo, filter="bilinear"),
+        "photo on a lit figure": Case(**{**lit, "mesh": figure}, base_map=photo),
     }
 
 
@@ -101,16 +103,6 @@ def grounds():
     return {
         "photos": Case(**view, base_map=astronaut()),
         "checks": Case(**view, base_map=checks()),
-    }
-
-
-def real_cases(data_dir):
-    spot = read_obj(data_dir / "pairs" / "spot" / "low_uv.obj")
-    front = camera_at((1.3, 1.1, -1.9), (0, 0.2, 0), fov=40.0)
-    return {
-        "spot": Case(mesh=spot, camera=front, shading="lambert"),
-        "photo on spot": Case(mesh=spot, camera=front, base_map=astronaut()),
-        "photo on lit spot": Case(mesh=spot, camera=front, shading="lambert", base_map=astronaut()),
     }
 
 
@@ -216,12 +208,6 @@ def made(request, tmp_path_factory):
     return drawn_by_peer(request.param, made_cases(), tmp_path_factory.mktemp("made"))
 
 
-@pytest.fixture(scope="module", params=PEERS)
-def real(request, tmp_path_factory, data_dir):
-    cases = real_cases(data_dir)
-    return drawn_by_peer(request.param, cases, tmp_path_factory.mktemp("real"))
-
-
 @pytest.fixture(scope="module")
 def defined(tmp_path_factory):
     cases = grounds() | made_cases()
@@ -232,12 +218,6 @@ def defined(tmp_path_factory):
 @pytest.mark.parametrize("name", made_cases())
 def test_made_shapes_look_as_the_peers_draw_them(made, name):
     assert share_alike(*differences(made_cases()[name], made[name])) >= SHARE
-
-
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["spot", "photo on spot", "photo on lit spot"])
-def test_a_real_mesh_looks_as_the_peers_draw_it(real, data_dir, name):
-    assert share_alike(*differences(real_cases(data_dir)[name], real[name])) >= SHARE
 
 
 @pytest.mark.parametrize("name", grounds() | made_cases())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake import read_mesh
+from tests.models import model, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
@@ -399,14 +399,12 @@ def test_groups_of_one_name_are_one_set():
     assert np.array_equal(found.maps["normal"].values, plain.maps["normal"].values)
 
 
-def test_real_pairs_baked_together_equal_each_baked_alone(data_dir):
-    """Two scans of one asset, as sets of maps of their own, to the last byte of padding."""
+def test_pairs_baked_together_equal_each_baked_alone():
+    """Two models of one asset, as sets of maps of their own, to the last byte of padding."""
+    meshes = {"figure": pair("figure"), "ball": (model("scan"), uv_sphere(16, 24))}
     pairs = {
-        name: [
-            read_mesh(data_dir / "pairs" / name / f"{side}.obj").replace(name=f"{name}_{end}.obj")
-            for side, end in (("high", "HIGH"), ("low_uv", "low"))
-        ]
-        for name in ("spot", "penguin")
+        name: [mesh.replace(name=f"{name}_{end}.obj") for mesh, end in zip(both, ends, strict=True)]
+        for (name, both), ends in zip(meshes.items(), [("HIGH", "low")] * 2, strict=True)
     }
     chosen = BakeOptions(size=256, maps=("normal", "displacement"), fill="push-pull")
     parts = PartsOptions(match_by_name=True, texture_sets="groups")

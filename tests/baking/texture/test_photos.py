@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake import read_mesh, write_image
+from tests.models import model
+from texbake import write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.coverage import TextureCoverage, sample_steps
@@ -394,9 +395,8 @@ def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path: Path) -> None:
     assert result.report.photos[0].name == "a.exr"
 
 
-@pytest.mark.realdata
-def test_photographs_reproduce_the_colors_of_a_real_mesh(data_dir: Path) -> None:
-    mesh = read_mesh(data_dir / "pairs" / "spot" / "low_uv.obj")
+def test_photographs_reproduce_the_colors_of_a_figure() -> None:
+    mesh = model("figure with coordinates")
     low, high = mesh.bounds
     cameras = around((low + high) / 2, 1.6 * mesh.diagonal, 6)
     photos = [
