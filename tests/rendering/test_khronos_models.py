@@ -60,39 +60,37 @@ def difference(picture, center, side, corner, other, extent):
     return min(found)
 
 
-@pytest.mark.parametrize(
-    "name", [f"{kind}Mesh{axis}" for kind in ("TextureClamp", "TextureRepeat", "TextureMirror")
-             for axis in "ST"] + ["SingleSidedMesh", "DoubleSidedMesh"],
-)  # fmt: skip
-def test_texture_settings_look_like_the_samples_beside_them(data_dir, name):
+def test_texture_settings_look_like_the_samples_beside_them(data_dir):
     scene = read_scene(data_dir / "gltf/TextureSettingsTest.glb")
     assert scene.notes == ()
     center, side = (0.0, -0.6, 0.0), 12.0
     picture = drawn(scene, center, side, 480)  # 40 pixels per unit
-    (item,) = (item for item in scene.objects if item.name == name)
-    x, y, _ = placed(item).bounds[0]
-    corner = np.array([x + 0.12, y + 0.12])
-    # Edges of the mark lie differently between the pixels.
-    assert difference(picture, center, side, corner, corner + np.array([2.15, 0.0]), 0.66) < 0.03
-    test = cell(picture, center, side, corner, 0.66)
-    # Green, not the red of a cell that fails.
-    assert test[..., 1].sum() > 1.1 * test[..., 0].sum()
+    kinds = ("TextureClamp", "TextureRepeat", "TextureMirror")
+    names = [f"{kind}Mesh{axis}" for kind in kinds for axis in "ST"]
+    for name in (*names, "SingleSidedMesh", "DoubleSidedMesh"):
+        (item,) = (item for item in scene.objects if item.name == name)
+        x, y, _ = placed(item).bounds[0]
+        corner = np.array([x + 0.12, y + 0.12])
+        other = corner + np.array([2.15, 0.0])
+        # Edges of the mark lie differently between the pixels.
+        assert difference(picture, center, side, corner, other, 0.66) < 0.03, name
+        test = cell(picture, center, side, corner, 0.66)
+        # Green, not the red of a cell that fails.
+        assert test[..., 1].sum() > 1.1 * test[..., 0].sum(), name
 
 
-@pytest.mark.parametrize(
-    "row", ["BaseColor", "Emission", "Normal", "MetalRough", "Occlusion", "Unlit"]
-)
-def test_a_texture_transform_on_either_set_looks_like_the_sample(data_dir, row):
+def test_a_texture_transform_on_either_set_looks_like_the_sample(data_dir):
     scene = read_scene(data_dir / "gltf/TextureTransformMultiTest.glb")
     center, side = (0.0, -0.2, 0.0), 2.4
     picture = drawn(scene, center, side, 480)  # 200 pixels per unit
     names = {item.name: item for item in scene.objects}
-    first, second, sample = (
-        placed(names[row + which]).bounds[0][:2] + 0.015 for which in ("UV0", "UV1", "Sample")
-    )
-    assert cell(picture, center, side, sample, 0.17).std() > 0.04  # a check mark
-    for test in first, second:
-        assert difference(picture, center, side, test, sample, 0.17) < 0.03
+    for row in ("BaseColor", "Emission", "Normal", "MetalRough", "Occlusion", "Unlit"):
+        first, second, sample = (
+            placed(names[row + which]).bounds[0][:2] + 0.015 for which in ("UV0", "UV1", "Sample")
+        )
+        assert cell(picture, center, side, sample, 0.17).std() > 0.04, row  # a check mark
+        for test in first, second:
+            assert difference(picture, center, side, test, sample, 0.17) < 0.03, row
 
 
 def test_several_uv_sets_show_the_logo_once_on_each_face(data_dir):
