@@ -1,0 +1,20 @@
+"""What skips without the real meshes is counted, by its reason, in the last lines."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+
+
+def test_skipped_tests_are_counted_in_the_last_lines(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "pytest", "-q", "-n", "1", "-k", "real_meshes or figure",
+         "-p", "no:cacheprovider", TESTS / "mesh/test_info.py", TESTS / "mesh/test_read_mesh.py"],
+        env={**os.environ, "TEXBAKE_DATA": str(tmp_path)}, cwd=TESTS.parent,
+        capture_output=True, text=True, check=True, timeout=120,
+    )  # fmt: skip
+    reason, total = done.stdout.splitlines()[-2:]
+    assert reason == "2 tests skipped: needs certain real files; name their folder in TEXBAKE_DATA"
+    assert " 2 skipped" in total and " passed" in total
