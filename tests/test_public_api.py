@@ -13,7 +13,6 @@ from texbake.mesh.shapes import plane
 
 # Each takes 0.1 s or more to import; none may be paid for before it is used.
 HEAVY = {
-    "embreex",
     "meshoptimizer",
     "numpy",
     "OpenImageIO",

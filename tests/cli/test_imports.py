@@ -13,7 +13,7 @@ import pytest
 
 # Each takes 40 ms or more to import; numpy takes as long, and no command on meshes is without it.
 HEAVY = frozenset({
-    "OpenImageIO", "PIL", "embreex", "jinja2", "matplotlib", "meshoptimizer", "pydantic",
+    "OpenImageIO", "PIL", "jinja2", "matplotlib", "meshoptimizer", "pydantic",
     "pymeshlab", "rich", "scipy", "skimage", "ssl", "trimesh", "xatlas",
 })  # fmt: skip
 

@@ -7,17 +7,13 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.map_names import SECONDARY_MAPS
-from texbake.baking.maps import MAPS as MAP_KINDS
 from texbake.baking.memory import (
     MOST_CHUNKS,
-    SECONDARY_FACE,
     TREE_FACE,
     bake_memory,
     chunk_faces,
 )
 from texbake.baking.options import BakeOptions
-from texbake.baking.secondary_rays import INNER, OUTER
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -179,13 +175,6 @@ def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh
     held = tree.leaves.nbytes + tree.ids.nbytes + tree.nodes.nbytes
     order = n * np.dtype(np.uint64).itemsize
     assert 0.9 * TREE_FACE * n < held + order <= TREE_FACE * n
-
-
-def test_secondary_rays_need_a_tree_of_their_own() -> None:
-    casting = {name for name, kind in MAP_KINDS.items() if kind.needs in (OUTER, INNER)}
-    assert casting == set(SECONDARY_MAPS)
-    more = bake_memory(1000, 10, 64, ("ao",)) - bake_memory(1000, 10, 64, ("normal",))
-    assert more == 1000 * SECONDARY_FACE
 
 
 def test_wrong_settings(pair: tuple[Mesh, Mesh]) -> None:

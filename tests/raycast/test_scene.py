@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from embreex_oracle import EmbreexScene, PlainScene
 
-from texbake.errors import DependencyError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast import embree
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
@@ -158,15 +156,6 @@ def test_same_bytes_for_any_number_of_threads():
     for other in results[1:]:
         for mine, theirs in zip(results[0].arrays(), other.arrays(), strict=True):
             assert mine.tobytes() == theirs.tobytes()
-
-
-def test_a_missing_embree_library_says_what_to_install(monkeypatch, tmp_path):
-    """An embreex built from source carries no library that could be called directly."""
-    monkeypatch.setattr(embree, "Path", lambda _: tmp_path / "embreex" / "__init__.py")
-    embree.load_library.cache_clear()
-    high = cube()
-    with pytest.raises(DependencyError, match=r"no Embree library beside .*; install the wheel"):
-        RayScene.build(high, LocalFrame.around(high)).prepare_fans()
 
 
 def test_degenerate_triangles_are_never_hit_and_hide_nothing():

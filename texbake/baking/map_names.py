@@ -36,6 +36,3 @@ MATERIAL_MAPS = (
     "material-id",
     *MAP_NAMES[MAP_NAMES.index("base-color") : MAP_NAMES.index("opacity")],
 )
-
-# Maps for which rays are cast from every hit.
-SECONDARY_MAPS = ("ao", "bent-normal", "thickness")

@@ -8,17 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from texbake.baking.map_names import SECONDARY_MAPS
 from texbake.errors import OptionError, quoted
 
 MB = 1 << 20
 # A process with all libraries loaded, and the memory that it does not return.
 PROCESS = 320 * MB
-# Per triangle of a mesh in memory with its normals; of a mesh in the tree for primary rays, of
-# which 80 stay once it is built; and in the tree for secondary rays besides.
+# Per triangle of a mesh in memory with its normals, and of a mesh in the ray tree, of which 80 stay
+# once it is built.
 HELD_FACE = 100
 TREE_FACE = 90
-SECONDARY_FACE = 140
 # Per texel of a map, padding included.
 TEXEL = 100
 # Per triangle of a chunk that is read from the file: its corners, and the tree over them; and how
@@ -62,10 +60,7 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
     n_texels, maps
         Texels per map, and names of the maps.
     """
-    high_face = HELD_FACE + TREE_FACE
-    if not set(SECONDARY_MAPS).isdisjoint(maps):
-        high_face += SECONDARY_FACE
-    faces = high_face * n_high_faces + HELD_FACE * n_low_faces
+    faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
 
 

@@ -261,7 +261,7 @@ class BakeReport:
 
 def library_versions() -> dict[str, str]:
     """Versions of texbake and of the libraries that its results depend on."""
-    return {name: _version_of(name) for name in ("texbake", "embreex", "numpy", "openimageio")}
+    return {name: _version_of(name) for name in ("texbake", "numpy", "openimageio")}
 
 
 def _version_of(name: str) -> str:

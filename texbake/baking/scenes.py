@@ -84,13 +84,14 @@ class BakeScenes:
         *,
         occluders: RayScene | None = None,
         chunk_faces: int | None = None,
+        compact: bool = False,
         threads: int | None = None,
     ) -> BakeScenes:
         """Build the scene of the high-poly mesh, in the frame of the occluders or of both meshes.
 
         Parameters
         ----------
-        chunk_faces
+        chunk_faces, compact
             As for `RayScene.build`.
 
         Raises
@@ -101,7 +102,9 @@ class BakeScenes:
         frame = LocalFrame.around(high, low) if occluders is None else occluders.frame
         _check_size(frame, low)
         with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
-            scene = RayScene.build(high, frame, chunk_faces=chunk_faces, threads=threads)
+            scene = RayScene.build(
+                high, frame, chunk_faces=chunk_faces, compact=compact, threads=threads
+            )
         return cls(scene, low, occluders)
 
     @property
@@ -168,7 +171,8 @@ class BakeScenes:
         Distances do not depend on which way faces look, and are not measured again.
         """
         with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
-            scene = RayScene.build(turned, self.frame, threads=self.high.threads)
+            high = self.high
+            scene = RayScene.build(turned, self.frame, compact=high.compact, threads=high.threads)
         return BakeScenes(scene, self.low, self.occluders, self._extents)
 
     def close(self) -> None:

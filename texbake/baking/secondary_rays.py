@@ -27,7 +27,10 @@ from texbake.raycast.rays import NO_HIT
 Float32Array = npt.NDArray[np.float32]
 
 _BAND = 1 << 15
-_UNIT_ROUNDOFF = 2.0**-24  # of float32, relative
+# How far above the surface rays start, in local units: the normal of a face is rounded to float32,
+# so that a ray along its plane may sink by 2^-24 of its way along each axis, and the way through
+# the unit cube is at most the square root of 3.
+START_OFFSET = 3.0 * 2.0**-24
 OUTER, INNER = "outer rays", "inner rays"  # values of `MapKind.needs`
 
 
@@ -57,7 +60,7 @@ class SecondaryRays:
         outer = math.inf if options.occluder_distance is None else options.occluder_distance
         inner = options.thickness_distance or self.inputs.high.diagonal
         return OcclusionRange(
-            start_offset((scenes.occluders or scenes.high).mesh, scenes.frame),
+            START_OFFSET,
             outer * scenes.frame.scale if OUTER in self.needs else 0.0,
             inner * scenes.frame.scale if INNER in self.needs else 0.0,
         )
@@ -175,20 +178,3 @@ def _shared_set_ids(texel_ids: IntArray, n_samples: int) -> npt.NDArray[np.uint3
     ranks[order] = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
     n_parts = np.uint32(n_samples)
     return np.asarray(mixed(texel_ids.view(np.uint32)) * n_parts + ranks % n_parts)
-
-
-def start_offset(high: Mesh, frame: LocalFrame) -> float:
-    """How far above the surface a ray starts, so that rounding cannot make it hit its own face.
-
-    In local units, at most 8e-7. Rounding a vertex, and the ray's start, to float32 moves each by
-    half a unit in the last place of 0.5 along each axis, and so by the square root of 3 times that
-    along a normal. Embree then computes the distance of a face from its corners relative to the
-    origin, in some 7 operations that each round relative to the size of the face.
-
-    Based on: Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th edition, 2023, section 6.8,
-    for the bound of a chain of rounded operations.
-    """
-    corners = [frame.to_local(high.positions[high.faces[:, k]]) for k in range(3)]
-    longest = max(float(np.square(corners[k] - corners[k - 1]).sum(axis=1).max()) for k in range(3))
-    chain = 7.0 * _UNIT_ROUNDOFF / (1.0 - 7.0 * _UNIT_ROUNDOFF)
-    return float(np.sqrt(3.0) * 2.0 * 0.25 * _UNIT_ROUNDOFF + chain * np.sqrt(longest))

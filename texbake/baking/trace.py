@@ -170,7 +170,12 @@ class Trace:
                 "`max_memory`"
             )
         return BakeScenes.build(
-            self.high, self.low, self.stages, chunk_faces=chunk, threads=self.options.threads
+            self.high,
+            self.low,
+            self.stages,
+            chunk_faces=chunk,
+            compact=self.secondary is not None,
+            threads=self.options.threads,
         )
 
     def _fields(self, scenes: BakeScenes) -> tuple[RayField, ClearRays | None]:

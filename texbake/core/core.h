@@ -544,6 +544,14 @@ void add_curvatures(
     const int32_t faces[n_faces][3], const int32_t firsts[n_vertices],
     const double normals[n_vertices][3], double turns[n_vertices], double areas[n_vertices]);
 
+/* median_split.c */
+void sort_into_nodes(
+    int64_t n, float middles[n][3], uint64_t places[n], int64_t unit, int64_t least);
+void find_middles(
+    int64_t n, int64_t n_vertices, int64_t n_faces, const uint64_t places[n],
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3], const double center[3],
+    double scale, float middles[n][3]);
+
 /* mikktspace_fans.c */
 void pair_edges(
     int64_t n, const int64_t keys[n], const int64_t edges[n], const int32_t starts[n],
@@ -876,10 +884,12 @@ void color_ids_u16(
 
 /* ray_fans.c */
 void cast_fans(
-    int64_t n, int64_t n_directions, const double points[n][3], const float axes[n][3],
-    const float planes[n][3], const uint32_t set_ids[n], const float sets[n_directions][3],
-    int64_t n_rays, double offset, double outer, double inner, uintptr_t scene,
-    uintptr_t occluded, uintptr_t intersect, float results[n][5]);
+    int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
+    const double points[n][3], const float axes[n][3], const float planes[n][3],
+    const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
+    double outer, double inner, const double leaves[n_leaves][9][8],
+    const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
+    float results[n][5]);
 void place_fans(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double positions[n_vertices][3],
@@ -1207,10 +1217,6 @@ void cut_triangles(
     int32_t base_faces_out[n_out], float weights_out[n_out][3][2], int32_t ends_out[n_ends][2],
     int32_t place_vertices[n_places], int32_t place_faces[n_places],
     float place_weights[n_places][2], int64_t start, int64_t stop);
-
-/* triangle_pairs.c */
-int64_t pair_triangles(
-    int64_t n, const int32_t faces[n][3], int32_t quads[n][4], int32_t first_faces[n + 1]);
 
 /* triangle_tree.c */
 void morton_keys(

@@ -1,163 +1,113 @@
-/* Fans of rays from points of a surface, cast 16 at a time, one direction after another.
+/* Fans of rays from points of a surface, cast one direction of 16 fans after another.
 
-   The queries of Embree are called by their addresses. That for occlusion is fastest ray by ray, since
-   most rays either hit at once or hit nothing; that for the first hit, whose rays all continue to
-   the far side, is fastest for the packet as a whole.
+   The fans of neighboring texels follow each other, and so do their rays in one direction: what blocks
+   one of them often blocks the next.
 
-   Based on: Wald, Woop, Benthin, Johnson, Ernst, "Embree: A Kernel Framework for Efficient CPU Ray
-   Tracing", 2014; Duff et al., "Building an Orthonormal Basis, Revisited", 2017, for the frames.
+   Based on: Duff et al., "Building an Orthonormal Basis, Revisited", 2017, for the frames.
 
    Called from texbake/raycast/scene.py and texbake/baking/secondary_rays.py. */
 
-#include <string.h>
-
 #include "core.h"
-#include "embree.h"
 #include "numbers.h"
+#include "single_rays.h"
+
+#define TOGETHER 16 /* fans whose rays are cast in turn */
 
 /* Columns of the results: texbake/raycast/fans.py. */
 enum { OPEN, OPEN_DIRECTION, DEPTH = OPEN_DIRECTION + 3, N_COLUMNS };
 
-/* Write two tangents, the axis and the plane of a fan into one of the columns of frames. */
-static inline void write_frame(
-    const float axis[3], const float plane[3], int64_t n_columns, float *column)
-{
-    const float x = axis[0], y = axis[1], z = axis[2], sign = z >= 0.0f ? 1.0f : -1.0f;
-    const double a = -1.0 / (double)(sign + z), b = (double)(x * y) * a;
-    column[0] = (float)(1.0 + (double)(sign * x * x) * a);
-    column[n_columns] = (float)(sign * b);
-    column[2 * n_columns] = -sign * x;
-    column[3 * n_columns] = (float)b;
-    column[4 * n_columns] = (float)(sign + (double)(y * y) * a);
-    column[5 * n_columns] = -y;
-    for (int k = 0; k < 3; k++) {
-        column[(6 + k) * n_columns] = axis[k];
-        column[(9 + k) * n_columns] = plane[k];
-    }
-}
-
-/* Write the j-th direction of each fan. Below the plane, a direction is mirrored at it. */
-static inline void write_directions(
-    int64_t n, int64_t n_rays, const float *frames, const uint32_t *set_ids,
-    const float (*sets)[3], int64_t j, float side, float *directions)
-{
-    for (int64_t i = 0; i < n; i++) {
-        const float *direction = sets[set_ids[i] * n_rays + j], *frame = frames + i;
-        const float x = direction[0], y = direction[1], z = direction[2];
-        const float dx = x * frame[0] + y * frame[3 * n] + z * frame[6 * n];
-        const float dy = x * frame[n] + y * frame[4 * n] + z * frame[7 * n];
-        const float dz = x * frame[2 * n] + y * frame[5 * n] + z * frame[8 * n];
-        const float height = dx * frame[9 * n] + dy * frame[10 * n] + dz * frame[11 * n];
-        float below = min_f32(height, 0.0f);
-        below += below;
-        directions[i] = side * (dx - below * frame[9 * n]);
-        directions[n + i] = side * (dy - below * frame[10 * n]);
-        directions[2 * n + i] = side * (dz - below * frame[11 * n]);
-    }
-}
-
-/* Sixteen fans, and the packet of their rays. */
-struct fan_packet {
-    int32_t valid[PACKET];
-    float frames[12 * PACKET], sums[4][PACKET];
-    uint32_t set_ids[PACKET];
+/* Two tangents and the axis of a fan, and the normal of the plane that its rays stay above. */
+struct fan {
+    double frame[3][3], plane[3];
 };
 
-/* Write where the rays start, and what stays the same for all of them. */
-static void start_rays(
-    struct ray_packet *packet, struct fan_packet *fans, int64_t n, const double (*points)[3],
-    const float (*planes)[3], double offset)
+static struct fan frame_fan(const float axis[3], const float plane[3])
 {
-    for (int64_t lane = 0; lane < n; lane++)
-        for (int axis = 0; axis < 3; axis++)
-            packet->origin[axis][lane] = (float)(points[lane][axis] + offset * planes[lane][axis]);
-    for (int lane = 0; lane < PACKET; lane++) {
-        packet->near[lane] = 0.0f;
-        packet->time[lane] = 0.0f;
-        packet->mask[lane] = INVALID;
-        packet->flags[lane] = 0;
-    }
-    memset(fans->sums, 0, sizeof fans->sums);
+    const double x = axis[0], y = axis[1], z = axis[2], sign = z >= 0.0 ? 1.0 : -1.0;
+    const double a = -1.0 / (sign + z), b = x * y * a;
+    return (struct fan){
+        {{1.0 + sign * x * x * a, sign * b, -sign * x}, {b, sign + y * y * a, -y}, {x, y, z}},
+        {plane[0], plane[1], plane[2]}};
 }
 
-/* Reset the rays to their full length and to no hit. */
-static void set_length(struct ray_packet *packet, double length)
+/* Turn a direction into the frame of a fan. Below the plane, it is mirrored at it. */
+static void turn_direction(const struct fan *fan, const float local[3], double direction[3])
 {
-    for (int lane = 0; lane < PACKET; lane++) {
-        packet->far[lane] = (float)length;
-        packet->geometry[lane] = INVALID;
-        packet->instance[lane] = INVALID;
+    double height = 0.0;
+    for (int k = 0; k < 3; k++) {
+        direction[k] = local[0] * fan->frame[0][k] + local[1] * fan->frame[1][k] +
+                       local[2] * fan->frame[2][k];
+        height += direction[k] * fan->plane[k];
     }
+    const double below = 2.0 * min_f64(height, 0.0);
+    for (int k = 0; k < 3; k++)
+        direction[k] -= below * fan->plane[k];
 }
 
-/* Count the rays that hit nothing, whose length Embree leaves unchanged, and sum them. */
-static void add_open(const struct ray_packet *packet, struct fan_packet *fans)
+/* A ray that starts by an offset above a plane (side 1) or below it (-1) and goes to that side. */
+static struct single_ray ray_from(
+    const double point[3], const double plane[3], double offset, const double direction[3],
+    double side, double length)
 {
-    for (int lane = 0; lane < PACKET; lane++) {
-        const float is_free = packet->far[lane] > 0.0f ? 1.0f : 0.0f;
-        fans->sums[0][lane] += is_free;
-        for (int axis = 0; axis < 3; axis++)
-            fans->sums[1 + axis][lane] += is_free * packet->direction[axis][lane];
+    struct single_ray ray = {.length = length};
+    for (int k = 0; k < 3; k++) {
+        ray.origin[k] = point[k] + side * offset * plane[k];
+        ray.direction[k] = side * direction[k];
     }
+    return ray;
 }
 
 /* Cast fans, and write what their rays meet; `sets` are sets of n_rays directions. Rays of length 0
    are not cast. */
 void cast_fans(
-    int64_t n, int64_t n_directions, const double points[n][3], const float axes[n][3],
-    const float planes[n][3], const uint32_t set_ids[n], const float sets[n_directions][3],
-    int64_t n_rays, double offset, double outer, double inner, uintptr_t scene,
-    uintptr_t occluded, uintptr_t intersect, float results[n][5])
+    int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
+    const double points[n][3], const float axes[n][3], const float planes[n][3],
+    const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
+    double outer, double inner, const double leaves[n_leaves][9][8],
+    const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
+    float results[n][5])
 {
-    _Alignas(64) struct ray_packet packet;
-    _Alignas(64) struct fan_packet fans;
-    memset(&packet, 0, sizeof packet);
-    memset(&fans, 0, sizeof fans);
-    struct query_arguments apart = {.feature_mask = ALL_FEATURES};
-    struct query_arguments together = {.flags = COHERENT, .feature_mask = ALL_FEATURES};
-    const packet_query is_occluded = (packet_query)occluded, first_hit = (packet_query)intersect;
-    for (int64_t first = 0; first < n; first += PACKET) {
-        const int64_t n_lanes = min_i64(n - first, PACKET);
-        for (int64_t lane = 0; lane < PACKET; lane++) {
-            fans.valid[lane] = lane < n_lanes ? -1 : 0;
-            if (lane < n_lanes) {
-                write_frame(axes[first + lane], planes[first + lane], PACKET, fans.frames + lane);
-                fans.set_ids[lane] = set_ids[first + lane];
+    const struct ray_tree tree = ray_tree_of(leaves, nodes, n_levels, starts, box);
+    for (int64_t first = 0; first < n; first += TOGETHER) {
+        const int64_t n_fans = min_i64(n - first, TOGETHER);
+        struct fan fans[TOGETHER];
+        double sums[TOGETHER][N_COLUMNS] = {{0}};
+        for (int64_t i = 0; i < n_fans; i++)
+            fans[i] = frame_fan(axes[first + i], planes[first + i]);
+        for (int64_t j = 0; j < n_rays; j++) {
+            int64_t blocker = -1;
+            for (int64_t i = 0; i < n_fans; i++) {
+                const double *point = points[first + i], *plane = fans[i].plane;
+                double direction[3], *sum = sums[i];
+                turn_direction(&fans[i], sets[set_ids[first + i] * n_rays + j], direction);
+                if (outer > 0.0) {
+                    const struct single_ray ray =
+                        ray_from(point, plane, offset, direction, 1.0, outer);
+                    if (!is_blocked(&tree, &ray, &blocker)) {
+                        sum[OPEN] += 1.0;
+                        for (int k = 0; k < 3; k++)
+                            sum[OPEN_DIRECTION + k] += direction[k];
+                    }
+                }
+                if (inner > 0.0) {
+                    const struct single_ray ray =
+                        ray_from(point, plane, offset, direction, -1.0, inner);
+                    sum[DEPTH] += free_length(&tree, &ray);
+                }
             }
         }
-        if (outer > 0.0) {
-            start_rays(&packet, &fans, n_lanes, points + first, planes + first, offset);
-            for (int64_t j = 0; j < n_rays; j++) {
-                write_directions(
-                    PACKET, n_rays, fans.frames, fans.set_ids, sets, j, 1.0f,
-                    packet.direction[0]);
-                set_length(&packet, outer);
-                is_occluded(fans.valid, (void *)scene, &packet, &apart);
-                add_open(&packet, &fans);
+        for (int64_t i = 0; i < n_fans; i++) {
+            float *result = results[first + i];
+            const double *sum = sums[i];
+            if (outer > 0.0) {
+                result[OPEN] = (float)(sum[OPEN] / (double)n_rays);
+                for (int k = 0; k < 3; k++)
+                    result[OPEN_DIRECTION + k] = sum[OPEN] > 0.0
+                                                     ? (float)(sum[OPEN_DIRECTION + k] / (double)n_rays)
+                                                     : axes[first + i][k];
             }
-            for (int64_t lane = 0; lane < n_lanes; lane++) {
-                float *result = results[first + lane];
-                result[OPEN] = (float)(fans.sums[0][lane] / (double)n_rays);
-                for (int axis = 0; axis < 3; axis++)
-                    result[OPEN_DIRECTION + axis] =
-                        fans.sums[0][lane] > 0.0f
-                            ? (float)(fans.sums[1 + axis][lane] / (double)n_rays)
-                            : axes[first + lane][axis];
-            }
-        }
-        if (inner > 0.0) {
-            start_rays(&packet, &fans, n_lanes, points + first, planes + first, -offset);
-            for (int64_t j = 0; j < n_rays; j++) {
-                write_directions(
-                    PACKET, n_rays, fans.frames, fans.set_ids, sets, j, -1.0f,
-                    packet.direction[0]);
-                set_length(&packet, inner);
-                first_hit(fans.valid, (void *)scene, &packet, &together);
-                for (int lane = 0; lane < PACKET; lane++)
-                    fans.sums[0][lane] += packet.far[lane];
-            }
-            for (int64_t lane = 0; lane < n_lanes; lane++)
-                results[first + lane][DEPTH] = (float)(fans.sums[0][lane] / (double)n_rays);
+            if (inner > 0.0)
+                result[DEPTH] = (float)(sum[DEPTH] / (double)n_rays);
         }
     }
 }

@@ -25,6 +25,7 @@
 #include <string.h>
 
 #include "core.h"
+#include "exact_cross.h"
 #include "morton_tree.h"
 #include "numbers.h"
 
@@ -138,25 +139,6 @@ static struct line line_through(const double planes[2], double first, double sec
 {
     const double slope = (second - first) / (planes[1] - planes[0]);
     return (struct line){first - slope * planes[0], slope};
-}
-
-/* a b - product, exactly (Dekker 1971). */
-static double product_error(double a, double b, double product)
-{
-    const double split_a = 134217729.0 * a, split_b = 134217729.0 * b;
-    const double a_high = split_a - (split_a - a), b_high = split_b - (split_b - b);
-    const double a_low = a - a_high, b_low = b - b_high;
-    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low;
-}
-
-/* px qy - py qx with the exact sign. */
-static inline double exact_cross(double px, double py, double qx, double qy)
-{
-    const double one = px * qy, two = py * qx, difference = one - two;
-    /* Each product is rounded by 2^-53 of itself: beyond 4 times that the sign is certain. */
-    if (fabs(difference) > 4.5e-16 * (fabs(one) + fabs(two)))
-        return difference;
-    return difference + (product_error(px, qy, one) - product_error(py, qx, two));
 }
 
 /* A hit of a ray's line: its weights times `total`, which is positive where the ray meets the front;

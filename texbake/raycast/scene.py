@@ -4,9 +4,9 @@ Rays that start side by side and are nearly parallel go through the tree in bund
 no ray passes between two triangles that share an edge, and a hit does not depend on the number of
 threads, on the other rays of a call, or on whether the mesh is traced in chunks.
 
-Fans of secondary rays, whose directions differ, are cast by Embree.
+Fans of secondary rays, whose directions differ, go through the same tree one by one, as exactly.
 
-Kernel: `core/tile_bundles.c`.
+Kernels: `core/tile_bundles.c`, `core/single_rays.c`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
-from texbake.raycast.embree import EmbreeScene, pair_faces
 from texbake.raycast.fans import N_COLUMNS, Fans, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.rays import RayHits, Rays
@@ -33,7 +32,7 @@ Float32Array = npt.NDArray[np.float32]
 
 BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
-_FANS_PER_BAND = 1 << 10  # a multiple of the packets of Embree
+_FANS_PER_BAND = 1 << 10  # a multiple of those that the kernel casts together
 # Rays without places: bundles are the smaller the fewer rays there are for each triangle, so that a
 # bundle of rays that are far apart does not visit many triangles for nothing.
 _MOST_TOGETHER = 64
@@ -86,7 +85,7 @@ class RayBands(NamedTuple):
 
 
 class RayScene:
-    """A mesh to cast rays into, as a context manager: leaving it frees the memory of Embree.
+    """A mesh to cast rays into, as a context manager: leaving it frees the ray tree.
 
     Made by `RayScene.build`.
 
@@ -97,6 +96,8 @@ class RayScene:
         Rays, and distances of hits, are in this frame.
     in_chunks : bool
         Whether each call builds the trees of chunks anew.
+    compact : bool
+        Whether the tree was built for fans.
     threads : int
     caster : str
         Name of what casts the rays, for reports.
@@ -109,6 +110,7 @@ class RayScene:
         source: Mesh | StreamedMesh,
         frame: LocalFrame,
         chunk_faces: int | None,
+        compact: bool,
         threads: int,
     ) -> None:
         self.source = source
@@ -116,8 +118,12 @@ class RayScene:
         self.in_chunks = chunk_faces is not None or isinstance(source, StreamedMesh)
         self._chunk_faces = chunk_faces or max(source.n_faces, 1)
         self.threads = threads
-        self._tree = None if self.in_chunks else MortonTree.build(self.mesh, frame, threads=threads)
-        self._embree: EmbreeScene | None = None
+        self.compact = compact
+        self._tree = (
+            None
+            if self.in_chunks
+            else MortonTree.build(self.mesh, frame, compact=compact, threads=threads)
+        )
 
     @classmethod
     def build(
@@ -126,6 +132,7 @@ class RayScene:
         frame: LocalFrame,
         *,
         chunk_faces: int | None = None,
+        compact: bool = False,
         threads: int | None = None,
     ) -> Self:
         """Build the ray tree over a mesh.
@@ -136,10 +143,13 @@ class RayScene:
             For a mesh whose ray tree would not fit into memory: the most faces in a tree. Each call
             then builds the trees of the chunks anew, one at a time. None: one tree over the whole
             mesh.
+        compact : bool
+            For many fans or rays that head everywhere: the tree takes longer to build, and their
+            time is shorter. The hits are the same.
         threads : int, optional
             None: every processor.
         """
-        return cls(mesh, frame, chunk_faces, resolve_threads(threads))
+        return cls(mesh, frame, chunk_faces, compact, resolve_threads(threads))
 
     @property
     def mesh(self) -> Mesh:
@@ -154,9 +164,8 @@ class RayScene:
         self.close()
 
     def close(self) -> None:
-        """Free the memory of Embree."""
-        if self._embree is not None:
-            self._embree.close()
+        """Free the ray tree; the scene cannot be used afterwards."""
+        self._tree = None
 
     def cast(
         self,
@@ -294,15 +303,13 @@ class RayScene:
         ------
         OptionError
             The mesh is traced in chunks, and these rays need all of it at once.
-        DependencyError
-            embreex, or the Embree library in it, does not load; or memory ran out.
         """
-        if self.in_chunks:
+        tree = self._tree
+        if tree is None:
             raise OptionError(
                 f"max_memory: {self.source.name} is traced in chunks, and ambient occlusion, bent "
                 "normals and thickness need all of it at once; bake them without max_memory"
             )
-        scene = self.prepare_fans()
         results = np.full((len(fans), N_COLUMNS), np.nan, dtype=np.float32)
         set_ids = fans.set_ids & np.uint32(len(sets) - 1)
 
@@ -318,20 +325,15 @@ class RayScene:
                 occlusion_range.offset,
                 occlusion_range.outer,
                 occlusion_range.inner,
-                *scene.addresses(),
+                tree.leaves,
+                tree.nodes,
+                tree.starts,
+                tree.box,
                 results[band],
             )
 
         run_bands(cast, len(fans), band=_FANS_PER_BAND, threads=self.threads)
         return results
-
-    def prepare_fans(self) -> EmbreeScene:
-        """Build the tree of Embree, if there is none yet."""
-        if self._embree is None:
-            quads, _ = pair_faces(self.mesh.faces)
-            positions: FloatArray = self.frame.to_local(self.mesh.positions)
-            self._embree = EmbreeScene(positions.astype(np.float32), quads, self.threads)
-        return self._embree
 
 
 def _bands_of(rays: Rays, places: RayPlaces | IntArray) -> RayBands:

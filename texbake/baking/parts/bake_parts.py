@@ -75,7 +75,8 @@ class PartsBake:
         mesh, _ = self.high_meshes.joined(parts)
         frame = LocalFrame.around(mesh, *low)
         with self.stages.stage("build ray tree", total=mesh.n_faces, unit="triangles"):
-            self.occluders = RayScene.build(mesh, frame, threads=self.options.threads)
+            threads = self.options.threads
+            self.occluders = RayScene.build(mesh, frame, compact=True, threads=threads)
 
     def run(
         self,

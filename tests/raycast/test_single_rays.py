@@ -1,0 +1,194 @@
+"""Secondary rays: each ends where a test against every triangle says, on any build of the core."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from texbake.core.library import FOLDER
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
+from texbake.raycast.fans import DEPTH, OPEN, Fans, OcclusionRange
+from texbake.raycast.morton_tree import MortonTree
+from texbake.raycast.scene import RayScene
+
+
+def soup(n):
+    """Triangles of all sizes, anywhere, some of them slivers, copies or without area."""
+    rng = np.random.default_rng(2)
+    corners = rng.normal(size=(n, 1, 3)) + rng.exponential(0.3, (n, 1, 1)) * rng.normal(
+        size=(n, 3, 3)
+    )
+    corners[::7, 2] = 0.5 * (corners[::7, 0] + corners[::7, 1]) + 1e-9 * corners[::7, 2]
+    corners[5::50] = corners[4::50]
+    return Mesh(positions=corners.reshape(-1, 3), faces=np.arange(3 * n).reshape(-1, 3))
+
+
+def steps():
+    """Sheets at right angles to the axes, which many rays run along."""
+    whole = cube()
+    moved = [
+        whole.replace(positions=0.25 * whole.positions + np.array([i, j, (i * j) % 3]) / 4)
+        for i in range(4)
+        for j in range(4)
+    ]
+    return join_meshes(moved)
+
+
+MESHES = {
+    "soup": lambda: soup(600),
+    "one triangle": lambda: soup(1),
+    "steps": steps,
+    "ball": lambda: icosphere(4),
+    "poles": lambda: uv_sphere(12, 100),
+}
+
+
+def single_rays(mesh, n, *, seed=1):
+    """Fans of one ray each, of any direction, some along axes and some at corners: points, sets."""
+    rng = np.random.default_rng(seed)
+    frame = LocalFrame.around(mesh)
+    corners = frame.to_local(mesh.positions)
+    points = rng.uniform(-0.6, 0.6, (n, 3))
+    directions = rng.normal(size=(n, 3))
+    directions[::5] = np.eye(3)[rng.integers(3, size=len(directions[::5]))]
+    at = slice(1, None, 3)
+    directions[at] = corners[rng.integers(len(corners), size=len(directions[at]))] - points[at]
+    # A fan about +z: in its frame, its only direction is the one it has in space.
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    axes = np.tile(np.float32([0, 0, 1]), (n, 1))
+    nowhere = np.zeros((n, 3), dtype=np.float32)  # a plane that mirrors nothing
+    sets = directions.astype(np.float32)[:, np.newaxis]
+    assert n & (n - 1) == 0
+    return frame, Fans(points, axes, nowhere, np.arange(n, dtype=np.uint32)), sets
+
+
+def nearest_of_all(corners, origins, directions):
+    """Distance of the first hit of each ray by the volumes of tetrahedra, and how sure it is.
+
+    Sure are distances that hold whatever rounding has done to the volumes: infinite where one is
+    negative for certain, finite where all are positive for certain.
+    """
+    p, q, r = (corners[np.newaxis, :, k] - origins[:, np.newaxis] for k in range(3))
+    along = directions[:, np.newaxis]
+    volumes = np.stack([(along * np.cross(a, b)).sum(-1) for a, b in ((r, q), (p, r), (q, p))])
+    total = volumes.sum(axis=0)
+    sizes = [np.linalg.norm(x, axis=-1) for x in (p, q, r)]
+    doubt = 1e-14 * max(size.max() for size in sizes) ** 2
+    inside = (volumes > doubt).all(axis=0) | (volumes < -doubt).all(axis=0)
+    outside = (volumes > doubt).any(axis=0) & (volumes < -doubt).any(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weights = volumes / total
+        distances = sum((weights[k] * (along * c).sum(-1)) for k, c in enumerate((p, q, r)))
+    ahead = inside & (distances >= 0.0)
+    return np.where(ahead, distances, np.inf).min(axis=1), (inside | outside).all(axis=1)
+
+
+@pytest.mark.parametrize("compact", [False, True], ids=["plain", "compact"])
+@pytest.mark.parametrize("name", MESHES)
+def test_hits_are_those_of_all_triangles_one_by_one(name, compact):
+    mesh = MESHES[name]()
+    frame, fans, sets = single_rays(mesh, 512)
+    corners = frame.to_local(mesh.positions)[mesh.faces]
+    bands = [slice(k, k + 64) for k in range(0, 512, 64)]
+    found = [nearest_of_all(corners, fans.points[b], sets[b, 0].astype(float)) for b in bands]
+    nearest, sure = (np.concatenate(column) for column in zip(*found, strict=True))
+    scene = RayScene.build(mesh, frame, compact=compact)
+    assert sure.mean() > 0.6
+    for length in (0.3, 3.0):
+        met = scene.cast_fans(fans, sets, OcclusionRange(0.0, length, length))
+        # Inner rays go the other way.
+        back = scene.cast_fans(fans, -sets, OcclusionRange(0.0, length, length))
+        is_open = nearest > length
+        np.testing.assert_array_equal(met[sure, OPEN] == 1.0, is_open[sure])
+        expected = np.minimum(nearest, length)[sure]
+        # The distance of a sliver is as uncertain as its volume is small.
+        close = np.isclose(back[sure, DEPTH], expected, rtol=1e-6, atol=1e-6)
+        assert close.mean() > 0.998
+        np.testing.assert_array_equal(back[:, DEPTH] < np.float32(length), met[:, OPEN] == 0.0)
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_neither_the_tree_nor_the_neighbors_of_a_ray_change_what_it_hits(name):
+    mesh = MESHES[name]()
+    frame, fans, sets = single_rays(mesh, 4096, seed=3)
+    reach = OcclusionRange(1e-7, 1.0, np.sqrt(3.0))
+    plain = RayScene.build(mesh, frame).cast_fans(fans, sets, reach)
+    scene = RayScene.build(mesh, frame, compact=True, threads=2)
+    assert scene.cast_fans(fans, sets, reach).tobytes() == plain.tobytes()
+    order = np.random.default_rng(0).permutation(len(fans))
+    assert scene.cast_fans(fans.where(order), sets, reach).tobytes() == plain[order].tobytes()
+
+
+@pytest.mark.parametrize("level", [1, 4])
+def test_no_ray_leaves_a_closed_mesh_through_a_vertex(level):
+    """Aimed at every vertex and at the middle of every edge, to the last bit, from one point."""
+    mesh = icosphere(level)
+    frame = LocalFrame.around(mesh)
+    corners = frame.to_local(mesh.positions)
+    edges = np.concatenate([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    targets = np.concatenate([corners, corners[edges].mean(axis=1)])
+    n = 1 << (len(targets) - 1).bit_length()
+    targets = np.resize(targets, (n, 3))
+    middle = np.full(3, 1.0 / 64.0)
+    # Exact in float32: the ray's line is moved onto the target instead.
+    directions = (targets - middle).astype(np.float32)
+    points = targets - directions.astype(float)
+    axes = np.tile(np.float32([0, 0, 1]), (n, 1))
+    fans = Fans(points, axes, np.zeros_like(axes), np.arange(n, dtype=np.uint32))
+    scene = RayScene.build(mesh, frame, compact=True)
+    met = scene.cast_fans(fans, directions[:, np.newaxis], OcclusionRange(0.0, 4.0, 0.0))
+    assert (met[:, OPEN] == 0.0).all()
+
+
+def test_a_compact_tree_holds_the_same_triangles_in_smaller_boxes():
+    mesh = uv_sphere(150, 200)
+    frame = LocalFrame.around(mesh)
+    trees = [
+        MortonTree.build(mesh, frame, compact=compact, threads=threads)
+        for compact, threads in ((False, 1), (True, 1), (True, 2))
+    ]
+    plain, compact, again = trees
+    for mine, theirs in zip(vars(compact).values(), vars(again).values(), strict=True):
+        assert mine.tobytes() == theirs.tobytes()
+    np.testing.assert_array_equal(np.sort(plain.ids, axis=None), np.sort(compact.ids, axis=None))
+
+    def surface(tree):
+        low, high = np.split(tree.nodes[: tree.starts[1]].astype(float), 2, axis=1)
+        size = np.maximum(high - low, 0.0)
+        return (size * np.roll(size, 1, axis=1)).sum()
+
+    assert surface(compact) < 0.8 * surface(plain)
+
+
+def checksum():
+    """Of what the rays of all meshes meet, and of the positions of the fans of a bake."""
+    digest = hashlib.sha256()
+    for name in MESHES:
+        mesh = MESHES[name]()
+        frame, fans, sets = single_rays(mesh, 1024)
+        scene = RayScene.build(mesh, frame, compact=True)
+        digest.update(scene.cast_fans(fans, sets, OcclusionRange(1e-7, 0.5, 2.0)).tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize(
+    "build", [path.stem.removeprefix("core-") for path in FOLDER.glob("core-*")]
+)
+def test_every_build_of_the_core_gives_the_same_bytes(build):
+    code = "from test_single_rays import checksum; print(checksum())"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        env={**os.environ, "TEXBAKE_CORE": build, "PYTHONPATH": str(Path(__file__).parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    assert done.stdout.strip() == checksum()

@@ -1,0 +1,256 @@
+/* Rays against a tree of triangles, one by one: for rays that head everywhere.
+
+   A ray is tested against the eight boxes of a node at a time, in float32, with boxes that are larger by
+   more than these tests can round; and against the eight triangles of a leaf, in float64, by the signs
+   of the three edges, exactly. Both give the same on any processor. Triangles that share an edge agree
+   on its sign, so that no ray passes between them, and what a ray hits is a function of the ray and
+   the triangles alone, whatever the tree or the order in which it is walked.
+
+   Based on: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", Journal of Computer Graphics
+   Techniques 2(1), 2013, for the test (here in float64, with exact products where rounding could
+   change a sign); Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
+   using Multi-branching BVHs", 2008, for the walk.
+
+   Called from ray_fans.c. */
+
+#include "single_rays.h"
+
+#include <math.h>
+
+#include "exact_cross.h"
+#include "numbers.h"
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#define STACK (MAX_LEVELS * WIDTH + 1)
+/* Of the size of the tree and the distance of the ray: what float32 may err in the tests of boxes, six
+   roundings of 2^-24, and more. */
+#define SLACK 0x1p-20
+/* The greatest inverse of a direction: along an axis that the ray hardly follows it never leaves a box. */
+#define MOST_INVERSE 1e18
+
+/* A ray as the tests of boxes and of triangles take it. */
+struct walk {
+    int near[3], far[3]; /* rows of a node: the sides of the boxes that the ray meets first and last */
+    float enters[3], leaves[3], inverse[3]; /* where it starts, moved by the slack */
+    int order[3];        /* axes; along the last one the ray goes farthest */
+    double origin[3], inverses[3];
+    double x, y, z, slope_x, slope_y, along;
+    double doubt;        /* an edge whose sign is uncertain is at most this */
+};
+
+struct place {
+    int32_t level, at; /* of a node; a leaf at level -1 */
+    float near;
+};
+
+struct ray_tree ray_tree_of(
+    const leaf *leaves, const node *nodes, int64_t n_levels, const int64_t *starts,
+    const double box[6])
+{
+    struct ray_tree tree = {.leaves = leaves, .n_levels = (int)min_i64(n_levels, MAX_LEVELS)};
+    for (int level = 0; level < tree.n_levels; level++)
+        tree.levels[level] = nodes + starts[level];
+    for (int k = 0; k < 6; k++)
+        tree.size = max_f64(tree.size, fabs(box[k]));
+    return tree;
+}
+
+static void start_walk(
+    struct walk *walk, const struct ray_tree *tree, const struct single_ray *ray)
+{
+    const double *o = ray->origin, *d = ray->direction;
+    double reach = tree->size;
+    int z = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        reach = max_f64(reach, fabs(o[axis]));
+        if (fabs(d[axis]) > fabs(d[z]))
+            z = axis;
+    }
+    for (int axis = 0; axis < 3; axis++) {
+        const bool descends = d[axis] < 0.0;
+        const double slack = descends ? -2.0 * SLACK * reach : 2.0 * SLACK * reach;
+        const double inverse = min_f64(1.0 / fabs(d[axis]), MOST_INVERSE);
+        walk->near[axis] = descends ? 3 + axis : axis;
+        walk->far[axis] = descends ? axis : 3 + axis;
+        walk->enters[axis] = (float)(o[axis] + slack);
+        walk->leaves[axis] = (float)(o[axis] - slack);
+        walk->origin[axis] = o[axis];
+        walk->inverses[axis] = descends ? -inverse : inverse;
+        walk->inverse[axis] = (float)walk->inverses[axis];
+    }
+    /* Exchanged where z descends, which preserves the winding. */
+    const int x = (z + 1 + (d[z] < 0.0)) % 3, y = (z + 2 - (d[z] < 0.0)) % 3;
+    walk->order[0] = x, walk->order[1] = y, walk->order[2] = z;
+    walk->x = o[x], walk->y = o[y], walk->z = o[z];
+    walk->along = d[z];
+    walk->slope_x = d[x] / d[z], walk->slope_y = d[y] / d[z];
+    /* A corner is at most 4 times the reach from the ray, along x or y; a product is at most the square
+       of that, and the sign of a difference of two is certain beyond 4 roundings of each. */
+    walk->doubt = 16e-15 * reach * reach;
+}
+
+/* One bit for each lane that is not 0. */
+static inline unsigned bits_of(const int32_t lanes[WIDTH])
+{
+#if defined(__AVX2__)
+    const __m256i all = _mm256_loadu_si256((const __m256i *)lanes);
+    return (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(all));
+#elif defined(__SSE2__)
+    const __m128i low = _mm_loadu_si128((const __m128i *)lanes);
+    const __m128i high = _mm_loadu_si128((const __m128i *)(lanes + 4));
+    return (unsigned)_mm_movemask_ps(_mm_castsi128_ps(low)) |
+           (unsigned)_mm_movemask_ps(_mm_castsi128_ps(high)) << 4;
+#else
+    unsigned bits = 0;
+    for (int k = 0; k < WIDTH; k++)
+        bits |= (unsigned)(lanes[k] != 0) << k;
+    return bits;
+#endif
+}
+
+/* Which of the boxes of a node the ray meets, as bits, and where. */
+static inline unsigned meets(
+    const struct walk *walk, const node boxes, float length, float nears[WIDTH])
+{
+    const float *restrict rows[6];
+    for (int axis = 0; axis < 3; axis++) {
+        rows[axis] = boxes[walk->near[axis]];
+        rows[3 + axis] = boxes[walk->far[axis]];
+    }
+    int32_t met[WIDTH];
+    for (int k = 0; k < WIDTH; k++) {
+        const float x = (rows[0][k] - walk->enters[0]) * walk->inverse[0];
+        const float y = (rows[1][k] - walk->enters[1]) * walk->inverse[1];
+        const float z = (rows[2][k] - walk->enters[2]) * walk->inverse[2];
+        const float far_x = (rows[3][k] - walk->leaves[0]) * walk->inverse[0];
+        const float far_y = (rows[4][k] - walk->leaves[1]) * walk->inverse[1];
+        const float far_z = (rows[5][k] - walk->leaves[2]) * walk->inverse[2];
+        nears[k] = max_f32(max_f32(x, y), max_f32(z, 0.0f));
+        const float far = min_f32(min_f32(far_x, far_y), min_f32(far_z, length));
+        met[k] = nears[k] <= far ? -1 : 0;
+    }
+    return bits_of(met);
+}
+
+/* A distance, moved to where the ray is in the box of a triangle. Seen edge-on, a triangle is met at a
+   distance that rounding decides; so no triangle is met before or beyond its box, which is skipped. */
+static double held_to_box(const struct walk *walk, const leaf corners, int k, double distance)
+{
+    double enters = -INFINITY, leaves = INFINITY;
+    for (int axis = 0; axis < 3; axis++) {
+        const double a = corners[axis][k], b = corners[3 + axis][k], c = corners[6 + axis][k];
+        const double first = (min_f64(min_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
+        const double second = (max_f64(max_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
+        enters = max_f64(enters, min_f64(first, second));
+        leaves = min_f64(leaves, max_f64(first, second));
+    }
+    return min_f64(max_f64(distance, enters), leaves);
+}
+
+/* Distance at which the line of a ray meets a triangle, or NaN. */
+static double distance_of(const struct walk *walk, const leaf corners, int k)
+{
+    double px[3], py[3], pz[3];
+    for (int c = 0; c < 3; c++) {
+        pz[c] = corners[3 * c + walk->order[2]][k] - walk->z;
+        px[c] = corners[3 * c + walk->order[0]][k] - walk->x - walk->slope_x * pz[c];
+        py[c] = corners[3 * c + walk->order[1]][k] - walk->y - walk->slope_y * pz[c];
+    }
+    const double u = exact_cross(px[2], py[2], px[1], py[1]);
+    const double v = exact_cross(px[0], py[0], px[2], py[2]);
+    const double w = exact_cross(px[1], py[1], px[0], py[0]);
+    if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
+        return NAN;
+    const double distance = (u * pz[0] + v * pz[1] + w * pz[2]) / ((u + v + w) * walk->along);
+    return held_to_box(walk, corners, k, distance);
+}
+
+/* Least distance, from 0 to `most`, at which the ray meets a triangle of a leaf; infinite if none. */
+static inline double leaf_distance(const struct walk *walk, const leaf corners, double most)
+{
+    const double *restrict p[9];
+    for (int row = 0; row < 9; row++)
+        p[row] = corners[row - row % 3 + walk->order[row % 3]];
+    const double x = walk->x, y = walk->y, z = walk->z;
+    const double slope_x = walk->slope_x, slope_y = walk->slope_y, doubt = walk->doubt;
+    int32_t met[WIDTH];
+    for (int k = 0; k < WIDTH; k++) {
+        const double az = p[2][k] - z, bz = p[5][k] - z, cz = p[8][k] - z;
+        const double ax = p[0][k] - x - slope_x * az, ay = p[1][k] - y - slope_y * az;
+        const double bx = p[3][k] - x - slope_x * bz, by = p[4][k] - y - slope_y * bz;
+        const double cx = p[6][k] - x - slope_x * cz, cy = p[7][k] - y - slope_y * cz;
+        const double u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
+        const double least = min_f64(min_f64(u, v), w), greatest = max_f64(max_f64(u, v), w);
+        met[k] = (least < -doubt) & (greatest > doubt) ? 0 : -1;
+    }
+    double nearest = INFINITY;
+    for (unsigned bits = bits_of(met); bits; bits &= bits - 1) {
+        const double distance = distance_of(walk, corners, __builtin_ctz(bits));
+        if (distance >= 0.0 && distance <= most && distance < nearest)
+            nearest = distance;
+    }
+    return nearest;
+}
+
+/* Longer than a length by what the tests of boxes may err. */
+static inline float lengthened(double length)
+{
+    return (float)(length * (1.0 + 4.0 * SLACK));
+}
+
+bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64_t *blocker)
+{
+    struct walk walk;
+    start_walk(&walk, tree, ray);
+    if (*blocker >= 0 && leaf_distance(&walk, tree->leaves[*blocker], ray->length) < INFINITY)
+        return true;
+    const float length = lengthened(ray->length);
+    struct place stack[STACK];
+    stack[0] = (struct place){tree->n_levels - 1, 0, 0.0f};
+    for (int depth = tree->n_levels > 0; depth > 0;) {
+        const struct place place = stack[--depth];
+        float nears[WIDTH];
+        unsigned bits = meets(&walk, tree->levels[place.level][place.at], length, nears);
+        for (; bits; bits &= bits - 1) {
+            const int32_t at = place.at * WIDTH + __builtin_ctz(bits);
+            if (place.level > 0) {
+                stack[depth++] = (struct place){place.level - 1, at, 0.0f};
+            } else if (leaf_distance(&walk, tree->leaves[at], ray->length) < INFINITY) {
+                *blocker = at;
+                return true;
+            }
+        }
+    }
+    *blocker = -1;
+    return false;
+}
+
+double free_length(const struct ray_tree *tree, const struct single_ray *ray)
+{
+    struct walk walk;
+    start_walk(&walk, tree, ray);
+    double free = ray->length;
+    struct place stack[STACK];
+    stack[0] = (struct place){tree->n_levels - 1, 0, 0.0f};
+    for (int depth = tree->n_levels > 0; depth > 0;) {
+        const struct place place = stack[--depth];
+        if (place.near > lengthened(free))
+            continue;
+        if (place.level < 0) {
+            free = min_f64(free, leaf_distance(&walk, tree->leaves[place.at], free));
+            continue;
+        }
+        float nears[WIDTH];
+        unsigned bits = meets(&walk, tree->levels[place.level][place.at], lengthened(free), nears);
+        for (const int bottom = depth; bits; bits &= bits - 1) {
+            const int k = __builtin_ctz(bits);
+            int at = depth++;
+            for (; at > bottom && stack[at - 1].near < nears[k]; at--) /* the nearest is next */
+                stack[at] = stack[at - 1];
+            stack[at] = (struct place){place.level - 1, place.at * WIDTH + k, nears[k]};
+        }
+    }
+    return free;
+}
