@@ -35,19 +35,29 @@ from .streams import close_stdout, is_of_click, open_closed_streams
     help="Read images of up to SIDE x SIDE pixels, instead of 16384 x 16384.",
 )
 @click.option(
+    "--max-triangles",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Read files that place up to N triangles by repeating fewer, instead of 20,000,000.",
+)
+@click.option(
     "--allow-outside",
     is_flag=True,
     help="Read files that a mesh or scene names outside its own folder.",
 )
 @click.pass_context
-def texbake(ctx: click.Context, max_image: int | None, allow_outside: bool) -> None:
+def texbake(
+    ctx: click.Context, max_image: int | None, max_triangles: int | None, allow_outside: bool
+) -> None:
     """Bake the detail of a high-poly mesh into maps for a low-poly one.
 
     Simplifies meshes, gives them texture coordinates, bakes normal, displacement and other maps,
     and renders the result, without a GPU or a display.
     """
     ctx.with_resource(heard_warnings(_warn))
-    ctx.with_resource(raised_limits(max_image=max_image, allow_outside=allow_outside))
+    ctx.with_resource(
+        raised_limits(max_image=max_image, max_triangles=max_triangles, allow_outside=allow_outside)
+    )
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
         ctx.exit(2)

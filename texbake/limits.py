@@ -1,8 +1,8 @@
-"""What a file may make texbake do: how large its images may be, and which files it may name.
+"""What a file may make texbake do: sizes of images, repeated triangles, and files that it names.
 
 Files come from anywhere. A small one can hold an image of gigabytes, or name any file of the
 machine. Each limit is an environment variable, so that worker processes have it too; `texbake
---max-image` and `texbake --allow-outside` set them.
+--max-image`, `texbake --max-triangles` and `texbake --allow-outside` set them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from texbake.files import PathLike, is_file
 
 MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
 """Environment variable: an image may have as many pixels as a square with this side."""
+MAX_TRIANGLES = "TEXBAKE_MAX_TRIANGLES"
+"""Environment variable: triangles that a file may place by repeating fewer of them."""
 ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
@@ -40,13 +42,20 @@ LONGEST_NAME = 400
 
 
 @contextmanager
-def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) -> Iterator[None]:
+def raised_limits(
+    *,
+    max_image: int | None = None,
+    max_triangles: int | None = None,
+    allow_outside: bool = False,
+) -> Iterator[None]:
     """Raise limits for the block, in this process and in those that it starts.
 
     Parameters
     ----------
     max_image
         Greatest side of an image in pixels; None leaves the limit.
+    max_triangles
+        Triangles that a file may place by repeating fewer of them; None leaves the limit.
     allow_outside
         Whether files may name files outside their own folders; False leaves the limit.
 
@@ -58,9 +67,12 @@ def raised_limits(*, max_image: int | None = None, allow_outside: bool = False) 
     allows_outside()
     if max_image is None:
         _max_image()
-    before = {name: os.environ.get(name) for name in (MAX_IMAGE, ALLOW_OUTSIDE)}
-    if max_image is not None:
-        os.environ[MAX_IMAGE] = str(max_image)
+    if max_triangles is None:
+        most_triangles(0)
+    before = {name: os.environ.get(name) for name in (MAX_IMAGE, MAX_TRIANGLES, ALLOW_OUTSIDE)}
+    for name, number in ((MAX_IMAGE, max_image), (MAX_TRIANGLES, max_triangles)):
+        if number is not None:
+            os.environ[name] = str(number)
     if allow_outside:
         os.environ[ALLOW_OUTSIDE] = "1"
     try:
@@ -155,6 +167,21 @@ def _max_image() -> int:
     if side is None or not 1 <= side <= 1 << 20:
         raise OptionError(f"{MAX_IMAGE}: {quoted(text)} is not a number of pixels, such as 16384")
     return side
+
+
+def most_triangles(default: int) -> int:
+    """Return how many triangles a file may place by repeating fewer of them.
+
+    Raises
+    ------
+    OptionError
+        The environment variable is not a number of triangles.
+    """
+    text = os.environ.get(MAX_TRIANGLES, "")
+    number = whole_number(text) if text else default
+    if number is None:
+        raise OptionError(f"{MAX_TRIANGLES}: {quoted(text)} is not a number of triangles")
+    return number
 
 
 def allows_outside() -> bool:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, ReadWarning, heard_warnings
 from texbake.jobs.lighten import _once, lighten_file
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.options import RunOptions
@@ -196,8 +196,11 @@ def test_a_missing_image_is_a_warning(model, tmp_path):
         "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     )
     options = replace(OPTIONS, views=2)
-    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", options)
-    assert any("gone.png: there is no such file" in warning for warning in done.warnings)
+    warned = []
+    with heard_warnings(warned.append):
+        done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", options)
+    (line,) = warned
+    assert line.startswith(f"{tmp_path / 'a.obj'}: ") and "gone.png: there is no such file" in line
     compared = f"{tmp_path / 'a.obj'}: compared without its missing images: gone.png"
     assert compared in done.warnings
     assert done.report.missing_images == ("gone.png",)
@@ -221,8 +224,8 @@ def test_images_without_texture_coordinates_are_a_warning(tmp_path):
         "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl skin\n"
         "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     )
-    done = lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", OPTIONS)
-    assert any("no texture coordinates" in warning for warning in done.warnings)
+    with pytest.warns(ReadWarning, match="no texture coordinates"):
+        lighten_file(tmp_path / "a.obj", tmp_path / "light.glb", OPTIONS)
     mesh = read_mesh(tmp_path / "light.glb")
     (material,) = read_materials(tmp_path / "light.glb", mesh).materials
     assert material.channels["roughness"] == ChannelSource((0.5,))

@@ -282,7 +282,7 @@ def test_the_base_layer_of_a_layered_texture_is_read_and_noted(tmp_path, form):
     path = textured_file(tmp_path, textures, form=form, layered=True, content=b"image")
     found = read_materials(path, read_mesh(path))
     assert found.sources("base-color")[0].image.data == b"image"
-    assert found.notes(["base-color"]) == ("of layered textures only the base layer is read",)
+    assert found.notes() == ("of layered textures only the base layer is read",)
     contents = read_contents(path)
     name = contents.materials[0].channels["base-color"]
     assert contents.images == {name: b"image"}
@@ -297,13 +297,13 @@ def test_a_layered_texture_without_layers_has_no_image(tmp_path):
     path.write_bytes(binary(nodes))
     found = read_materials(path, read_mesh(path))
     assert "base-color" not in found.materials[0].channels
-    assert "red: an image of it is missing" in found.notes(["base-color"])[0]
+    assert "red: an image of it is missing" in found.notes()[0]
 
 
 @pytest.mark.parametrize("name", [r"C:\\work\\bark 1.png", "textures/bark 1.png"])
 def test_a_missing_image_is_named(read, name):
     found = read([("RelativeFilename", [name], [])])
-    (line,) = found.notes(["base-color"])
+    (line,) = found.notes()
     assert "its image 'bark 1.png' is missing; the material keeps its factors" in line
     assert found.missing_images == ("bark 1.png",)
 
@@ -314,7 +314,7 @@ def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     texture = [("RelativeFilename", [name], [])]
     found = read(texture)
     assert found.sources("base-color")[1] is None
-    assert "blue" in found.notes(["base-color"])[0]
+    assert "blue" in found.notes()[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
     assert read(texture).sources("base-color")[1].image.data == b"inside"
 

@@ -2,12 +2,13 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
 
 from tests.mesh.test_materials import gltf_with
-from texbake.errors import FileError, FileFormatError
+from texbake.errors import FileFormatError, ReadWarning
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_document import Document
@@ -138,15 +139,16 @@ def test_a_primitive_of_a_material_that_is_not_there(tmp_path):
 
 
 @pytest.mark.parametrize("texture", [{"source": 0}, {}])
-def test_a_missing_image_stops_a_scene_and_is_noted_for_a_mesh(tmp_path, texture):
+def test_a_missing_image_is_warned_of_alike_for_scenes_and_meshes(tmp_path, texture):
     material = {"name": "skin", "normalTexture": {"index": 0}}
     path = gltf_with(tmp_path, material, images=[{"uri": "none.png"}], textures=[texture])
     found = read_materials(path, read_mesh(path))
     assert "normal" not in found.materials[0].channels
-    (note,) = found.notes(["normal"])
+    (note,) = found.notes()
     assert note.startswith("skin: ")
-    with pytest.raises(FileError, match=r"none\.png: there is no such|no image in a format"):
-        read_scene(path)
+    with pytest.warns(ReadWarning, match=re.escape(f"{path}: {note}")):
+        scene = read_scene(path)
+    assert scene.objects[0].material.normal_map is None
 
 
 def test_contents_name_an_image_in_webp(tmp_path):

@@ -2,10 +2,13 @@
 
 import base64
 import json
+import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
+from texbake_cli.main import texbake
 
 from texbake.errors import FileFormatError
 from texbake.mesh.files import gltf_document, read_mesh
@@ -251,3 +254,16 @@ def test_transforms_of_a_tree_are_products(instances):
         matrix = _product(nodes, i)
         expected = TRIANGLE @ matrix[:3, :3].T + matrix[:3, 3]
         assert tuple(np.round(np.sort(expected, axis=0).ravel(), 6)) in found
+
+
+def test_the_limit_is_raised_as_the_message_says(instances, monkeypatch):
+    monkeypatch.setenv("TEXBAKE_MAX_TRIANGLES", "60")
+    path = str(instances(100))
+    refused = CliRunner().invoke(texbake, ["info", path])
+    assert refused.exit_code == 1
+    option = re.search(r"read it with texbake (--max-triangles \d+)$", refused.output.strip())[1]
+    assert option == "--max-triangles 100"
+    read = CliRunner().invoke(texbake, [*option.split(), "info", path])
+    assert read.exit_code == 0, read.output
+    monkeypatch.setenv("TEXBAKE_MAX_TRIANGLES", "many")
+    assert CliRunner().invoke(texbake, ["info", path]).exit_code == 2

@@ -173,7 +173,7 @@ def test_coordinates_are_moved_as_blender_does(read):
 def test_what_is_left_out_is_noted(read, tmp_path, changes, note):
     (tmp_path / "folder").mkdir()
     found = read(f"color3f inputs:diffuseColor.connect = {RGB}", **changes)
-    (line,) = found.notes(["base-color"])
+    (line,) = found.notes()
     assert line.startswith(f"skin: {note}")
     assert (found.sources("base-color")[0].image is None) == ("image" not in changes)
 
@@ -187,7 +187,7 @@ def test_a_missing_image_has_its_fallback(read):
 def test_another_shader_is_noted(read):
     found = read(kind="OSL")
     assert found.materials[0].channels == {}
-    assert found.notes(["base-color"]) == ("skin: its shader OSL is not read",)
+    assert found.notes() == ("skin: its shader OSL is not read",)
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-1", "1e38", '"text"'])

@@ -89,7 +89,8 @@ def _of_document(content: bytes) -> Iterator[str]:
         for item in document.get(listed, ()):
             uri = item.get("uri", "")
             if uri and not uri.startswith("data:"):
-                yield unquote(uri)
+                name = unquote(uri)
+                yield from dict.fromkeys([name, name.replace("\\", "/")])
 
 
 def _of_obj(path: Path) -> Iterator[str]:

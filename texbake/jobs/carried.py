@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import first_few
+from texbake.errors import first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.frame import LocalFrame
@@ -75,8 +75,8 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """
     found = read_materials(path, mesh)
     if found is not None and mesh.uvs is None and found.has_images:
-        line = f"{path}: it has no texture coordinates; its images are left out"
-        found = replace(found.without_images(), missing=(*found.missing, ("", line)))
+        warn_of(path, "it has no texture coordinates; its images are left out")
+        found = found.without_images()
     if found is not None and any(material.channels for material in found.materials):
         return found
     if mesh.colors is None:

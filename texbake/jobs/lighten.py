@@ -48,7 +48,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
@@ -208,7 +208,7 @@ def lighten_file(
     with stages.part("read"), parsed_once():
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
-        warnings = [*left_out(model), *materials.notes(CHANNELS)]
+        warnings = [*left_out(model)]
     made = _lightened(source, materials, options, stages, progress)
     with stages.part("write"):
         written = shared_materials(

@@ -179,10 +179,9 @@ def bake_files(
     if figures.budget is not None:
         figures = replace(figures, budget=finished(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
-    notes = () if materials is None else materials.notes(files)
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     needless = needless_maps({name: result.maps[name] for name in files}, size)
-    done = replace(done, warnings=(*done.warnings, *why, *notes, *needless))
+    done = replace(done, warnings=(*done.warnings, *why, *needless))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):

@@ -181,7 +181,6 @@ def bake_parts_files(
             *result.report.warnings,
             *why,
             *clipping_warnings(written),
-            *(line for item in materials or () if item for line in item.notes(options.maps)),
         ),
         maps=tuple(written),
         options=options,

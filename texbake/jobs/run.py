@@ -46,7 +46,7 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.materials import CHANNELS, Materials
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
@@ -366,9 +366,7 @@ def run_files(
         materials = model_materials(high, mesh)
         without = left_out(high)
     result = run(mesh, folder, options, materials=materials, progress=progress)
-    notes = () if materials is None else materials.notes(CHANNELS)
-    missing = (*without, *notes, *compared_without(high, materials))
-    result = replace(result, missing=missing)
+    result = replace(result, missing=(*without, *compared_without(high, materials)))
     return result if html is None else with_page(result, html, options, command=command)
 
 

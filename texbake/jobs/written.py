@@ -158,7 +158,6 @@ def write_with_materials(
         notes += materials.notes()
         write_mesh(mesh, output, materials=materials)
     else:
-        notes += materials.notes()
         materials, without = mtl_images(_of_uvs(mesh, materials, lost))
         lost += without
         files = write_obj_materials(mesh, output, materials)

@@ -11,7 +11,7 @@ KHR_materials_specular and KHR_materials_transmission.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, first_few
+from texbake.errors import MeshError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
@@ -245,10 +245,9 @@ class Materials:
         """Return where each material takes a channel from; None where it does not set it."""
         return [material.channels.get(channel) for material in self.materials]
 
-    def notes(self, channels: Iterable[str] | None = None) -> tuple[str, ...]:
-        """Return lines about what is missing of some channels, or of all; of many the first."""
-        names = None if channels is None else {"", *channels}
-        return first_few(line for name, line in self.missing if names is None or name in names)
+    def notes(self) -> tuple[str, ...]:
+        """Return lines about what is missing; of many the first."""
+        return first_few(line for _, line in self.missing)
 
     def of_faces(
         self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
@@ -322,6 +321,8 @@ _READERS = {
 def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     """Read the materials of a mesh file: of OBJ with its .mtl files, glTF, FBX and USD.
 
+    Images that are missing are warned of, and the materials keep the factors of their channels.
+
     Parameters
     ----------
     path
@@ -337,7 +338,7 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     Raises
     ------
     FileError
-        The file is missing or cannot be read. Images that are missing are only noted.
+        The file is missing or cannot be read.
     FileFormatError
         It is damaged.
     """
@@ -348,4 +349,7 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     read: Callable[[PathLike, Mesh], Materials | None]
     module, name = reader
     read = getattr(import_module(f"texbake.mesh.files.{module}"), name)
-    return read(path, mesh)
+    materials = read(path, mesh)
+    for line in () if materials is None else materials.notes():
+        warn_of(path, line)
+    return materials

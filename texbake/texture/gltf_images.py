@@ -39,8 +39,8 @@ def gltf_images(materials: Materials, *, threads: int | None = None) -> Material
     -------
     Materials
         Channels that share a texture in glTF share an image. Images that cannot be decoded, or that
-        would share a texture but are placed or wrapped otherwise, are left out, and `missing` says
-        so; their channels keep their factors.
+        would share a texture but are placed or wrapped otherwise, are left out, and `missing` names
+        these alone; their channels keep their factors.
 
     Raises
     ------
@@ -50,8 +50,7 @@ def gltf_images(materials: Materials, *, threads: int | None = None) -> Material
     require_decodable(materials)
     arranger = _Arranger(threads)
     changed = tuple(arranger.arranged(i, item) for i, item in enumerate(materials.materials))
-    missing = (*materials.missing, *arranger.missing)
-    return replace(materials, materials=changed, missing=missing)
+    return replace(materials, materials=changed, missing=tuple(arranger.missing))
 
 
 @dataclass(eq=False)

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import ParseError, iterparse
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike, read_bytes
-from texbake.limits import LONGEST_NAME
+from texbake.limits import LONGEST_NAME, most_triangles
 from texbake.mesh.files.placed_counts import Placed, about, count_placed
 from texbake.mesh.files.source import damaged
 
@@ -52,10 +52,12 @@ def require_few_instances(path: PathLike) -> None:
                 f"{path}: its nodes place {about(n_nodes)} nodes, more than {_MOST_NODES:,}; "
                 "join them in the program that made the file"
             )
-        if n_triangles > max(_MOST_TRIANGLES, graph.n_characters):
+        most = most_triangles(_MOST_TRIANGLES)
+        if n_triangles > max(most, graph.n_characters):
             raise FileFormatError(
                 f"{path}: its nodes repeat up to {about(n_triangles)} triangles, more than "
-                f"{_MOST_TRIANGLES:,}; join them in the program that made the file"
+                f"{most:,}; if you trust the file, read it with texbake --max-triangles "
+                f"{n_triangles}"
             )
 
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
+from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.files.conversion import finite_vertices
 from texbake.mesh.files.fbx_geometry import FbxGeometry, read_geometry
@@ -43,8 +44,8 @@ from texbake.mesh.files.source import decode_name
 from texbake.mesh.mesh import FloatArray, Mesh
 
 _FIRST_VERSION = 6000
-# Corners that a file may place: instances can ask for far more than it has.
-_LEAST_CORNERS, _CORNERS_PER_BYTE = 1 << 24, 4
+# Triangles that a file may place at least, and corners: instances can ask for far more than it has.
+_LEAST_TRIANGLES, _CORNERS_PER_BYTE = 6_000_000, 4
 
 
 def read_fbx(path: PathLike) -> Mesh:
@@ -122,7 +123,8 @@ class FbxPart:
 def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
     """Geometry of a scene as its models show it, in the order of the tree."""
     read: dict[Id, FbxGeometry | None] = {}
-    most = max(_LEAST_CORNERS, _CORNERS_PER_BYTE * scene.n_bytes)
+    triangles = most_triangles(_LEAST_TRIANGLES)
+    most = max(3 * triangles, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
     for placed in placed_models(scene):
         materials = scene.members_of(placed.model.key, "Material")
@@ -137,7 +139,8 @@ def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
             most -= max(fields["faces"].size, fields["positions"].size)
             if most < 0:
                 raise FileFormatError(
-                    f"{scene.path}: it places far more triangles than it holds; export it again"
+                    f"{scene.path}: it places far more triangles than it holds; if you trust the "
+                    f"file, read it with texbake --max-triangles {10 * triangles}"
                 )
             yield FbxPart(placed.model, placed.matrix, geometry, materials)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +31,7 @@ _JSON_CHUNK = 0x4E4F534A
 _BINARY_CHUNK = 0x004E4942
 # Required extensions that change nothing about where triangles are, or only the component types
 # of attributes, which accessors carry anyway. Any other may hide the mesh itself.
-_HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_animation_")
+_HARMLESS = re.compile(r"[A-Z]+_(?:materials|texture|lights|animation)_")
 _READ = (
     EXTENSION,
     "MSFT_lod",
@@ -354,7 +355,7 @@ def _read_document(path: PathLike) -> Document:
     if not isinstance(version, str | float) or not str(version).startswith("2."):
         document.fail(f"it is glTF {quoted(version)}, and only 2.0 is read")
     for extension in document.texts("extensionsRequired"):
-        if extension not in _READ and not extension.startswith(_HARMLESS):
+        if extension not in _READ and not _HARMLESS.match(extension):
             document.fail(f"it needs {shortened(extension)}, which is not read")
     return document
 

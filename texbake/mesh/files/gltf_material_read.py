@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from texbake.errors import quoted
+from texbake.errors import FileError, quoted
 from texbake.files import read_bytes
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
@@ -28,6 +28,14 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)
 _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
+NO_IMAGE = "a texture has no image in a format that is read"
+# Extensions of materials that are read, and what of them is not.
+_EXTENSIONS = {
+    EMISSIVE_STRENGTH,
+    "KHR_materials_unlit",
+    *(where.owner for where in GLTF_CHANNELS if where.is_extension),
+}
+_LEFT_OUT = {("KHR_materials_clearcoat", "clearcoatNormalTexture")}
 # Channels whose textureInfo holds a number of their own, and its name.
 _OF_TEXTURE = {"normal": "scale", "occlusion": "strength"}
 
@@ -150,6 +158,21 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
     )
 
 
+def unread_parts(document: Document, index: int | None) -> tuple[str, ...]:
+    """Name the extensions of a material, and the textures in those that are read, which are not."""
+    source = {} if index is None else document.item("materials", index)
+    extensions = document.mapping(source, "extensions")
+    return tuple(
+        part
+        for name in extensions
+        for part in (
+            [key for key in document.mapping(extensions, name) if (name, key) in _LEFT_OUT]
+            if name in _EXTENSIONS
+            else [name]
+        )
+    )
+
+
 def _source(
     document: Document, where: GltfChannel, source: dict[str, Any], extensions: dict[str, Any]
 ) -> GltfSource:
@@ -221,15 +244,15 @@ def image_path(document: Document, index: int) -> Path | None:
     Raises
     ------
     FileError
-        It lies outside the folder of the file, and that is not allowed.
+        It lies outside the folder of the file, and that is not allowed, or not on this machine.
     FileFormatError
-        The document is damaged, or the image is not on this machine.
+        The document is damaged.
     """
     uri = document.item("images", index).get("uri")
     if not isinstance(uri, str) or uri.startswith("data:"):
         return None
     if "://" in uri:
-        document.fail(f"images[{index}] is at {quoted(uri)}; only local files are read")
+        raise FileError(f"images[{index}] is at {quoted(uri)}; only local files are read")
     return file_beside(document.path, unquote(uri))
 
 

@@ -7,6 +7,7 @@ factor.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import unquote
@@ -19,12 +20,14 @@ from texbake.files import PathLike
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
+    NO_IMAGE,
     GltfSource,
     GltfTexture,
     image_bytes,
     image_source,
     material_index,
     read_material,
+    unread_parts,
 )
 from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
 from texbake.mesh.files.gltf_primitives import primitive_uvs
@@ -72,6 +75,9 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     of_groups = np.array([numbers[index] for index in used], dtype=np.int32)
     reader = _MaterialReader(document)
     materials = tuple(reader.material(index) for index in order)
+    unread = Counter(part for index in order for part in unread_parts(document, index))
+    for part, n in unread.items():
+        reader.missing.add("", f"{shortened(part)} of {n} material{'s' * (n > 1)} is not read")
     uv_sets = reader.uv_sets(materials, primitives, mesh)
     return Materials(
         face_materials=of_groups[mesh.face_groups],
@@ -210,7 +216,7 @@ class _MaterialReader:
     def _bytes(self, index: int | None) -> bytes | str:
         """Content of an image, or why there is none."""
         if index is None:
-            return "a texture has no image in a format that is read"
+            return NO_IMAGE
         try:
             return image_bytes(self.document, index)
         except FileFormatError:

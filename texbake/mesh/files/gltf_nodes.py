@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import quoted
+from texbake.errors import FileFormatError, quoted
+from texbake.limits import most_triangles
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_uv_sets import further_sets
 from texbake.mesh.mesh import FloatArray
@@ -99,11 +100,12 @@ def require_placeable(placed: PlacedNodes) -> None:
             counts[index] = sum(_size(document, primitive) for primitive in primitives)
         n_placed += counts[index]
     # A triangle takes more than a byte, unless it is there several times.
-    if n_placed > MAX_PLACED and n_placed > document.n_bytes:
-        document.fail(
-            f"its {sum(counts.values()):,} triangles are placed so often that there would be "
-            f"{n_placed:,}, more than {MAX_PLACED:,} with their vertices and UV sets; export fewer "
-            "copies, or parts of the scene"
+    most = most_triangles(MAX_PLACED)
+    if n_placed > most and n_placed > document.n_bytes:
+        raise FileFormatError(
+            f"{document.path}: its {sum(counts.values()):,} triangles are placed so often that "
+            f"there would be {n_placed:,}, more than {most:,} with their vertices and UV sets; "
+            f"if you trust the file, read it with texbake --max-triangles {n_placed}"
         )
 
 

@@ -220,6 +220,9 @@ def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float,
 def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSource:
     """Read the image that a statement names, if it has not been read."""
     name, wrap = map_name(words)
+    alone = Path(name).name
+    if not is_file(path.parent / name) and is_file(path.parent / alone):
+        name = alone  # of a path on the machine that wrote it
     file = file_beside(path, name)
     key = real_path(path, name)
     if key not in images:

@@ -60,14 +60,9 @@ def passed_over_in_fbx(scene: FbxScene) -> tuple[str, ...]:
     return _named(_counts_of_fbx(scene))
 
 
-def pose_note(document: Document) -> str | None:
-    """Return what of a glTF document would move its vertices and is not read; None for nothing."""
-    return _pose_note(_counts_of_gltf(document))
-
-
 def warn_of_gltf(document: Document) -> None:
     """Warn of what of a glTF document would change its surface and is not read."""
-    if (note := pose_note(document)) is not None:
+    if (note := _pose_note(_counts_of_gltf(document))) is not None:
         warn_of(document.path, note)
 
 

@@ -16,7 +16,7 @@ from zipfile import BadZipFile, ZipFile
 
 from texbake.errors import FileFormatError
 from texbake.files import PathLike
-from texbake.limits import LONGEST_NAME
+from texbake.limits import LONGEST_NAME, most_triangles
 from texbake.mesh.files.placed_counts import Placed, about, count_placed
 from texbake.mesh.files.source import damaged
 
@@ -58,10 +58,11 @@ def require_few_objects(path: PathLike) -> None:
             f"{path}: it places {about(placed.nodes)} objects, more than {_MOST_OBJECTS:,}; "
             f"{advice}"
         )
-    if placed.triangles > max(_MOST_TRIANGLES, n_bytes):
+    most = most_triangles(_MOST_TRIANGLES)
+    if placed.triangles > max(most, n_bytes):
         raise FileFormatError(
-            f"{path}: it places up to {about(placed.triangles)} triangles, more than "
-            f"{_MOST_TRIANGLES:,}; {advice}"
+            f"{path}: it places up to {about(placed.triangles)} triangles, more than {most:,}; "
+            f"if you trust the file, read it with texbake --max-triangles {placed.triangles}"
         )
     if placed.nodes > build.n_steps or build.has_twins:
         raise FileFormatError(

@@ -10,6 +10,7 @@ Based on: Khronos Group, KHR_lights_punctual, 2020; glTF 2.0 Specification, sect
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -17,14 +18,14 @@ from urllib.parse import unquote
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, OptionError, first_few, quoted, shortened
-from texbake.files import PathLike
+from texbake.errors import FileError, MeshError, OptionError, first_few, quoted, shortened, warn_of
+from texbake.files import PathLike, is_file
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
-from texbake.mesh.files.passed_over import pose_note
+from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
@@ -36,6 +37,7 @@ from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 
 # Extensions that are supported, or do not affect how a scene looks.
 SHOWN = (
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -70,7 +72,8 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
     Raises
     ------
     FileError
-        The file, a buffer or an image beside it is missing or cannot be read.
+        The file or a buffer beside it is missing or cannot be read. Images that are missing are
+        warned of, and their materials keep the factors of their channels.
     FileFormatError
         It is not glTF 2.0, it is damaged, or it requires an extension that is not supported.
     MeshError
@@ -78,9 +81,6 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
     """
     with Stages(progress).stage(f"read {Path(path).name}"):
         document = read_document(path)
-        for name in document.texts("extensionsRequired"):
-            if name not in SHOWN:
-                document.fail(f"it requires {shortened(name)}, which is not supported")
         placed = placed_nodes(document)
         require_placeable(placed)
         return _Reader(document).scene(placed)
@@ -98,11 +98,12 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
-        pose = pose_note(document)
-        self.notes = [] if pose is None else [pose]
-        self.notes += [
+        warn_of_gltf(document)
+        self.notes = [
             f"it uses {shortened(name)}, which is not supported"
-            for name in document.texts("extensionsUsed")
+            for name in dict.fromkeys(
+                [*document.texts("extensionsUsed"), *document.texts("extensionsRequired")]
+            )
             if name not in SHOWN
         ]
 
@@ -118,6 +119,8 @@ class _Reader:
                 self.lights.append(light)
             self._add_view(view_of(self.document, node, matrix))
         path = self.document.path
+        for line in first_few(self.materials.missing):
+            warn_of(path, line)
         if not self.objects:
             raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
         return Scene(
@@ -125,7 +128,7 @@ class _Reader:
             lighting=Lighting(lights=tuple(self.lights)),
             view=self.view,
             name=path.name,
-            notes=first_few([*self.notes, *self.materials.notes]),
+            notes=first_few(self.notes),
             files=self._files(),
         )
 
@@ -135,11 +138,12 @@ class _Reader:
         owners = [*document.objects(document.content, "buffers"),
                   *document.objects(document.content, "images")]  # fmt: skip
         uris = [item.get("uri") for item in owners]
-        return tuple(
-            file_beside(document.path, unquote(uri))
-            for uri in uris
-            if isinstance(uri, str) and not uri.startswith("data:")
-        )
+        found = []
+        for uri in uris:
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                with suppress(FileError):  # an image that counts as missing
+                    found.append(file_beside(document.path, unquote(uri)))
+        return tuple(filter(is_file, found))
 
     def _add_view(self, view: CameraView | str | None) -> None:
         if isinstance(view, str):

@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileError
+from texbake.errors import FileError, FileFormatError, shortened
 from texbake.files import require_file
 from texbake.limits import require_few_pixels
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
+    NO_IMAGE,
     GltfMaterial,
     GltfSource,
     GltfTexture,
@@ -66,15 +67,17 @@ class MaterialReader:
     ----------
     document
         The file.
-    notes
-        Features of the file that are not supported; appended to.
+    missing : list of str
+        Lines about images that could not be read; appended to. Their channels keep their factors.
     """
 
     document: Document
-    notes: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
     _first_set: int = 0
+    _name: str = ""  # of the material that is read
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
-    _images: dict[tuple[str | int | None, bool], Path | Image] = field(default_factory=dict)
+    # Those that are missing as lines that say so.
+    _images: dict[tuple[str | int | None, bool], Path | Image | str] = field(default_factory=dict)
     _is_checked: bool = False  # how many pixels all images have together
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> SceneMaterial:
@@ -92,6 +95,7 @@ class MaterialReader:
         normal = sources["normal"].texture
         first = normal if normal is not None else next(iter(textures), None)
         self._first_set = 0 if first is None else first.uv_set
+        self._name = source.name
         opacity = sources["alpha"].factor[0]
         material = Material(
             name=source.name,
@@ -115,15 +119,13 @@ class MaterialReader:
             "emission": self._slot(emission, color=True) if any(emission.factor) else None,
         }
         normal, occlusion = sources["normal"], sources["occlusion"]
-        if normal.texture is not None:
+        bumps, shade = self._texture(normal.texture), self._texture(occlusion.texture, channel=0)
+        if bumps is not None:
             slots["normal_map"] = NormalMap(
-                texture=self._texture(normal.texture),
-                space="tangent",
-                convention="opengl",
-                strength=normal.factor[0],
+                texture=bumps, space="tangent", convention="opengl", strength=normal.factor[0]
             )
-        if occlusion.texture is not None:
-            slots["occlusion"] = self._texture(occlusion.texture, channel=0)
+        if shade is not None:
+            slots["occlusion"] = shade
             slots["occlusion_strength"] = occlusion.factor[0]
         return slots
 
@@ -135,22 +137,25 @@ class MaterialReader:
             factor = (red, green, blue)
         else:
             (factor,) = source.factor
-        if source.texture is None:
-            return factor
-        return self._texture(source.texture, color=color, channel=channel, factor=factor)
+        texture = self._texture(source.texture, color=color, channel=channel, factor=factor)
+        return factor if texture is None else texture
 
     def _texture(
         self,
-        texture: GltfTexture,
+        texture: GltfTexture | None,
         *,
         color: bool = False,
         channel: int | None = None,
         factor: Constant = 1.0,
-    ) -> ImageTexture:
+    ) -> ImageTexture | None:
+        """Return a texture; None where there is none, or its image is missing."""
+        image = None if texture is None else self._image(texture.image, color)
+        if texture is None or image is None:
+            return None
         along_s, along_t = texture.wraps
         (scale_u, scale_v), (offset_u, offset_v) = texture.scale, texture.offset
         return ImageTexture(
-            image=self._image(texture.image, color),
+            image=image,
             filter=_filter(texture),
             wrap=along_s if along_s == along_t else texture.wraps,
             channel=channel,
@@ -167,14 +172,20 @@ class MaterialReader:
             uv_set=None if texture.uv_set == self._first_set else set_name(texture.uv_set),
         )
 
-    def _image(self, index: int | None, color: bool) -> Path | Image:
+    def _image(self, index: int | None, color: bool) -> Path | Image | None:
+        """Return the image of an index; None, and a line, where it is missing."""
         if not self._is_checked:
             self._is_checked = True
             self._require_few_pixels()
         source = None if index is None else image_source(self.document, index)
         if (source, color) not in self._images:
             self._images[source, color] = self._opened(index, color)
-        return self._images[source, color]
+        found = self._images[source, color]
+        if isinstance(found, str):
+            line = f"{shortened(self._name)}: {found}; the material keeps its factors"
+            self.missing.append(line)
+            return None
+        return found
 
     def _require_few_pixels(self) -> None:
         """Raise `FileFormatError` if all images of the document have too many pixels together."""
@@ -191,19 +202,21 @@ class MaterialReader:
             return header.width, header.height, path.stat().st_size
         return image_size(image_bytes(self.document, index), f"images[{index}]")
 
-    def _opened(self, index: int | None, color: bool) -> Path | Image:
-        """Return the path of an image beside the file, or the pixels of one in it."""
+    def _opened(self, index: int | None, color: bool) -> Path | Image | str:
+        """Return the path of an image beside the file, the pixels of one in it, or why not."""
         if index is None:
-            self.document.fail("a texture has no image in a format that is read")
-        where = f"{self.document.path}: images[{index}]"
-        path = image_path(self.document, index)
-        if path is None:
-            return decode_image(image_bytes(self.document, index), where, color=color)
+            return NO_IMAGE
         try:
-            require_file(path)
+            path = image_path(self.document, index)
+            if path is not None:
+                require_file(path)
+                return path
+        except FileFormatError:
+            raise
         except FileError as error:
-            raise FileError(f"{where}: {error}") from error
-        return path
+            return str(error)
+        where = f"{self.document.path}: images[{index}]"
+        return decode_image(image_bytes(self.document, index), where, color=color)
 
 
 # Textures of channels as glTF calls them, in the order in which they choose the first set. Metallic
