@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
@@ -47,7 +48,7 @@ SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
 TWO_SETS = plane().replace(uv_sets={"second": UvSet(plane().uvs, plane().uv_faces)})
-HOOKS = ("needs", "load", "prepare", "shade", "dim", "unneeded", "behind")
+HOOKS = ("needs", "load", "prepare", "shade", "dim", "tint", "unneeded", "behind")
 
 
 def picture(channels=3, **fields):
@@ -131,6 +132,10 @@ SURROUNDED = Case(
 )
 CASES: dict[str, Case] = {
     "placing": Case(wanted=scene(unlit()), always="a scene has at least one object"),
+    "mapping": Case(
+        wanted=scene(unlit(base_color=picture()), mapping=UnwrapOptions(method="spherical")),
+        unwanted=scene(unlit(), mapping=UnwrapOptions(method="spherical")),
+    ),
     "displacement": Case(
         wanted=scene(unlit(displacement=Displacement(texture=picture(1), height=0.1))),
         unwanted=scene(unlit()),

@@ -10,7 +10,7 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import plan_scene, render_scene
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import camera_of
+from texbake.rendering.scene.scene import camera_of, mapped
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.image import write_image
 
@@ -198,10 +198,11 @@ def test_transforms(folder):
 def test_a_mapping_gives_coordinates(folder):
     box = '[[objects]]\nshape = "cube"\n'
     assert read(folder, box).objects[0].mesh.uvs is None
-    mapped = read(folder, f'{box}mapping = {{method = "planar", axis = "y", scale = [2, 3]}}')
-    uvs = mapped.objects[0].mesh.uvs
+    found = read(folder, f'{box}mapping = {{method = "planar", axis = "y", scale = [2, 3]}}')
+    uvs = mapped(found.objects[0]).mesh.uvs
     np.testing.assert_allclose(uvs.max(axis=0) - uvs.min(axis=0), [2, 3], atol=1e-12)
-    assert read(folder, f'{box}mapping = "spherical"').objects[0].mesh.uvs is not None
+    (item,) = read(folder, f'{box}mapping = "spherical"').objects
+    assert item.mapping.method == "spherical" and mapped(item).mesh.uvs is not None
 
 
 def test_shapes(folder):

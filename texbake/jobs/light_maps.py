@@ -42,7 +42,7 @@ from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene, placed
+from texbake.rendering.scene.scene import Scene, mapped, placed
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import write_image
 from texbake.texture.image_formats import check_image_format
@@ -262,7 +262,7 @@ def bake_light_maps(
     options = options or BakeOptions()
     uv_set = further_uv_set(uv_set)
     stages = Stages(progress)
-    meshes = [placed(item) for item in scene.objects]
+    meshes = [placed(mapped(item, threads=options.threads)) for item in scene.objects]
     chosen = [
         index
         for index, item in enumerate(scene.objects)

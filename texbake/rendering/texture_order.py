@@ -28,6 +28,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import image_of
+from texbake.rendering.effects.points import textured_mesh
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, World, read_only
 from texbake.rendering.resolve import Frame
@@ -135,7 +136,7 @@ def _carried(state: RenderState, target: int) -> Texels:
     """Find the texels of an object's base color, and what takes them to the screen."""
     drawn = state.drawn(target)
     image = image_of(state, target, "base_color")
-    corners = drawn.mesh.corner_uvs(image.uv_set)
+    corners = textured_mesh(state, target).corner_uvs(image.uv_set)
     if image.turn is not None:
         corners = pm.matmul(corners, image.turn.T) + image.offset
     flat = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2).reshape(-1, 3)

@@ -32,6 +32,7 @@ from texbake.rendering.effects.parallax import PARALLAX
 from texbake.rendering.effects.points import (
     DERIVATIVES,
     FURTHER_COORDINATES,
+    MAPPING,
     POSITIONS,
     TEXTURE_COORDINATES,
     VIEW_DIRECTIONS,
@@ -52,6 +53,7 @@ from texbake.rendering.effects.vertex_light import VERTEX_LIGHT
 EFFECTS: tuple[Effect, ...] = (
     # Place the surfaces. Visibility is computed after these.
     PLACING,
+    MAPPING,
     DISPLACEMENT,
     # Resources that are loaded once per scene or prepared once per picture.
     LAYERS,

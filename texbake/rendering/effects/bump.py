@@ -60,6 +60,7 @@ from texbake.rendering.effects.points import (
     coordinates_effect,
     steps_along_surface,
     steps_along_texture,
+    textured_mesh,
 )
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import procedure_values
@@ -121,7 +122,7 @@ def bump_surface(state: RenderState, target: Target) -> BumpSurface:
     """Prepare the surface of an object with a bump map; it does not depend on the camera."""
     assert target is not None
     item = state.scene.objects[target]
-    mesh = state.drawn(target).mesh
+    mesh = textured_mesh(state, target)
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
     inverse: FloatArray = np.asarray(pm.inv(linear), np.float64)
     normals, corners = state.of(MESH_NORMALS, target)

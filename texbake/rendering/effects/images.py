@@ -19,7 +19,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Call, Effect, RenderState
-from texbake.rendering.effects.points import coordinates_effect
+from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import (
     MapSource,
@@ -152,7 +152,7 @@ def _loaded(
         pixels,
         kind=kind,
         filter_name=state.request.filter_of(texture),
-        uvs=state.drawn(target).mesh.on_uv_set(texture.uv_set).uvs,
+        uvs=textured_mesh(state, target).on_uv_set(texture.uv_set).uvs,
         name=name,
         space=space,
     )

@@ -29,7 +29,7 @@ from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
 from texbake.rendering.effects.images import image_of, look_up
-from texbake.rendering.effects.points import coordinates_effect
+from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
@@ -113,7 +113,7 @@ def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:
 
 def _load_tangents(state: RenderState, target: Target) -> npt.NDArray[np.float32]:
     assert target is not None
-    mesh = state.drawn(target).mesh.on_uv_set(_uv_set_of_map(state.request, target))
+    mesh = textured_mesh(state, target).on_uv_set(_uv_set_of_map(state.request, target))
     tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
     return read_only(tangents, np.float32)
 
@@ -137,7 +137,7 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     holder = fragments.drawn.material.normal_map
     assert holder is not None
     if space == "tangent":
-        has_own = fragments.drawn.mesh.tangents is not None and image.uv_set is None
+        has_own = textured_mesh(state, target).tangents is not None and image.uv_set is None
         if image.turn is not None and not has_own:
             texels[:, :2] = pm.matmul(texels[:, :2], image_axes(image.turn))
         normals, corners = state.of(MESH_NORMALS, target)

@@ -30,11 +30,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
-from texbake.rendering.effects.points import steps_along_texture
+from texbake.rendering.effects.points import steps_along_texture, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
@@ -79,7 +79,7 @@ def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 
 def _load(state: RenderState, target: Target) -> TextureSlopes:
     assert target is not None
-    mesh = state.drawn(target).mesh
+    mesh = textured_mesh(state, target)
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
     steps = steps_along_texture(mesh.corner_uvs(_uv_set(state.request, target)))
@@ -120,10 +120,10 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     if image.turn is not None:
         starts, steps = pm.matmul(uvs, image.turn.T) + image.offset, pm.matmul(ways, image.turn.T)
     shifts = _shares(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
-    _move(fragments, uv_set, shifts)
+    _move(fragments, textured_mesh(state, fragments.target), uv_set, shifts)
 
 
-def _move(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> None:
+def _move(fragments: Fragments, mesh: Mesh, uv_set: str | None, shifts: FloatArray) -> None:
     """Shift coordinates on one set, and those of all other sets to the same place of the face."""
     further = dict(fragments.further_uvs)
     others: list[str | None] = [name for name in further if name != uv_set]
@@ -131,7 +131,6 @@ def _move(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> None:
         others.append(None)
     moved: dict[str | None, FloatArray] = {uv_set: fragments.coordinates(uv_set)[0] + shifts}
     if others:
-        mesh = fragments.drawn.mesh
         steps = steps_along_texture(mesh.corner_uvs(uv_set)[fragments.faces])
         weights = pm.vecmat(shifts, steps.reshape(-1, 2, 2))
         for name in others:

@@ -13,13 +13,50 @@ Kernel: `core/interpolation.c`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.rendering.effect import Effect, RenderState, only_when_needed
 from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
+from texbake.rendering.scene.scene import mapped, placed
+
+
+def textured_mesh(state: RenderState, target: Target) -> Mesh:
+    """Return the mesh of an object in world space, with the coordinates of its mapping."""
+    found = state.get(MAPPED_MESHES, target)
+    assert target is not None
+    return state.drawn(target).mesh if found is None else found.placed
+
+
+def mapping_effect(request: RenderRequest, target: Target) -> tuple[str, ...]:
+    """Return the name of the effect that maps an object, if it has a mapping."""
+    assert target is not None
+    return () if request.scene.objects[target].mapping is None else ("mapping",)
+
+
+@dataclass(frozen=True, eq=False)
+class MappedMesh:
+    """A mesh with the coordinates of its mapping, in the object's space and in the world."""
+
+    mesh: Mesh
+    placed: Mesh
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the coordinates in bytes."""
+        uvs, faces = self.mesh.uvs, self.mesh.uv_faces
+        return 0 if uvs is None or faces is None else uvs.nbytes + faces.nbytes
+
+
+def _map(state: RenderState, target: Target) -> MappedMesh:
+    assert target is not None
+    item = mapped(state.scene.objects[target], threads=state.threads)
+    return MappedMesh(item.mesh, placed(item))
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
@@ -87,14 +124,15 @@ def _find_view(fragments: Fragments, state: RenderState) -> None:
 
 
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
-    mesh = fragments.drawn.mesh
+    mesh = textured_mesh(state, fragments.target)
     assert mesh.uvs is not None and mesh.uv_faces is not None
     found = _interpolated(fragments, state, mesh.uvs, mesh.uv_faces)
     fragments.uvs, fragments.uv_changes = found
 
 
 def _find_further_uvs(fragments: Fragments, state: RenderState) -> None:
-    sets = {name: fragments.drawn.mesh.uv_set(name) for name in _further(state, fragments.target)}
+    mesh = textured_mesh(state, fragments.target)
+    sets = {name: mesh.uv_set(name) for name in _further(state, fragments.target)}
     fragments.further_uvs = {
         name: _interpolated(fragments, state, item.uvs, item.faces) for name, item in sets.items()
     }
@@ -123,14 +161,25 @@ def coordinates_effect(uv_set: str | None) -> str:
 
 def _require_uvs(state: RenderState, target: Target) -> None:
     assert target is not None
-    state.drawn(target).mesh.corner_uvs()  # raises if there are none
+    textured_mesh(state, target).corner_uvs()  # raises if there are none
 
 
 def _require_further_uvs(state: RenderState, target: Target) -> None:
     assert target is not None
     for name in _further(state, target):
-        state.drawn(target).mesh.uv_set(name)  # raises if there is none
+        textured_mesh(state, target).uv_set(name)  # raises if there is none
 
+
+MAPPED_MESHES = Result(_map, deferred=True)
+
+MAPPING = Effect(
+    name="mapping",
+    does="gives meshes new texture coordinates",
+    called_for=only_when_needed,
+    left_out="no object has a mapping, or nothing reads its coordinates",
+    load=MAPPED_MESHES,
+    moves_surface=True,
+)
 
 POSITIONS = Effect(
     name="positions",
@@ -163,6 +212,7 @@ TEXTURE_COORDINATES = Effect(
     does="interpolates texture coordinates",
     called_for=only_when_needed,
     left_out="nothing is looked up at (u, v)",
+    needs=mapping_effect,
     load=_REQUIRED_UVS,
     shade=_find_uvs,
 )
@@ -174,6 +224,7 @@ FURTHER_COORDINATES = Effect(
     does="interpolates further sets of texture coordinates",
     called_for=only_when_needed,
     left_out="all textures lie on the first set",
+    needs=mapping_effect,
     load=_REQUIRED_FURTHER_UVS,
     shade=_find_further_uvs,
 )

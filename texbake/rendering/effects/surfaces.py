@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,13 +33,13 @@ from texbake.rendering.effects.images import (
     placed_image,
     with_levels,
 )
-from texbake.rendering.effects.points import steps_along_surface
+from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
-from texbake.rendering.scene.material import Displacement
+from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import placed
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
@@ -141,7 +141,10 @@ def _load_relief(state: RenderState, target: Target) -> ObjectRelief | DrawnObje
 
 def _relief(state: RenderState, target: int) -> ObjectRelief:
     item = state.scene.objects[target]
-    drawn = state.of(PLACED_OBJECTS, target)
+    drawn, mesh = state.of(PLACED_OBJECTS, target), item.mesh
+    known = state.get(MAPPED_MESHES, target) if _is_over_uvs(item.material) else None
+    if known is not None:
+        drawn, mesh = replace(drawn, mesh=known.placed), known.mesh
     holder = item.material.displacement
     assert holder is not None
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
@@ -151,7 +154,7 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
         texels = _texels_of(drawn.mesh, image)
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
-            frames = _frames_of(item.mesh.on_uv_set(image.uv_set), linear)
+            frames = _frames_of(mesh.on_uv_set(image.uv_set), linear)
     else:
         filtered = state.request.wants_footprint(holder.texture)
     surface = BaseSurface(
@@ -345,11 +348,24 @@ RELIEFS = Result(_load_relief)
 
 DISPLACED_OBJECTS = Result(_displace)
 
+
+def _is_over_uvs(material: Material) -> bool:
+    assert material.displacement is not None
+    texture = material.displacement.texture
+    return isinstance(texture, ImageTexture) or texture.space == "uv"
+
+
+def _displacement_needs(request: RenderRequest, target: Target) -> tuple[str, ...]:
+    assert target is not None
+    return mapping_effect(request, target) if _is_over_uvs(request.material(target)) else ()
+
+
 DISPLACEMENT = Effect(
     name="displacement",
     does="subdivides surfaces and displaces them",
     called_for=_displacement_called_for,
     left_out="no material has a displacement map",
+    needs=_displacement_needs,
     load=RELIEFS,
     prepare=DISPLACED_OBJECTS,
     moves_surface=True,

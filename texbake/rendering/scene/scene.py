@@ -16,6 +16,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import FloatArray, Mesh, frozen
 from texbake.rendering.camera import Camera, axes_toward
@@ -70,9 +71,13 @@ class CameraView:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneObject:
-    """A mesh with a transform and a material."""
+    """A mesh with a transform and a material.
+
+    A `mapping` gives the mesh new texture coordinates when something reads them; see `mapped`.
+    """
 
     mesh: Annotated[Mesh, Option("Mesh in its own space.")]
+    mapping: Annotated[UnwrapOptions | None, Option("New texture coordinates for the mesh.")] = None
     material: Annotated[Material, Option("Material of the object.")] = field(
         default_factory=Material
     )
@@ -154,9 +159,25 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
     return frozen(matrix)
 
 
+def mapped(item: SceneObject, *, threads: int | None = None) -> SceneObject:
+    """Return an object whose mesh has the coordinates of its mapping; itself without a mapping."""
+    if item.mapping is None:
+        return item
+    # Imported here, since most scenes map nothing.
+    from texbake.mapping.unwrap import unwrap
+
+    return replace(item, mesh=unwrap(item.mesh, item.mapping, threads=threads), mapping=None)
+
+
 def placed(item: SceneObject) -> Mesh:
-    """Return the mesh of an object in world space; the mesh itself if it has no transform."""
-    return item.mesh if item.transform is None else transformed(item.mesh, item.transform)
+    """Return the mesh of an object in world space; the mesh itself if it has no transform.
+
+    The texture coordinates that a mapping replaces are left out; see `mapped`.
+    """
+    mesh = item.mesh
+    if item.mapping is not None and item.mapping.uv_set is None and item.mapping.only is None:
+        mesh = mesh.replace(uvs=None, uv_faces=None, tangents=None)
+    return mesh if item.transform is None else transformed(mesh, item.transform)
 
 
 def outline(item: SceneObject) -> Mesh:

@@ -15,7 +15,6 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
 from texbake.mapping.options import METHODS, UnwrapOptions
-from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import face_normals
@@ -93,7 +92,7 @@ _TRANSFORM_KEYS = {
 ObjectTable = table(
     SceneObject,
     name="Object",
-    without=("mesh", "material", "transform"),
+    without=("mesh", "mapping", "material", "transform"),
     more={
         "mesh": described(File, "Mesh file of the object, relative to the scene file."),
         "shape": described(
@@ -151,13 +150,14 @@ class ObjectMaker:
                 replace(item, transform=_composed(transform, item.transform), **flags)
                 for item in scene.objects
             ]
-        mesh = self._mapped(steps, self._mesh(steps, given), given.get("mapping"))
+        mesh = self._mesh(steps, given)
         name = self._free_name(given.get("name") or Path(mesh.name).stem)
         if material is not None and not isinstance(given["material"], str):
             material = replace(material, name=name)
         return [
             SceneObject(
                 mesh=mesh,
+                mapping=given.get("mapping"),
                 material=material or Material(name=name),
                 transform=transform,
                 name=name,
@@ -184,12 +184,6 @@ class ObjectMaker:
             with at(self.path, *steps, "mesh"):
                 self._meshes[path] = read_mesh(path, progress=self.progress)
         return self._meshes[path]
-
-    def _mapped(self, steps: tuple[str, int], mesh: Mesh, options: UnwrapOptions | None) -> Mesh:
-        if options is None:
-            return mesh
-        with at(self.path, *steps, "mapping"):
-            return unwrap(mesh, options, progress=self.progress)
 
     def _free_name(self, name: str) -> str:
         free, n = name, self._numbers.get(name, 1)

@@ -1,0 +1,165 @@
+"""The mapping of an object: computed when something reads its coordinates, and only then."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import texbake.mapping.unwrap as unwrapping
+from texbake.errors import FileError, UnwrapError
+from texbake.jobs.light_maps import bake_light_maps
+from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import cube, uv_sphere
+from texbake.rendering.draw import draw, prepare
+from texbake.rendering.options import BUFFERS, RenderOptions
+from texbake.rendering.plan import plan_rows
+from texbake.rendering.render import render_scene
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.material import (
+    BumpMap,
+    Displacement,
+    Material,
+    NormalMap,
+    Parallax,
+    Reflection,
+)
+from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, camera_of, mapped
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.rendering.scene.transforms import transform_matrix
+
+NOISE = np.random.default_rng(4).random((16, 16, 3)).astype(np.float32)
+IMAGE = ImageTexture(image=NOISE)
+HEIGHTS = ImageTexture(image=NOISE[..., :1])
+SOLID = ProcedureTexture(procedure="turbulence", scale=4.0)
+CHECKER = ProcedureTexture(procedure="checker", space="uv", scale=8.0)
+NORMALS = ImageTexture(image=np.array([0.0, 0.0, 1.0]) * np.ones((2, 2, 3)) + 0.2 * NOISE[:2, :2])
+MAPPING = UnwrapOptions(method="spherical")
+LIGHTING = Lighting(lights=(Light(direction=(0.4, -0.3, -1.0)),))
+VIEW = CameraView(position=(1.0, 1.0, 6.0), target=(0.0, 0.0, 0.0))
+OPTIONS = RenderOptions(width=48, height=40, supersampling=1)
+# The coordinates that a mapping replaces.
+PLACE = transform_matrix(rotate=(20.0, 30.0, 0.0), scale=(1.0, -1.2, 0.9))
+BALL = SceneObject(mesh=uv_sphere(8, 16), mapping=MAPPING, name="ball", transform=PLACE)
+
+READERS: dict[str, dict[str, Any]] = {
+    "image": {"base_color": IMAGE},
+    "clamped or repeated": {"roughness": replace(HEIGHTS, scale=(2.0, 3.0), filter="ewa")},
+    "procedure": {"base_color": CHECKER},
+    "normal map": {"normal_map": NormalMap(texture=NORMALS, space="tangent")},
+    "bump map": {"bump_map": BumpMap(texture=HEIGHTS, height=0.3)},
+    "emboss": {"bump_map": BumpMap(texture=HEIGHTS, height=0.3, form="emboss")},
+    "parallax": {"base_color": IMAGE, "parallax": Parallax(texture=HEIGHTS, depth=0.1)},
+    "displacement": {"displacement": Displacement(texture=HEIGHTS, height=0.2, edge_px=8.0)},
+    "vectors": {"displacement": Displacement(texture=NORMALS, height=0.2, vector=True)},
+    "cells": {"displacement": Displacement(texture=CHECKER, height=0.2, edge_px=8.0)},
+    "solid relief": {
+        "displacement": Displacement(texture=SOLID, height=0.2, edge_px=8.0), "base_color": IMAGE,
+    },
+    "vertex rate": {"base_color": IMAGE, "shading_rate": "vertex"},
+    "opacity": {"opacity": HEIGHTS},
+}  # fmt: skip
+NOT_READERS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "solid": {"base_color": SOLID},
+    "solid bumps": {"bump_map": BumpMap(texture=SOLID)},
+    "solid relief": {"displacement": Displacement(texture=SOLID, height=0.2, edge_px=8.0)},
+    "a strength of 0": {"normal_map": NormalMap(texture=NORMALS, strength=0.0)},
+    "a factor of 0": {"base_color": replace(IMAGE, factor=0.0)},
+    "a slot that is not read": {"shading": "lambert", "roughness": HEIGHTS},
+    "a perfect mirror": {"base_color": IMAGE, "reflection": Reflection(strength=1.0),
+                         "alpha_mode": "opaque"},
+    "parallax alone": {"parallax": Parallax(texture=HEIGHTS)},
+}  # fmt: skip
+
+
+def scene_of(*items: SceneObject) -> Scene:
+    return Scene(objects=items, lighting=LIGHTING, view=VIEW)
+
+
+@pytest.fixture
+def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The names of meshes, each time one is mapped."""
+    found: list[str] = []
+    work = unwrapping.unwrap
+
+    def counted(mesh: Any, *args: Any, **named: Any) -> Any:
+        found.append(mesh.name)
+        return work(mesh, *args, **named)
+
+    monkeypatch.setattr(unwrapping, "unwrap", counted)
+    return found
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_the_picture_is_that_of_a_mesh_with_these_coordinates(
+    name: str, n_mapped: list[str]
+) -> None:
+    item = replace(BALL, material=Material(**READERS[name]))
+    expected = render_scene(scene_of(mapped(item)), OPTIONS)
+    other = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
+    assert expected.color.tobytes() != other.color.tobytes()
+    n_mapped.clear()
+    found = render_scene(scene_of(item), OPTIONS)
+    assert found.color.tobytes() == expected.color.tobytes()
+    assert n_mapped == [BALL.mesh.name]
+    (row,) = (row for row in plan_rows(found.plan, found.costs) if row.name == "mapping")
+    assert row.milliseconds and row.n_bytes and not row.skipped
+
+
+@pytest.mark.parametrize("name", NOT_READERS)
+def test_a_mapping_that_nothing_reads_is_not_computed(name: str, n_mapped: list[str]) -> None:
+    item = replace(BALL, material=Material(**NOT_READERS[name]))
+    found = render_scene(scene_of(item), OPTIONS)
+    bare = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
+    assert not n_mapped and not found.plan.has("mapping")
+    assert found.color.tobytes() == bare.color.tobytes()
+
+
+@pytest.mark.parametrize("buffer", BUFFERS)
+def test_buffers_map_only_if_they_show_coordinates(buffer: str, n_mapped: list[str]) -> None:
+    render_scene(scene_of(BALL), replace(OPTIONS, buffer=buffer))
+    assert len(n_mapped) == (buffer in ("uv", "mip-level", "texel-grid"))
+
+
+def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(
+    n_mapped: list[str],
+) -> None:
+    textured = replace(BALL, material=Material(base_color=IMAGE))
+    hidden = replace(
+        textured, name="hidden", transform=transform_matrix(translate=(-0.5, -0.5, -3.0))
+    )
+    frame = render_scene(scene_of(replace(BALL, mapping=None), hidden), OPTIONS)
+    assert not n_mapped
+    (row,) = (row for row in plan_rows(frame.plan, frame.costs) if row.name == "mapping")
+    assert row.skipped == "it reaches no pixel"
+    # Cameras that see it later share the one that is computed then.
+    scene = scene_of(replace(BALL, mapping=None), hidden)
+    prepared = prepare(scene, OPTIONS)
+    around = replace(VIEW, position=(-3.0, -3.0, -9.0), target=(-0.5, -0.5, -3.0))
+    cameras = [camera_of(replace(scene, view=view), OPTIONS) for view in (VIEW, around, around)]
+    frames = [draw(prepared, camera) for camera in cameras]
+    assert len(n_mapped) == 1
+    expected = draw(prepare(scene_of(scene.objects[0], mapped(hidden)), OPTIONS), cameras[1])
+    assert frames[1].color.tobytes() == expected.color.tobytes() == frames[2].color.tobytes()
+
+
+def test_a_mapping_that_cannot_be_computed_names_the_file_and_the_object(tmp_path: Any) -> None:
+    path = tmp_path / "scene.toml"
+    write_mesh(cube(), tmp_path / "box.obj")
+    ball = '[[objects]]\nname = "ball"\nmesh = "box.obj"\nmapping = "parametric"\n'
+    path.write_text(ball)
+    render_scene(read_scene(path), OPTIONS)  # nothing reads it
+    checker = '{procedure = "checker", space = "uv"}'
+    path.write_text(f'{ball}material = {{shading = "unlit", base_color = {checker}}}\n')
+    with pytest.raises((FileError, UnwrapError), match=r"scene\.toml.*ball"):
+        render_scene(read_scene(path), OPTIONS)
+
+
+def test_light_maps_lie_on_the_coordinates_of_the_mapping() -> None:
+    found, expected = (
+        bake_light_maps(scene_of(item)).maps[0].values for item in (BALL, mapped(BALL))
+    )
+    np.testing.assert_array_equal(found, expected)
