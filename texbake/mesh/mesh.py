@@ -128,8 +128,11 @@ class Mesh:
     @property
     def diagonal(self) -> float:
         """Length of the diagonal of the bounding box, in model units."""
-        low, high = self.bounds.tolist()
-        return float(pm.norm(np.subtract(high, low)))
+        low, high = self.bounds
+        with np.errstate(over="ignore"):
+            sides = high - low
+            _, exponent = np.frexp(sides.max())  # whose square float64 may not hold
+            return float(np.ldexp(pm.norm(np.ldexp(sides, -exponent)), exponent))
 
     def corner_uvs(self, uv_set: str | None = None) -> FloatArray:
         """(F, 3, 2) float64: the texture coordinates of each face's corners, in a set.
