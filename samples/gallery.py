@@ -13,7 +13,7 @@ import gallery_sources
 from PIL import Image
 
 import texbake
-from texbake.jobs.preview import open_preview
+from texbake.jobs.preview_scene import open_preview
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 
 HERE = Path(__file__).parent

@@ -85,7 +85,7 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
 @image_option("--displacement", "Height map; the mesh is subdivided and moved by it.")
 @image_option("--albedo", "Color map.")
 @picture_changes
-@options_of(RenderOptions, "edges", "max_error", "time_budget")
+@options_of(RenderOptions, "exposure", "edges", "max_error", "time_budget")
 @_side_by_side("filter", "filters")
 @_side_by_side("interpolation", "interpolations")
 @click.option(
@@ -179,9 +179,8 @@ def _given(name: str) -> bool:
 
 
 def _take_targets(picture: dict[str, Any], choices: dict[str, Any], n_views: int | None) -> None:
-    """Move the options of adaptive sampling over to those of the picture."""
-    if _given("edges"):
-        picture["edges"] = choices["edges"]
+    """Move the options of adaptive sampling and of light over to those of the picture."""
+    picture |= {name: choices[name] for name in ("edges", "exposure") if _given(name)}
     targets = {name: choices[name] for name in _TARGETS if choices[name] is not None}
     if not targets:
         return

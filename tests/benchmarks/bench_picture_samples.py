@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.jobs.preview import with_lighting
+from texbake.jobs.preview_scene import with_lighting
 from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides

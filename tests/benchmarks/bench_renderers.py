@@ -30,7 +30,7 @@ import numpy as np
 from scene_gltf import UnwritableError, write_scene
 
 import texbake
-from texbake.jobs.preview import open_preview
+from texbake.jobs.preview_scene import open_preview
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions

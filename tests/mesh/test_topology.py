@@ -6,6 +6,7 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.mesh.topology import (
     degenerate_faces,
     duplicate_faces,
@@ -13,6 +14,7 @@ from texbake.mesh.topology import (
     face_components,
     find_edges,
     genus,
+    surface_side,
 )
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
@@ -148,3 +150,36 @@ def test_a_quarter_million_faces_of_a_torus():
     assert not duplicate_faces(faces).any()
     twice = np.concatenate([faces, np.roll(faces[::-1], 1, axis=1)])
     np.testing.assert_array_equal(duplicate_faces(twice), np.arange(len(twice)) >= len(faces))
+
+
+def flipped(mesh):
+    return Mesh(positions=mesh.positions, faces=np.ascontiguousarray(mesh.faces[:, ::-1]))
+
+
+@pytest.mark.parametrize("scale", [1e-6, -1.0, 1.0, 1e6])
+@pytest.mark.parametrize("place", [0.0, 1e3])
+@pytest.mark.parametrize("mesh", [cube(), uv_sphere(8, 16), icosphere(2)])
+def test_the_side_that_is_seen(mesh, scale, place):
+    """A closed mesh has one, by its orientation; with a hole or a turned face it has both."""
+    positions = scale * (mesh.positions + place)
+    closed = Mesh(positions=positions, faces=mesh.faces)
+    expected = ("front", "back") if scale > 0.0 else ("back", "front")
+    assert (surface_side(closed), surface_side(flipped(closed))) == expected
+    split = Mesh(positions=positions[mesh.faces].reshape(-1, 3),
+                 faces=np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3))  # fmt: skip
+    assert surface_side(split) == expected[0]
+    turned = mesh.faces.copy()
+    turned[3] = turned[3, ::-1]
+    for faces in mesh.faces[1:], turned:
+        assert surface_side(Mesh(positions=positions, faces=faces)) == "both"
+
+
+def test_the_side_of_many_faces_does_not_depend_on_threads():
+    ball = icosphere(7)
+    assert ball.n_faces > 1 << 17
+    assert [surface_side(ball, threads=n) for n in (1, 2)] == ["front", "front"]
+
+
+def test_a_sheet_with_two_sides_is_closed():
+    positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert surface_side(Mesh(positions=positions, faces=[[0, 1, 2], [2, 1, 0]])) == "front"

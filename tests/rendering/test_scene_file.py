@@ -306,7 +306,7 @@ def test_wrong_files(folder, text, message):
         ("[render]\nwidth = 1.5", "render.width: 1.5 is not a whole number; give one such as 4"),
         ("[render]\nup = 'x'", "render.up: x is not one of y, z"),
         ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
-         "supersampling, background, back_faces, edges, interpolation, filter, buffer, "
+         "supersampling, background, exposure, back_faces, edges, interpolation, filter, buffer, "
          "mapping_order, bounces, "
          "max_triangles"),
         ("[render]\nbackground = 'blue'", "render.background: 'blue' is not a color; write "

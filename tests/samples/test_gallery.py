@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import texbake
-from texbake.jobs.preview import open_preview
+from texbake.jobs.preview_scene import open_preview
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import BUFFERS
 from texbake.rendering.scene.material import SHADINGS

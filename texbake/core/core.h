@@ -372,6 +372,21 @@ int64_t sample_ellipses(
     const float weights[n_weights], double pixel_radius_squared, float out[n][n_channels],
     int64_t start, int64_t stop);
 
+/* exposure.c */
+void count_bright(
+    int64_t height, int64_t width, const float color[height][width][4],
+    const float coverage[height][width], int64_t counts[height][2], int64_t start, int64_t stop);
+void expose_pixels(
+    int64_t height, int64_t width, float color[height][width][4],
+    const float coverage[height][width], OPTIONAL const float behind[3], double exposure,
+    int64_t start, int64_t stop);
+
+/* extremes.c */
+void find_extremes(
+    int64_t n_points, int64_t n_directions, int64_t n_bands, const double points[n_points][3],
+    const double directions[n_directions][3], int64_t band,
+    double extremes[n_bands][n_directions], int64_t start, int64_t stop);
+
 /* face_components.c */
 int64_t number_components(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
@@ -1142,6 +1157,15 @@ int64_t build_nets(
     const bool solid[width][height][depth], const int64_t vertex_starts[width + 1],
     const int64_t quad_starts[width + 1], double positions[n_vertices][3],
     bool is_thin[n_vertices], int32_t quads[n_quads][4], int64_t start, int64_t stop);
+
+/* surface_sides.c */
+void hash_positions(
+    int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
+    int64_t start, int64_t stop);
+void sum_sides(
+    int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
+    const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],
+    int64_t band, uint64_t edges[n_bands], double volumes[n_bands], int64_t start, int64_t stop);
 
 /* surrounding_light.c */
 void reflect_ambient(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import first_few, warn_of
+from texbake.errors import first_few
 from texbake.files import PathLike
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.frame import LocalFrame
@@ -24,7 +24,6 @@ from texbake.mesh.materials import (
     ChannelSource,
     Materials,
     MeshMaterial,
-    read_materials,
 )
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
@@ -66,28 +65,6 @@ LAYOUTS = (
     ImageLayout("sheen", (("sheen-color", 0), ("sheen-roughness", 3)), is_color=True),
     ImageLayout("specular", (("specular-color", 0), ("specular", 3)), is_color=True),
 )
-
-
-def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Return the materials of a model file; the colors of its vertices where it has none.
-
-    None where it has neither.
-    """
-    found = read_materials(path, mesh)
-    if found is not None and mesh.uvs is None and found.has_images:
-        warn_of(path, "it has no texture coordinates; its images are left out")
-        found = found.without_images()
-    if found is not None and any(material.channels for material in found.materials):
-        return found
-    if mesh.colors is None:
-        return found
-    return Materials(
-        face_materials=np.zeros(mesh.n_faces, np.int32),
-        materials=(MeshMaterial(name=mesh.name),),
-        has_vertex_colors=True,
-        missing=() if found is None else found.missing,
-        missing_images=() if found is None else found.missing_images,
-    )
 
 
 def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, ...]:

@@ -21,7 +21,6 @@ from texbake.jobs.carried import (
     compared_without,
     encoded_channels,
     left_out,
-    model_materials,
     shared_materials,
     texture_size,
 )
@@ -48,7 +47,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial, model_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if

@@ -1,7 +1,7 @@
 """Pictures of a mesh, a glTF file or a scene: one, several side by side, or a turntable.
 
-A mesh is lit by the studio, and so is a scene without lights. Several filters, interpolations or
-buffers give pictures of all their combinations, side by side in one file.
+Several filters, interpolations or buffers give pictures of all their combinations, side by side in
+one file.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together, check_folder, make_folder, scratch_folder
+from texbake.jobs.default_view import DefaultView, default_view
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -22,81 +23,22 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.jobs.preview_scene import open_preview
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
-from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.contributions import Contribution, contributions_of
 from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
-from texbake.rendering.maps import MapSource, space_warnings
+from texbake.rendering.exposure import exposed
+from texbake.rendering.maps import space_warnings
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
-from texbake.rendering.scene.lights import Environment
-from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene, turntable_cameras
-from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
 from texbake.sampling.time_budget import BudgetClock, finished
 from texbake.texture.image import FloatImage, write_image
-
-# Texels along one side of the room that metals reflect if a file has no environment.
-_ROOM_SIZE = 128
-
-
-def open_preview(
-    path: PathLike,
-    *,
-    normal_map: MapSource | None = None,
-    displacement: MapSource | None = None,
-    albedo: MapSource | None = None,
-    space: str | None = None,
-    options: Mapping[str, Any] | None = None,
-    as_mesh: bool = False,
-    progress: ProgressSink | None = None,
-) -> tuple[Scene, RenderOptions]:
-    """Read a scene to draw, and the options to draw it with.
-
-    Parameters
-    ----------
-    path
-        A mesh, a glTF file or a `.toml` scene. A glTF file is drawn with its own materials, unless
-        maps are given.
-    normal_map, displacement, albedo
-        Of a mesh, as in `texbake.rendering.render.render`.
-    space
-        Of the normal map; None: what its file says, else tangent space.
-    options
-        Fields of `RenderOptions` that override those of the scene file.
-    as_mesh
-        Draw a glTF file as a mesh without materials of its own, also if no maps are given.
-    progress
-        Receives the reading.
-
-    Raises
-    ------
-    OptionError
-        Maps are given for a scene, which has materials of its own, or a space and no normal map.
-    TexbakeError
-        As `read_mesh` and `read_scene` do.
-    """
-    maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
-    named = [name for name, source in maps.items() if source is not None]
-    suffix = Path(path).suffix.lower()
-    if suffix == ".toml" and named:
-        raise OptionError(f"{named[0]}: a scene has its own materials; name the map in {path}")
-    if space is not None and normal_map is None:
-        raise OptionError("space: it is that of a normal map; give `normal_map` as well")
-    changes = dict(options or {})
-    if suffix == ".toml" or (suffix in (".glb", ".gltf") and not (named or as_mesh)):
-        scene = with_lighting(read_scene(path, progress=progress))
-        if "view" in changes:  # overrides the camera of the file
-            scene = replace(scene, view=None)
-        return scene, scene.options(**changes)
-    chosen = replace(RenderOptions(), **changes)
-    mesh = read_mesh(path, progress=progress)
-    return studio_scene(mesh, **maps, space=space, options=chosen), chosen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,10 +51,13 @@ class PreviewFiles(JobResult[Frame | None]):
         Which passes were chosen, and why.
     contributions : tuple of Contribution
         What each effect changes, if that was asked for.
+    chosen : tuple of (str, str)
+        What was chosen for the picture because nothing said it: rows of `table`.
     """
 
     plan: Plan
     contributions: tuple[Contribution, ...] = ()
+    chosen: tuple[tuple[str, str], ...] = ()
 
     @property
     def costs(self) -> Costs | None:
@@ -120,10 +65,11 @@ class PreviewFiles(JobResult[Frame | None]):
         return None if self.report is None else self.report.costs
 
     def table(self) -> list[tuple[str, str]]:
-        """Return rows of what adaptive samples and a time budget have reached."""
+        """Return rows of what was chosen, and what adaptive samples and a budget have reached."""
         frame = self.report
         parts = () if frame is None else (frame.sampling, frame.budget, frame.texels)
-        return [row for part in parts if part is not None for row in part.table()]
+        reached = [row for part in parts if part is not None for row in part.table()]
+        return [*self.chosen, *reached]
 
     def plan_tables(self) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
         """Return the passes with their reasons and costs, and what was left out and why."""
@@ -218,11 +164,9 @@ def preview_files(
     check_distinct([output, report, html], [path, normal_map, displacement, albedo])
     check_report(report)
     check_page(html)
-    if output is not None and n_views is None:
-        check_picture(output)
-    elif output is not None:
-        check_folder(output)
-    scene, chosen = open_preview(
+    if output is not None:
+        (check_picture if n_views is None else check_folder)(output)
+    scene, asked = open_preview(
         path,
         normal_map=normal_map,
         displacement=displacement,
@@ -232,10 +176,10 @@ def preview_files(
         as_mesh=as_mesh,
         progress=progress,
     )
-    pictures = _pictures(output, n_views)
-    check_distinct([*pictures, report, html], scene.files)
+    check_distinct([*_pictures(output, n_views), report, html], scene.files)
+    view = default_view(path, scene, asked)
     variants = side_by_side_options(
-        chosen,
+        view.options,
         filters=filters,
         interpolations=interpolations,
         buffers=buffers,
@@ -247,10 +191,12 @@ def preview_files(
             scene, variants[0][1], n_views, output, threads=threads, progress=progress
         )
     elif output is not None:
-        frame = _write_picture(scene, variants, output, threads, progress, clock)
+        frame = _write_picture(view, variants, output, threads, progress, clock)
     changes: tuple[Contribution, ...] = ()
-    if measures and frame is not None:
-        changes = contributions_of(scene, variants[0][1], frame, threads=threads, progress=progress)
+    if frame is not None and measures:
+        changes = contributions_of(
+            scene, variants[0][1], frame, camera=view.camera, threads=threads, progress=progress
+        )
     if html is not None and frame is not None:
         # Imported here, so that other pictures do not load what pages need.
         from texbake.pages.contributions_page import write_contributions_page
@@ -260,8 +206,9 @@ def preview_files(
         files=given(output, report, html),
         report=frame,
         contributions=changes,
-        plan=plan_scene(scene, variants[0][1]) if frame is None else frame.plan,
-        warnings=(*space_warnings(normal_map, space), *_warnings(path, scene, frame)),
+        plan=plan_scene(scene, variants[0][1], camera=view.camera) if frame is None else frame.plan,
+        chosen=() if frame is None or n_views is not None else tuple(view.table(frame)),
+        warnings=(*space_warnings(normal_map, space), *_warnings(view, frame, n_views)),
     )
     if report is not None:
         write_report(report, done.to_json())
@@ -275,7 +222,7 @@ def _pictures(output: PathLike | None, n_views: int | None) -> Sequence[Path]:
 
 
 def _write_picture(
-    scene: Scene,
+    view: DefaultView,
     variants: Sequence[tuple[str, RenderOptions]],
     output: PathLike,
     threads: int | None,
@@ -285,12 +232,21 @@ def _write_picture(
     """Write one picture, or several side by side; return the first."""
     if len(variants) == 1:
         clock = replace(clock, finish=_WritingPicture(Path(output).suffix, threads))
-        frame = render_scene(scene, variants[0][1], threads=threads, progress=progress, clock=clock)
+        frame = render_scene(
+            view.scene,
+            variants[0][1],
+            camera=view.camera,
+            threads=threads,
+            progress=progress,
+            clock=clock,
+        )
         frame.write(output, threads=threads)
         if frame.budget is not None:
             frame = replace(frame, budget=finished(frame.budget, clock))
         return frame
-    color, frames = render_side_by_side(scene, variants, threads=threads, progress=progress)
+    color, frames = render_side_by_side(
+        view.scene, variants, camera=view.camera, threads=threads, progress=progress
+    )
     write_image(color, output, color=True, threads=threads)
     return frames[0]
 
@@ -308,36 +264,14 @@ class _WritingPicture:
             write_image(color, path, color=True, threads=self.threads)
 
 
-def _warnings(path: PathLike, scene: Scene, frame: Frame | None) -> Iterator[str]:
+def _warnings(view: DefaultView, frame: Frame | None, n_views: int | None) -> Iterator[str]:
     if frame is not None:
-        yield from (f"{path}: {note}" for note in scene.notes)
+        yield from (f"{view.path}: {note}" for note in view.scene.notes)
+        if n_views is None:
+            yield from view.warnings(frame)
         for part in (frame.sampling, frame.budget):
             if part is not None:
                 yield from part.warnings
-
-
-def with_lighting(scene: Scene) -> Scene:
-    """Return the scene, lit by the studio if nothing lights its surfaces.
-
-    Emissive and unlit materials light nothing else; light maps count as lighting. If a material is
-    a metal, the room of the studio lights the scene instead, so that the metal has something to
-    reflect.
-    """
-    lighting = scene.lighting
-    materials = [item.material for item in scene.objects]
-    is_lit = (
-        lighting.lights
-        or any(lighting.ambient.color)
-        or any(lighting.ambient.ground or ())
-        or lighting.environment is not None
-        or any(item.light_map is not None for item in materials)
-    )
-    if is_lit or all(item.shading == "unlit" for item in materials):
-        return scene
-    if any(item.metalness != 0.0 for item in materials):
-        room = Environment(image=STUDIO_ROOM, size=_ROOM_SIZE, background=False, lighting=True)
-        return replace(scene, lighting=replace(lighting, environment=room))
-    return replace(scene, lighting=replace(lighting, lights=STUDIO.lights, ambient=STUDIO.ambient))
 
 
 def turntable_files(folder: PathLike, n_views: int) -> list[Path]:
@@ -376,12 +310,16 @@ def write_turntable(
         As `texbake.rendering.render.render_scene` does.
     """
     path = make_folder(folder)
-    prepared = prepare(scene, options, threads=threads)
+    prepared = prepare(scene, replace(options, exposure="none"), threads=threads)
     cameras = turntable_cameras(scene, options, n_views)
     stages = Stages(progress)
+    exposure: float | None = None
     with stages.stage("turn", total=n_views, unit="pictures") as advance:
         for file, camera in zip(turntable_files(path, n_views), cameras, strict=True):
             frame = draw_picture(prepared, camera)
+            if options.exposes:  # as the first, so that the light does not flicker
+                (frame,) = exposed([frame], options, exposure=exposure, threads=threads)
+                exposure = frame.exposure
             frame.write(file, threads=threads)
             advance(1)
     return frame

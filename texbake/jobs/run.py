@@ -35,7 +35,6 @@ from texbake.jobs.carried import (
     image_names,
     image_of,
     left_out,
-    model_materials,
     shared_materials,
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
@@ -46,7 +45,7 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.materials import Materials
+from texbake.mesh.materials import Materials, model_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if

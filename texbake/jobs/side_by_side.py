@@ -12,6 +12,7 @@ import numpy as np
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
+from texbake.rendering.exposure import exposed
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.render import draw_picture
@@ -57,7 +58,7 @@ def render_side_by_side(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> tuple[FloatImage, list[Frame]]:
-    """Draw a scene with several options, and put the pictures side by side.
+    """Draw a scene with several options and one exposure, and put the pictures side by side.
 
     Returns
     -------
@@ -68,10 +69,12 @@ def render_side_by_side(
     """
     frames = []
     for _, options in variants:
-        prepared = prepare(scene, options, threads=threads)
+        prepared = prepare(scene, replace(options, exposure="none"), threads=threads)
         frames.append(
             draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
         )
+    if all(options.exposes for _, options in variants):
+        frames = exposed(frames, variants[0][1], threads=threads)
     panels = [
         Panel(frame.color, caption, "")
         for frame, (caption, _) in zip(frames, variants, strict=True)

@@ -353,3 +353,25 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     for line in () if materials is None else materials.notes():
         warn_of(path, line)
     return materials
+
+
+def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+    """Return the materials of a model file; the colors of its vertices where it has none.
+
+    None where it has neither.
+    """
+    found = read_materials(path, mesh)
+    if found is not None and mesh.uvs is None and found.has_images:
+        warn_of(path, "it has no texture coordinates; its images are left out")
+        found = found.without_images()
+    if found is not None and any(material.channels for material in found.materials):
+        return found
+    if mesh.colors is None:
+        return found
+    return Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name=mesh.name),),
+        has_vertex_colors=True,
+        missing=() if found is None else found.missing,
+        missing_images=() if found is None else found.missing_images,
+    )

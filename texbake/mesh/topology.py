@@ -17,8 +17,14 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
+from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
+
+# Faces or vertices per band.
+_BAND = 1 << 16
+# A volume below this share of the cube over the diagonal is that of a sheet with two sides.
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -258,6 +264,46 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
         int(n_vertices), np.ascontiguousarray(faces, np.int32), components
     )
     return components, n_components
+
+
+def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
+    """Which side of a surface can be seen from outside: its front, its back, or both.
+
+    Vertices count by their places, so that seams of a file do not open a surface. One pass over the
+    faces, without finding edges.
+
+    Returns
+    -------
+    str
+        `front` for a closed surface whose faces point outward, `back` for one that is inside out,
+        and `both` for one that is open or has neighboring faces that point to opposite sides.
+
+    Kernel: `core/surface_sides.c`.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import cube, plane
+    >>> surface_side(cube()), surface_side(plane())
+    ('front', 'both')
+    """
+    keys = np.empty(mesh.n_vertices, np.uint64)
+
+    def hash_positions(start: int, stop: int) -> None:
+        core.hash_positions(mesh.positions, keys, start, stop)
+
+    run_bands(hash_positions, mesh.n_vertices, band=_BAND, threads=threads)
+    n_bands = -(-mesh.n_faces // _BAND)
+    edges, volumes = np.zeros(n_bands, np.uint64), np.zeros(n_bands)
+    origin = mesh.positions[mesh.faces[0, 0]] if mesh.n_faces else np.zeros(3)
+
+    def sum_sides(start: int, stop: int) -> None:
+        band = start // _BAND
+        core.sum_sides(mesh.positions, keys, mesh.faces, origin, band, edges, volumes, start, stop)
+
+    run_bands(sum_sides, mesh.n_faces, band=_BAND, threads=threads)
+    if edges.sum(dtype=np.uint64) != 0:
+        return "both"
+    return "back" if volumes.sum() < -_FLAT * mesh.diagonal**3 else "front"
 
 
 def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:

@@ -24,7 +24,7 @@ from texbake.rendering.options import RenderOptions
 
 # Near plane relative to the radius of the framed sphere: close enough to move into the mesh. With
 # reversed depth this costs no precision.
-_NEAR = 1e-3
+NEAR = 1e-3
 # Margin around the bounding sphere.
 _MARGIN = 1.03
 # Relative to the largest coordinate: twice the rounding error of half a difference.
@@ -82,12 +82,12 @@ class Camera:
         tangent = pm.tan(math.radians(options.fov) / 2)
         narrow = pm.arctan(tangent * min(1.0, options.width / options.height))
         distance = options.distance or _MARGIN * radius / pm.sin(narrow)
-        axes = _axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
+        axes = view_axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
         return cls(
             eye=center + distance * axes[2],
             axes=axes,
             fov=math.radians(options.fov),
-            near=min(_NEAR * radius, 0.5 * distance),
+            near=min(NEAR * radius, 0.5 * distance),
         )
 
     @classmethod
@@ -169,7 +169,7 @@ class Camera:
         return np.stack([corner, tall * right, -tall * up])
 
 
-def _axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
+def view_axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
     """Rows right, up, back of a camera that looks at the origin; also defined at the poles."""
     sin_a, cos_a = pm.sin(azimuth), pm.cos(azimuth)
     sin_e, cos_e = pm.sin(elevation), pm.cos(elevation)
@@ -219,7 +219,7 @@ def _unit(vector: FloatArray) -> FloatArray | None:
 
 def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
     """Center and radius of a bounding sphere of the positions that faces use."""
-    clouds = [_used_positions(mesh) for mesh in meshes]
+    clouds = [used_positions(mesh) for mesh in meshes]
     low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
     high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
     center = 0.5 * low + 0.5 * high
@@ -232,7 +232,8 @@ def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
     return center, math.sqrt(squared) if squared > 0.0 else 1.0
 
 
-def _used_positions(mesh: Mesh) -> FloatArray:
+def used_positions(mesh: Mesh) -> FloatArray:
+    """(n, 3) float64: the positions of a mesh that its faces use."""
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
     return mesh.positions if used.all() else mesh.positions[used]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
+from texbake.rendering.exposure import exposed
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.resolve import Frame
@@ -97,6 +98,7 @@ def contributions_of(
         others need are not among them. An effect that changed nothing has 0 pixels.
     """
     options = replace(options, max_error=None, time_budget=None)
+    plain = replace(options, exposure="none")
     camera = camera or camera_of(scene, options)
     whole = frame
     if frame.sampling is not None:
@@ -108,8 +110,10 @@ def contributions_of(
         if without is None:
             continue
         other = render_scene(
-            without(scene), options, camera=camera, threads=threads, progress=progress
+            without(scene), plain, camera=camera, threads=threads, progress=progress
         )
+        if whole.exposure is not None:
+            (other,) = exposed([other], options, exposure=whole.exposure, threads=threads)
         # Opacity counts as a change, too.
         codes = _codes(other)
         difference = np.where(shown > codes, shown - codes, codes - shown)

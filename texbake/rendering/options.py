@@ -22,6 +22,7 @@ UPS = ("y", "z")
 INTERPOLATIONS = ("perspective", "affine", "scanline")
 EDGES = ("multisample", "supersample")
 MAPPING_ORDERS = ("screen", "texture", "texture-coverage")
+EXPOSURES = ("auto", "none")
 BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
 
 MAX_BOUNCES = 4
@@ -93,14 +94,24 @@ class RenderOptions(CheckedOptions):
     base_color: Annotated[
         Rgb, Option("Color of the mesh where it has no albedo texture.", low=0, high=1)
     ] = (0.8, 0.8, 0.8)
+    exposure: Annotated[
+        str | None,
+        Option(
+            "Darken a picture that is mostly brighter than white, and roll off highlights (auto), "
+            "or clip what is brighter than white (none).",
+            choices=EXPOSURES,
+            default="auto in texbake's own light, none in that of a scene",
+        ),
+    ] = None
     back_faces: Annotated[
-        str,
+        str | None,
         Option(
             "Leave out triangles seen from behind (cull), or draw them with their normals turned "
             "to the camera (show).",
             choices=BACK_FACES,
+            default="in a preview of a mesh that is open or inside out show, else cull",
         ),
-    ] = "cull"
+    ] = None
     edges: Annotated[
         str,
         Option(
@@ -200,6 +211,12 @@ class RenderOptions(CheckedOptions):
     def is_adaptive(self) -> bool:
         """Whether pixels get as many samples as each needs."""
         return self.max_error is not None or self.time_budget is not None
+
+    @property
+    def exposes(self) -> bool:
+        """Whether the light of the picture is exposed; buffers and textures alone never are."""
+        shows_light = self.buffer is None and self.mapping_order == "screen"
+        return self.exposure == "auto" and shows_light
 
     @property
     def distance(self) -> float | None:

@@ -9,6 +9,7 @@ from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, plan_of, prepare
 from texbake.rendering.effect import Plan
+from texbake.rendering.exposure import exposed
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
@@ -172,9 +173,13 @@ def draw_picture(
     The parameters and errors are those of `texbake.rendering.draw.draw`, with the `clock` of a time
     budget.
     """
-    if not prepared.options.is_adaptive:
-        return draw(prepared, camera, keep=keep, progress=progress)
-    # Imported here, so that pictures with fixed samples do not load it.
-    from texbake.rendering.adaptive_pixels.samples import draw_adaptively
+    if prepared.options.is_adaptive:
+        # Imported here, so that pictures with fixed samples do not load it.
+        from texbake.rendering.adaptive_pixels.samples import draw_adaptively
 
-    return draw_adaptively(prepared, camera, keep=keep, progress=progress, clock=clock)
+        frame = draw_adaptively(prepared, camera, keep=keep, progress=progress, clock=clock)
+    else:
+        frame = draw(prepared, camera, keep=keep, progress=progress)
+    if not prepared.options.exposes:
+        return frame
+    return exposed([frame], prepared.options, threads=prepared.threads)[0]

@@ -51,6 +51,8 @@ class Frame:
         Report on the time budget, if there was one.
     texels : TexelReport, optional
         What became of the texels, in texture order.
+    exposure : float, optional
+        Factor of the light, if the picture was exposed; see `texbake.rendering.exposure`.
     """
 
     color: FloatImage
@@ -63,6 +65,7 @@ class Frame:
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None
     texels: TexelReport | None = None
+    exposure: float | None = None
 
     @property
     def height(self) -> int:

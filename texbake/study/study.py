@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
-from texbake.jobs.preview import with_lighting
+from texbake.jobs.preview_scene import with_lighting
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.parallel import resolve_threads

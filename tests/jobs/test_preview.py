@@ -1,0 +1,150 @@
+"""What a preview chooses by itself: light, sides, camera, materials; and what it says of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import texbake
+from texbake.jobs.preview import preview_files
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import cube, uv_sphere
+from texbake.texture.image import read_image
+
+SMALL = {"width": 96, "height": 64}
+BALL = uv_sphere(24, 48)
+HALF = Mesh(
+    positions=BALL.positions,
+    faces=BALL.faces[BALL.positions[BALL.faces].mean(axis=1)[:, 2] < -0.1],
+)
+INSIDE_OUT = Mesh(positions=BALL.positions, faces=np.ascontiguousarray(BALL.faces[:, ::-1]))
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    def draw(mesh, name="mesh.obj", **options):
+        path = tmp_path / name
+        if isinstance(mesh, Mesh):
+            texbake.write_mesh(mesh, path)
+        return preview_files(path, tmp_path / "picture.png", {**SMALL, **options})
+
+    return draw
+
+
+@pytest.mark.parametrize("mesh", [HALF, INSIDE_OUT], ids=["open", "inside out"])
+def test_backs_are_shown_and_told(drawn, mesh):
+    done = drawn(mesh, view=(0.0, 0.0))
+    assert (done.report.coverage > 0).mean() > 0.3
+    (row,) = [text for label, text in done.table() if label == "back faces"]
+    assert float(row.split(" %")[0]) > 90.0
+    assert not done.warnings
+
+
+def test_a_front_is_shown_without_a_word(drawn):
+    assert drawn(HALF, view=(180.0, 0.0)).table() == []
+    assert drawn(BALL).table() == []
+
+
+@pytest.mark.parametrize("mesh", [HALF, BALL], ids=["open", "closed"])
+@pytest.mark.parametrize("back_faces", ["cull", "show"])
+def test_sides_are_as_asked(drawn, mesh, back_faces):
+    done = drawn(mesh, view=(0.0, 0.0), back_faces=back_faces)
+    assert done.report.coverage.any() == (mesh is BALL or back_faces == "show")
+    assert "back faces" not in dict(done.table())
+
+
+def one_color(done):
+    (line,) = [line for line in done.warnings if "the picture has one color" in line]
+    return line.split("one color: ")[1]
+
+
+def test_a_picture_of_one_color_is_told(drawn, tmp_path):
+    said = one_color(drawn(HALF, view=(0.0, 0.0), back_faces="cull"))
+    assert said == "every triangle is seen from behind; draw those with --back-faces show"
+    point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
+    assert one_color(drawn(point)) == "no triangle has an area"
+    assert "another --view" in one_color(drawn(BALL, view=(0.0, 0.0, 1e9)))
+    gltf_ball(tmp_path, extensions={"KHR_materials_unlit": {}},
+              pbrMetallicRoughness={"baseColorFactor": [0, 0, 0, 1]})  # fmt: skip
+    assert one_color(drawn(None, "ball.glb")).startswith("everything is black")
+    assert not drawn(cube()).warnings
+
+
+def gltf_ball(folder, **material):
+    """Write a ball with one material of glTF."""
+    path = folder / "ball.glb"
+    texbake.write_mesh(BALL, path)
+    data = path.read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + length])
+    document["materials"] = [material]
+    document["meshes"][0]["primitives"][0]["material"] = 0
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    head = data[:8] + (20 + len(text) + len(rest)).to_bytes(4, "little")
+    path.write_bytes(head + len(text).to_bytes(4, "little") + b"JSON" + text + rest)
+
+
+@pytest.mark.parametrize("metal", [0.0, 1.0])
+def test_white_materials_do_not_clip_and_black_ones_stay_black(drawn, tmp_path, metal):
+    shares = {}
+    for gray in 0.0, 0.2, 1.0:
+        pbr = {"baseColorFactor": [gray] * 3 + [1], "metallicFactor": metal, "roughnessFactor": 0.3}
+        gltf_ball(tmp_path, pbrMetallicRoughness=pbr)
+        done = drawn(None, "ball.glb")
+        inside = done.report.coverage == 1.0
+        codes = read_image(tmp_path / "picture.png", color=False).pixels[inside] * 255.0
+        assert (codes >= 254.5).any(axis=1).mean() <= 0.01
+        shares[gray] = np.median(codes)
+    assert shares[0.0] < 16 < shares[0.2] < shares[1.0] > 120
+
+
+def test_materials_of_an_obj_file_are_drawn(drawn, tmp_path):
+    texbake.write_mesh(BALL, tmp_path / "ball.obj")
+    text = (tmp_path / "ball.obj").read_text(encoding="utf-8")
+    (tmp_path / "ball.obj").write_text(f"mtllib ball.mtl\nusemtl paint\n{text}", encoding="utf-8")
+    means = {}
+    for color in "1 0 0", "0 0 0":
+        (tmp_path / "ball.mtl").write_text(f"newmtl paint\nKd {color}\n", encoding="utf-8")
+        done = drawn(None, "ball.obj")
+        means[color] = done.report.color[done.report.coverage == 1.0][:, :3].mean(axis=0)
+    red, green, _ = means["1 0 0"]
+    assert red > 0.3
+    assert green < 0.05
+    assert means["0 0 0"].max() < 0.02
+
+
+def test_colors_of_vertices_are_drawn(drawn):
+    colors = np.tile([0.0, 0.5, 0.0, 1.0], (BALL.n_vertices, 1))
+    done = drawn(BALL.replace(colors=colors), "ball.ply")
+    red, green, _ = done.report.color[done.report.coverage == 1.0][:, :3].mean(axis=0)
+    assert green > 4.0 * red
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_size_changes_nothing(drawn, size):
+    shown = drawn(BALL.replace(positions=size * BALL.positions)).report
+    np.testing.assert_allclose(shown.color, drawn(BALL).report.color, atol=1e-3)
+
+
+def test_a_turntable_has_the_exposure_of_its_first_picture(tmp_path):
+    gltf_ball(tmp_path, emissiveFactor=[1, 1, 1])
+    one, three = (
+        preview_files(tmp_path / "ball.glb", tmp_path / f"turn{n}", SMALL, n_views=n)
+        for n in (1, 3)
+    )
+    assert one.report.exposure == three.report.exposure < 1.0
+    assert (one.report.color != three.report.color).any()
+
+
+def test_pictures_side_by_side_share_one_exposure(tmp_path):
+    gltf_ball(tmp_path, emissiveFactor=[1, 1, 1])
+    preview_files(
+        tmp_path / "ball.glb",
+        tmp_path / "both.png",
+        SMALL,
+        interpolations=("perspective", "affine"),
+    )
+    pixels = read_image(tmp_path / "both.png", color=False).pixels
+    assert pixels.max() < 1.0

@@ -1,0 +1,189 @@
+"""How a preview shows a file that does not say how: which sides, and where from.
+
+What the set-up found is told beside the picture, as is a picture with nothing to be seen in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from texbake.files import PathLike
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import surface_side
+from texbake.rendering.camera import Camera
+from texbake.rendering.framing import framed
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.resolve import Frame
+from texbake.rendering.scene.scene import Scene, camera_of, outline
+from texbake.rendering.simplified_material import is_hidden
+from texbake.texture.encoding import quantize_srgb
+
+# Light below this has the 8-bit code 0.
+BLACK = 0.5 / 255.0 / 12.92
+
+
+@dataclass(frozen=True, eq=False)
+class DefaultView:
+    """How a scene is shown.
+
+    Attributes
+    ----------
+    path : path
+        The file.
+    scene : Scene
+    options : RenderOptions
+    camera : Camera, optional
+        None for the scene's own.
+    n_strays : int
+        Triangles that the camera leaves out because they lie far from all others.
+    side : str
+        As `surface_side` has it; "" if it was not asked.
+    """
+
+    path: PathLike
+    scene: Scene
+    options: RenderOptions
+    camera: Camera | None = None
+    n_strays: int = 0
+    side: str = ""
+
+    def table(self, frame: Frame) -> list[tuple[str, str]]:
+        """Return rows of what was chosen for this picture, where it changes it."""
+        rows = []
+        if frame.exposure is not None and frame.exposure < 1.0:
+            rows.append(("exposure", f"{frame.exposure:.2f}, so that white does not clip"))
+        share = self._share_of_backs(frame)
+        if share > 0.0:
+            cause = "inside out" if self.side == "back" else "open"
+            rows.append(
+                ("back faces", f"{100.0 * share:.1f} % of the mesh in the picture; it is {cause}")
+            )
+        return rows
+
+    def _share_of_backs(self, frame: Frame) -> float:
+        if self.side not in ("both", "back") or self.options.mapping_order != "screen":
+            return 0.0
+        return _share_of_backs(self.scene, frame, self._camera)
+
+    @property
+    def _camera(self) -> Camera:
+        return self.camera or camera_of(self.scene, self.options)
+
+    def warnings(self, frame: Frame) -> Iterator[str]:
+        """Yield a line if the picture leaves something out, or if nothing can be seen in it."""
+        if self.n_strays:
+            what = "1 triangle lies" if self.n_strays == 1 else f"{self.n_strays:,} triangles lie"
+            yield (
+                f"{self.path}: {what} far from all others and may be outside of the picture; "
+                "--view AZ,EL,DIST shows more"
+            )
+        if self.options.buffer is None:
+            cause = _one_color(self.scene, self.options, frame, self._camera)
+            if cause:
+                yield f"{self.path}: the picture has one color: {cause}"
+
+
+def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> DefaultView:
+    """Choose the sides and the camera for a mesh or a model, where nothing says how.
+
+    Back faces are shown if a mesh is open, or closed and inside out; materials of a glTF file say
+    themselves which sides they have. A scene file says everything.
+    """
+    if Path(path).suffix.lower() == ".toml":
+        return DefaultView(path, scene, options)
+    meshes = [outline(item) for item in scene.objects]
+    side = ""
+    if options.back_faces is None:
+        asking = [
+            mesh
+            for mesh, item in zip(meshes, scene.objects, strict=True)
+            if item.material.double_sided is None
+        ]
+        side = surface_side(_joined(asking)) if asking else "front"
+        options = replace(options, back_faces="cull" if side == "front" else "show")
+    if scene.view is not None or options.distance is not None:
+        return DefaultView(path, scene, options, side=side)
+    seen = [
+        mesh
+        for mesh, item in zip(meshes, scene.objects, strict=True)
+        if item.visible and not is_hidden(item.material)
+    ]
+    found = framed(seen or meshes, options)
+    return DefaultView(path, scene, options, found.camera, found.n_strays, side)
+
+
+def _joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Return one mesh of all faces; the objects of a surface with several materials are one."""
+    if len(meshes) == 1:
+        return meshes[0]
+    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    positions = np.concatenate([mesh.positions for mesh in meshes])
+    return Mesh(positions=positions, faces=np.concatenate(faces))
+
+
+def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
+    """Share of the pixels with a surface in which its back is seen."""
+    ids = frame.face_ids[frame.face_ids >= 0]
+    if any(item.material.displacement is not None for item in scene.objects) or not len(ids):
+        return 0.0
+    meshes = [outline(item) for item in scene.objects]
+    counts = np.bincount(ids, minlength=sum(mesh.n_faces for mesh in meshes))
+    n_backs, first = 0, 0
+    for mesh in meshes:
+        here = counts[first : first + mesh.n_faces]
+        seen = np.flatnonzero(here).astype(np.int32)
+        n_backs += int(here[seen[_facing(mesh, seen, camera) < 0.0]].sum())
+        first += mesh.n_faces
+    return n_backs / len(ids)
+
+
+def _facing(mesh: Mesh, faces: IntArray | slice, camera: Camera) -> FloatArray:
+    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 without area."""
+    corners = mesh.positions[mesh.faces[faces]] - camera.eye
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(-(normals * corners[:, 0]).sum(axis=1))
+
+
+def _one_color(scene: Scene, options: RenderOptions, frame: Frame, camera: Camera) -> str:
+    """Return why nothing can be seen in a picture; "" if something can."""
+    if not frame.coverage.any():
+        return _why_nothing(scene, options, camera)
+    if _is_black(frame):
+        return "everything is black; its materials are black, or no light reaches it"
+    codes = quantize_srgb(frame.color[0, 0, :3], 8)
+    if (frame.coverage == 1.0).all() and (quantize_srgb(frame.color[..., :3], 8) == codes).all():
+        return "a single surface fills it; move the camera with --view AZ,EL,DIST"
+    return ""
+
+
+def _is_black(frame: Frame) -> bool:
+    """Whether all surfaces of a picture have the 8-bit code 0."""
+    some = frame.color[::16, ::16][frame.coverage[::16, ::16] == 1.0][:, :3]
+    if some.size and some.max() >= BLACK:  # as most pictures
+        return False
+    whole = frame.coverage == 1.0
+    light = frame.color[whole if whole.any() else frame.coverage > 0.0][:, :3]
+    return bool(light.max() < BLACK)
+
+
+def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
+    """Return why no surface is in a picture."""
+    shown = [item for item in scene.objects if item.visible and not is_hidden(item.material)]
+    if not shown:
+        return "all objects are hidden or entirely transparent"
+    facing = [_facing(outline(item), slice(None), camera) for item in shown]
+    if not any(side.any() for side in facing):
+        return "no triangle has an area"
+    culls = [
+        item.material.double_sided is False
+        or (item.material.double_sided is None and options.back_faces != "show")
+        for item in shown
+    ]
+    if all(cull and not (side > 0.0).any() for cull, side in zip(culls, facing, strict=True)):
+        return "every triangle is seen from behind; draw those with --back-faces show"
+    return "nothing is in front of the camera or large enough to see; choose another --view"
