@@ -70,7 +70,7 @@ def exposure_of(frames: Sequence[Frame], *, threads: int | None = None) -> float
         [frame.color[frame.coverage == 1.0][:, :3].max(axis=1) for frame in frames]
     )
     place = int((1.0 - _BRIGHT) * n_covered)
-    return 1.0 / float(np.partition(peaks, place)[place])
+    return 1.0 / float(np.sort(peaks, kind="stable")[place])
 
 
 def _counts(frame: Frame, threads: int | None) -> IntArray:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.parallel import run_bands
@@ -76,7 +76,7 @@ def _fitted(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera | No
     """Return the camera whose picture the points fill; None if they are too large for float64."""
     axes = view_axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
     right, up, back = axes
-    tall = _FILL * math.tan(math.radians(options.fov) / 2)
+    tall = _FILL * pm.tan(math.radians(options.fov) / 2)
     wide = tall * options.width / options.height
     # A point (x, y, z) along the axes is in the picture of an eye at (X, Y, Z) if
     # x + wide z <= X + wide Z and -x + wide z <= -X + wide Z, and likewise for y.
