@@ -12,6 +12,7 @@ import sys
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 from texbake.errors import OptionError
 
@@ -26,6 +27,16 @@ def default_threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def module_path() -> str:
+    """Return `PYTHONPATH` for child processes that are to import what this one does.
+
+    The current folder is in it only if this very package was imported from there.
+    """
+    own = str(Path(__file__).resolve().parents[1])
+    folders = [folder for folder in sys.path if folder]
+    return os.pathsep.join(folders if own in folders else [own, *folders])
 
 
 def resolve_threads(threads: int | None) -> int:

@@ -7,9 +7,10 @@ import sys
 
 import pytest
 
-from texbake.core import core, library
+from texbake.core import builds, core, library
+from texbake.core.builds import SUFFIX, find_builds
 from texbake.core.declarations import read_prototype
-from texbake.core.library import FOLDER, SUFFIX, load_library
+from texbake.core.library import load_library
 from texbake.errors import DependencyError
 
 
@@ -26,7 +27,7 @@ CHECKED = [name for name, match in core._prototypes.items() if read_prototype(ma
 
 
 def test_every_declared_function_is_exported_by_every_build():
-    for path in FOLDER.glob(f"core-*{SUFFIX}"):
+    for path in find_builds().values():
         loaded = library._load(path)
         names = [*core._prototypes, *(f"checked_{name}" for name in CHECKED)]
         missing = [name for name in names if not hasattr(loaded, name)]
@@ -34,14 +35,16 @@ def test_every_declared_function_is_exported_by_every_build():
 
 
 def test_the_library_has_no_python_in_it():
-    for path in FOLDER.glob(f"core-*{SUFFIX}"):
+    for path in find_builds().values():
         content = path.read_bytes()
         assert b"PyObject" not in content
         assert b"Py_" not in content
 
 
 def test_without_a_library_the_message_says_what_to_do(monkeypatch, tmp_path):
-    monkeypatch.setattr(library, "FOLDER", tmp_path)
+    (tmp_path / "core.h").touch()
+    monkeypatch.setattr(builds, "FOLDER", tmp_path)
+    monkeypatch.setattr(builds, "sources_checksum", lambda: "")
     monkeypatch.delenv("TEXBAKE_CORE", raising=False)
     with pytest.raises(DependencyError, match="install texbake again with: pip install"):
         load_library()

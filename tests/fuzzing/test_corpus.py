@@ -9,8 +9,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from core_targets import READ, UNREACHED
 from read_corpus import folder_of
 
+from texbake.core.builds import FOLDER
 from texbake.core.declarations import split_prototypes
-from texbake.core.library import FOLDER
 
 
 def test_each_input_is_read_or_refused_and_each_function_of_the_core_called():

@@ -35,7 +35,7 @@ from texbake.building.task import (
 from texbake.core.signal_watch import end_with_parent
 from texbake.files import new_scratch_folder
 from texbake.machine_memory import limit_own_memory
-from texbake.parallel import require_thread_memory
+from texbake.parallel import module_path, require_thread_memory
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
@@ -187,6 +187,7 @@ class _Process:
                 env={
                     **os.environ,
                     **dict.fromkeys(names, str(threads)),
+                    "PYTHONPATH": module_path(),
                     "TMPDIR": str(self._scratch),
                 },
             )

@@ -72,12 +72,10 @@ class BuildWithCore(build_py):  # type: ignore[misc]  # setuptools has no types 
         """Copy and compile."""
         super().run()
         if self.editable_mode:
-            compile_core.build(compile_core.FOLDER)
+            compile_core.remove_others(compile_core.build(compile_core.FOLDER))
             return
         folder = Path(self.build_lib) / "texbake" / "core"
-        for stale in folder.glob("core-*"):  # of another machine, or of an earlier build in place
-            stale.unlink()
-        compile_core.build(folder, _target())
+        compile_core.remove_others(compile_core.build(folder, _target()))
 
 
 class PlatformWheel(bdist_wheel):  # type: ignore[misc]

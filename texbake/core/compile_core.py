@@ -13,6 +13,7 @@ it runs before anything is installed.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import platform
 import shutil
@@ -20,13 +21,14 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from builds import FOLDER, library_name, sources_checksum
 from checks import checked_source
 from declarations import read_prototype, split_prototypes
 
-FOLDER = Path(__file__).parent
 # No fused multiply-adds and nothing reordered: every build gives the same bytes. Without errno and
 # traps, loops with square roots and conditions can use vector instructions; no result changes.
 FLAGS = (
@@ -90,15 +92,31 @@ def this_machine() -> Target:
 
 
 def find_compiler() -> list[str] | None:
-    """Return the command of the compiler that is there, or None."""
+    """Return the command of the compiler that is there, or None.
+
+    Raises
+    ------
+    SystemExit
+        `CC` names a program that is not there.
+    """
     named = os.environ.get("CC", "").split()
+    if named and not shutil.which(named[0]):
+        raise SystemExit(f"CC: there is no program '{named[0]}'; name a C compiler, or unset CC")
     if named:
         return named
     return next(([name] for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
 
 
 def zig_compiler() -> list[str]:
-    """Return the command of the compiler in the package `ziglang`."""
+    """Return the command of the compiler in the package `ziglang`.
+
+    Raises
+    ------
+    SystemExit
+        It is not installed.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise SystemExit("texbake: there is no C compiler, and the package ziglang is missing")
     return [sys.executable, "-m", "ziglang", "cc"]
 
 
@@ -111,7 +129,8 @@ def build_for_fuzzer(folder: Path) -> Path:
     is_there = shutil.which("clang") is not None
     compiler = ["clang"] if is_there else zig_compiler()
     flags = list(FUZZER_FLAGS if is_there else FUZZER_FLAGS_OF_ZIG)
-    return _build_level(folder, this_machine(), compiler, "fuzz", flags, link_sanitizers=False)
+    library = folder / f"core-fuzz{this_machine().suffix}"
+    return _build_library(library, this_machine(), compiler, flags, link_sanitizers=False)
 
 
 def build(folder: Path, target: Target | None = None, *, sanitize: bool = False) -> list[Path]:
@@ -135,12 +154,22 @@ def build(folder: Path, target: Target | None = None, *, sanitize: bool = False)
         target.zig_target,
     ]
     if sanitize:
-        return [_build_level(folder, target, compiler, "sanitized", list(SANITIZER_FLAGS))]
+        library = folder / f"core-sanitized{target.suffix}"
+        return [_build_library(library, target, compiler, list(SANITIZER_FLAGS))]
+    checksum = sources_checksum()
     libraries = []
     for level in target.levels:
         flags = [*FLAGS, *_tuning(compiler, level)]
-        libraries.append(_build_level(folder, target, compiler, level, flags))
+        library = folder / library_name(level, checksum, target.suffix)
+        libraries.append(_build_library(library, target, compiler, flags))
     return libraries
+
+
+def remove_others(libraries: list[Path]) -> None:
+    """Remove builds of other sources, or of another machine, from the folder of these."""
+    for stale in set(libraries[0].parent.glob("core-*")) - set(libraries):
+        with suppress(OSError):  # on Windows, one that is in use
+            stale.unlink()
 
 
 def _tuning(compiler: list[str], level: str) -> list[str]:
@@ -155,16 +184,14 @@ def _tuning(compiler: list[str], level: str) -> list[str]:
     return [tuned, "-mno-fma"]
 
 
-def _build_level(
-    folder: Path,
+def _build_library(
+    library: Path,
     target: Target,
     compiler: list[str],
-    level: str,
     flags: list[str],
     *,
     link_sanitizers: bool = True,
 ) -> Path:
-    library = folder / f"core-{level}{target.suffix}"
     with tempfile.TemporaryDirectory() as scratch:
         sources = [*sorted(FOLDER.glob("*.c")), _write_checks(Path(scratch))]
         objects = [Path(scratch) / f"{source.stem}.o" for source in sources]
@@ -216,8 +243,10 @@ def main() -> None:
     if options.fuzz:
         print(build_for_fuzzer(options.folder))
         return
-    for library in build(options.folder, sanitize=options.sanitize):
-        print(library)
+    libraries = build(options.folder, sanitize=options.sanitize)
+    print(*libraries, sep="\n")
+    if options.folder == FOLDER:
+        remove_others(libraries)
 
 
 if __name__ == "__main__":

@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import ctypes
 import os
-import sys
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from texbake.core.builds import FOLDER, SUFFIX, BuildError, find_builds
 from texbake.core.checks import checksum
 from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
-
-FOLDER = Path(__file__).parent
-SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 class Core:
@@ -80,7 +77,7 @@ def check_header(library: ctypes.CDLL, header: str) -> None:
     if tell is None or tell() != checksum(header):
         raise DependencyError(
             f"{library._name}: it was not compiled from these sources; install texbake again, or "
-            "in a checkout run: python texbake/core/compile_core.py"
+            "compile the library that TEXBAKE_CORE names again"
         )
 
 
@@ -95,10 +92,17 @@ def load_library() -> ctypes.CDLL:
     wanted = os.environ.get("TEXBAKE_CORE", "")
     if wanted and Path(wanted).suffix == SUFFIX:
         return _load(Path(wanted))
-    built = {path.stem.removeprefix("core-"): path for path in FOLDER.glob(f"core-*{SUFFIX}")}
+    try:
+        built = find_builds()
+    except BuildError as error:
+        checkout = FOLDER.parents[1]
+        raise DependencyError(
+            f"no core is compiled for the sources in {checkout}: {error}; "
+            f"run: pip install {checkout}"
+        ) from error
     if not built:
         raise DependencyError(
-            f"texbake: the compiled core is not in {FOLDER}; install texbake again with: "
+            f"the compiled core is not in {FOLDER}; install texbake again with: "
             "pip install --force-reinstall --no-deps texbake"
         )
     if wanted:

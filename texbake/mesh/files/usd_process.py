@@ -18,6 +18,7 @@ from texbake import errors
 from texbake.errors import FileFormatError, TexbakeError
 from texbake.files import PathLike, require_file
 from texbake.mesh.files.answers import AnswerError, Classes, receive
+from texbake.parallel import module_path
 
 _CHILD = "texbake.mesh.files.usd_child"
 # One thread reads as fast as several here, and its memory can be limited.
@@ -70,7 +71,7 @@ def _asked(path: PathLike, question: str, classes: Classes) -> tuple[str, Any] |
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, **_ONE_THREAD, "PYTHONPATH": _module_path()},
+        env={**os.environ, **_ONE_THREAD, "PYTHONPATH": module_path()},
     ) as child:
         assert child.stdout is not None
         try:
@@ -82,11 +83,6 @@ def _asked(path: PathLike, question: str, classes: Classes) -> tuple[str, Any] |
         finally:
             # The child answers or it is not needed; a signal that ends this process comes here too.
             child.kill()
-
-
-def _module_path() -> str:
-    """Folders in which this process looks for modules; the folder it runs in is none of them."""
-    return os.pathsep.join(folder for folder in sys.path if folder)
 
 
 def _answer(file: IO[bytes], classes: Classes) -> tuple[str, Any]:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from texbake.parallel import require_thread_memory, resolve_threads
+from texbake.parallel import module_path, require_thread_memory, resolve_threads
 
 Result = TypeVar("Result")
 
@@ -205,8 +205,11 @@ class _Worker:
         pipe = subprocess.PIPE
         # The same import path as here; -P keeps modules beside the script out of it. With one
         # worker per processor, threads inside a worker would only compete.
-        paths = os.pathsep.join(filter(None, sys.path))
-        environment = {**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": module_path(),
+            "OPENBLAS_NUM_THREADS": "1",
+        }
         self.process = subprocess.Popen(
             [sys.executable, "-P", str(script)],
             stdin=pipe,
