@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import IO, Any
 
 import click
@@ -59,9 +60,20 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
     except KeyboardInterrupt as error:
         raise Failure("texbake: interrupted", 130) from error
     except Exception as error:
+        if isinstance(error, FileNotFoundError) and _folder_was_deleted():
+            message = "texbake: the current folder was deleted; change to another folder"
+            raise Failure(message, 1) from error
         if not is_out_of_memory(error):
             raise
         raise Failure(f"texbake: out of memory; {_memory_advice(_command(ctx))}", 1) from error
+
+
+def _folder_was_deleted() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _memory_advice(command: click.Command | None) -> str:

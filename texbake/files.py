@@ -315,9 +315,8 @@ def _target_of(path: PathLike) -> Path:
     """Resolve the symbolic links of a path; raise `FileError` if no file can be written there."""
     try:
         target = Path(os.path.realpath(path))
-        target.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        pass
+        with suppress(FileNotFoundError, NotADirectoryError):
+            target.lstat()
     except (OSError, ValueError) as error:  # such as a name that is too long
         raise FileError(f"{path}: cannot be written: {_reason(error)}") from error
     if target.is_dir():

@@ -1,5 +1,6 @@
 """Each map without secondary rays against closed forms and exact counts."""
 
+import pickle
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +12,7 @@ from texbake.baking.bake import bake
 from texbake.baking.codings import id_colors
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.map_names import MAP_NAMES, MATERIAL_MAPS
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
@@ -51,6 +52,23 @@ def test_every_map_is_listed_under_its_name():
     assert tuple(MAPS) == MAP_NAMES
     assert all(kind.name == name for name, kind in MAPS.items())
     assert {kind.combine for kind in MAPS.values()} == {"mean", "unit mean", "first"}
+
+
+def test_a_result_is_the_same_after_pickling():
+    high = halves(colors=np.full((81, 3), 0.25))
+    maps = [name for name in MAP_NAMES if name not in MATERIAL_MAPS]
+    options = BakeOptions(size=8, maps=tuple(maps), secondary_rays=4, keep_hits=True)
+    result = bake(high, plane(), options)
+    again = pickle.loads(pickle.dumps(result))
+    assert list(again.maps) == maps
+    for name, found in again.maps.items():
+        assert found.kind is MAPS[name]
+        np.testing.assert_array_equal(found.values, result.maps[name].values)
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_every_kind_is_itself_after_pickling(name):
+    assert pickle.loads(pickle.dumps(MAPS[name])) is MAPS[name]
 
 
 def test_a_normal_map_computes_nothing_of_the_others():

@@ -665,3 +665,20 @@ def test_invalid_options() -> None:
         with pytest.raises(OptionError):
             BuildOptions(**choice)  # type: ignore[arg-type]
     assert parse_bytes("2 GiB") == 2 * 1024**3
+
+
+def test_a_build_with_nothing_to_do_needs_no_lock(scans: Path, contents: Contents) -> None:
+    folder = scans.parent / "build"
+    first = build(scans)
+    lock = folder / ".texbake" / "lock"
+    lock.unlink(missing_ok=True)
+    lock.mkdir()  # no lock can be had, as on a file system that is read-only
+    before, events = contents(folder), list[BuildEvent]()
+    again = build(scans, listener=events.append)
+    states = {step.state for asset in again.assets for step in asset.steps}
+    assert again.ok and states == {"current"}
+    assert len(events) == 2 + len(first.assets) * 2
+    assert contents(folder) == before
+    write_mesh(uv_sphere(9, 8), scans.parent / "a.ply")
+    with pytest.raises(FileError, match="cannot be locked"):
+        build(scans)

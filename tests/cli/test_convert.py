@@ -86,3 +86,13 @@ def test_the_package_is_a_program(workplace: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("wrote low.off\n")
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+def test_a_name_may_be_as_long_as_a_file_may_have(invoke, tmp_path, monkeypatch, suffix):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(uv_sphere(4, 8), "sphere.obj")
+    name = "a" * (255 - len(suffix)) + suffix
+    result = invoke(["convert", "sphere.obj", name])
+    assert result.exit_code == 0, result.output
+    assert read_mesh(name).n_faces == uv_sphere(4, 8).n_faces

@@ -270,3 +270,17 @@ def test_what_had_no_memory_in_passing_prints_no_traceback() -> None:
     )
     assert "a bug" in done.stderr
     assert "MemoryError" not in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder in use cannot be deleted there")
+@pytest.mark.parametrize(
+    "line", ["make plane -o a.obj", "convert a.obj b.obj", "bake a.obj b.obj -o c", "demo"]
+)
+def test_a_deleted_current_folder_is_an_error_of_one_line(tmp_path, monkeypatch, line):
+    folder = tmp_path / "deleted"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    result = CliRunner().invoke(texbake, line.split())
+    assert (result.exit_code, result.output.count("\n")) == (1, 1), result.output
+    assert isinstance(result.exception, SystemExit)

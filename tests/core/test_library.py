@@ -142,3 +142,21 @@ def test_both_levels_of_instructions_give_the_same_bytes():
 
 def test_any_number_of_threads_gives_the_same_bytes():
     assert len({digest_of_the_whole_job(threads) for threads in (1, 2, 7)}) == 1
+
+
+IN_A_THREAD = """
+import sys
+import threading
+
+threading.stack_size(256 << 10)
+thread = threading.Thread(target=exec, args=(sys.argv.pop(1), {}))
+thread.start()
+thread.join()
+"""
+
+
+def test_a_job_runs_in_threads_with_small_stacks():
+    command = [sys.executable, "-P", "-c", IN_A_THREAD, WHOLE_JOB, "2"]
+    finished = subprocess.run(command, capture_output=True, text=True)
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert finished.stdout == digest_of_the_whole_job()

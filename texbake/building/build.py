@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -12,9 +12,9 @@ from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.assets import find_assets
+from texbake.building.assets import PipelineAsset, find_assets
 from texbake.building.digests import Digests
-from texbake.building.disk import locked
+from texbake.building.disk import LockError, locked
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, plan_nodes
 from texbake.building.locations import is_url
@@ -107,8 +107,14 @@ def build(
     site = Site(pipeline, options)
     site.make()
 
-    with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
-        result = _build(pipeline, site, options, listener, workers)
+    try:
+        with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
+            result = _build(pipeline, site, options, listener, workers)
+    except LockError:  # such as in a folder that is read-only
+        current = _current_result(pipeline, site, options, listener)
+        if current is None:
+            raise
+        result = current
     if html is not None:
         from texbake.building.overview import write_overview
 
@@ -127,9 +133,15 @@ def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[Plan
     options = options or BuildOptions()
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
-    states = states_of(plan_nodes(pipeline, find_assets(pipeline, options.only), site.outputs))
+    return _planned_steps(pipeline, site, find_assets(pipeline, options.only))[1]
+
+
+def _planned_steps(
+    pipeline: Pipeline, site: Site, assets: Sequence[PipelineAsset]
+) -> tuple[dict[Id, StepState], list[PlannedStep]]:
+    states = states_of(plan_nodes(pipeline, assets, site.outputs))
     resolver, publisher = site.resolver(states)
-    return [_planned(state, states, resolver, publisher) for state in states.values()]
+    return states, [_planned(state, states, resolver, publisher) for state in states.values()]
 
 
 class Site:
@@ -195,7 +207,7 @@ def _build(
     listener: BuildListener,
     workers: Executor | None,
 ) -> BuildResult:
-    started, start = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
+    started, start = _now()
     assets = find_assets(pipeline, options.only)
     states = states_of(plan_nodes(pipeline, assets, site.outputs))
     site.store.clean()
@@ -207,15 +219,7 @@ def _build(
     write_build_report(site.folder / REPORT, begun)
 
     def result(state: str) -> BuildResult:
-        return BuildResult(
-            pipeline=str(pipeline.path),
-            folder=site.folder,
-            state=state,
-            started=started,
-            seconds=time.perf_counter() - start,
-            options={**asdict(options), "folder": str(site.folder)},
-            assets=asset_results([asset.name for asset in assets], states, site.outputs),
-        )
+        return _result(pipeline, site, options, assets, states, state, (started, start))
 
     listener(BuildEvent(event="began", total=len(states)))
     state = INTERRUPTED
@@ -232,6 +236,57 @@ def _build(
         write_build_report(site.folder / REPORT, ended.to_json())
     listener(BuildEvent(event="ended", done=len(states), total=len(states)))
     return ended
+
+
+def _current_result(
+    pipeline: Pipeline, site: Site, options: BuildOptions, listener: BuildListener
+) -> BuildResult | None:
+    """Return the result of a build that has nothing to do and writes nothing, or None."""
+    begun = _now()
+    assets = find_assets(pipeline, options.only)
+    states, steps = _planned_steps(pipeline, site, assets)
+    if any((step.state, step.why) != (progress.CURRENT, "") for step in steps):
+        return None
+    listener(BuildEvent(event="began", total=len(steps)))
+    for done, step in enumerate(steps, start=1):
+        listener(
+            BuildEvent(
+                event="step",
+                asset=step.asset,
+                step=step.step,
+                state=step.state,
+                done=done,
+                total=len(steps),
+            )
+        )
+    listener(BuildEvent(event="ended", done=len(steps), total=len(steps)))
+    return _result(pipeline, site, options, assets, states, FINISHED, begun)
+
+
+def _now() -> tuple[str, float]:
+    """Return the time of day, and a time to measure from."""
+    return datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
+
+
+def _result(
+    pipeline: Pipeline,
+    site: Site,
+    options: BuildOptions,
+    assets: Sequence[PipelineAsset],
+    states: dict[Id, StepState],
+    state: str,
+    begun: tuple[str, float],
+) -> BuildResult:
+    started, start = begun
+    return BuildResult(
+        pipeline=str(pipeline.path),
+        folder=site.folder,
+        state=state,
+        started=started,
+        seconds=time.perf_counter() - start,
+        options={**asdict(options), "folder": str(site.folder)},
+        assets=asset_results([asset.name for asset in assets], states, site.outputs),
+    )
 
 
 def _run(

@@ -23,6 +23,10 @@ _POLL_SECONDS = 0.2
 _FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
 
 
+class LockError(FileError):
+    """A lock file cannot be made, or its file system has no locks."""
+
+
 @contextmanager
 def locked(
     path: Path, *, wait: bool = True, note: Callable[[str], None] | None = None
@@ -41,8 +45,10 @@ def locked(
 
     Raises
     ------
+    LockError
+        The file cannot be made, or its file system has no locks.
     FileError
-        Another process holds the lock, the file cannot be made, or its file system has no locks.
+        Another process holds the lock.
     """
     lock = FileLock(path)
     holder = path.with_name(f"{path.name}.holder")
@@ -60,7 +66,7 @@ def locked(
     except FileError:
         raise
     except OSError as error:
-        raise FileError(
+        raise LockError(
             f"{path}: cannot be locked: {error.strerror or error}; "
             "give a `folder` on a file system that has locks"
         ) from error

@@ -3,6 +3,8 @@
     python texbake/core/compile_core.py        into this folder, for this machine
     python texbake/core/compile_core.py --sanitize --folder build
                                                with AddressSanitizer and UndefinedBehaviorSanitizer
+    python texbake/core/compile_core.py --strict --folder build
+                                               with every warning as an error
     python texbake/core/compile_core.py --fuzz --folder build
                                                by clang, with branches counted for libFuzzer as well
 
@@ -31,9 +33,10 @@ from declarations import read_prototype, split_prototypes
 
 # No fused multiply-adds and nothing reordered: every build gives the same bytes. Without errno and
 # traps, loops with square roots and conditions can use vector instructions; no result changes.
+# Large frames are warned of because a thread may have a stack of 256 KiB: take an arena.
 FLAGS = (
     "-std=c17", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC",
-    "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas",
+    "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas", "-Wframe-larger-than=16384",
 )  # fmt: skip
 SANITIZER_FLAGS = (
     "-std=c17", "-O2", "-g", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden",
@@ -133,7 +136,13 @@ def build_for_fuzzer(folder: Path) -> Path:
     return _build_library(library, this_machine(), compiler, flags, link_sanitizers=False)
 
 
-def build(folder: Path, target: Target | None = None, *, sanitize: bool = False) -> list[Path]:
+def build(
+    folder: Path,
+    target: Target | None = None,
+    *,
+    sanitize: bool = False,
+    strict: bool = False,
+) -> list[Path]:
     """Compile the core into a folder; return its libraries, one a level of instructions.
 
     Parameters
@@ -159,7 +168,7 @@ def build(folder: Path, target: Target | None = None, *, sanitize: bool = False)
     checksum = sources_checksum()
     libraries = []
     for level in target.levels:
-        flags = [*FLAGS, *_tuning(compiler, level)]
+        flags = [*FLAGS, *_tuning(compiler, level), *(["-Werror"] if strict else [])]
         library = folder / library_name(level, checksum, target.suffix)
         libraries.append(_build_library(library, target, compiler, flags))
     return libraries
@@ -237,13 +246,14 @@ def main() -> None:
     """Compile the core for this machine, beside its sources."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--sanitize", action="store_true", help="with sanitizers, for the tests")
+    parser.add_argument("--strict", action="store_true", help="with every warning as an error")
     parser.add_argument("--fuzz", action="store_true", help="with counted branches, for a fuzzer")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the library goes")
     options = parser.parse_args()
     if options.fuzz:
         print(build_for_fuzzer(options.folder))
         return
-    libraries = build(options.folder, sanitize=options.sanitize)
+    libraries = build(options.folder, sanitize=options.sanitize, strict=options.strict)
     print(*libraries, sep="\n")
     if options.folder == FOLDER:
         remove_others(libraries)

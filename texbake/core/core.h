@@ -1209,7 +1209,7 @@ void combine_samples(
     const float neutral[n_channels], int64_t mode);
 
 /* tile_bundles.c */
-void cast_bundles(
+int64_t cast_bundles(
     int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double leaves[n_leaves][9][8], const int32_t ids[n_leaves][8],
     const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],

@@ -24,6 +24,7 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "arena.h"
 #include "core.h"
 #include "exact_cross.h"
 #include "morton_tree.h"
@@ -834,45 +835,45 @@ static int64_t divide(int64_t n, int64_t *chosen, const int places[RAYS])
     return n_first;
 }
 
-/* Cast up to RAYS rays of one heading; those that diverge too much, in smaller bundles. */
+/* Cast up to RAYS rays of one heading; those that diverge too much, in smaller bundles.
+   `bundle` is scratch memory. */
 static void cast_bundle(
     int64_t n, int64_t *chosen, int direction, const struct tree *tree, const struct rays *rays,
-    const struct results *results)
+    const struct results *results, struct bundle *bundle)
 {
-    struct bundle bundle;
     const int z = direction / 2, next = (z + 1) % 3, other = (z + 2) % 3;
-    bundle.descending = direction % 2;
+    bundle->descending = direction % 2;
     /* Exchanged where z descends, which preserves the winding. */
-    bundle.order[0] = bundle.descending ? other : next;
-    bundle.order[1] = bundle.descending ? next : other;
-    bundle.order[2] = z;
+    bundle->order[0] = bundle->descending ? other : next;
+    bundle->order[1] = bundle->descending ? next : other;
+    bundle->order[2] = z;
     int places[RAYS];
-    load_bundle(&bundle, n, chosen, rays, results->nearest, places);
-    if (!place_planes(&bundle, tree))
+    load_bundle(bundle, n, chosen, rays, results->nearest, places);
+    if (!place_planes(bundle, tree))
         return;
-    const double halfway = 0.5 * (bundle.planes[0] + bundle.planes[1]) - bundle.z[places[0]];
-    bundle.middle[0] = bundle.x[places[0]] + bundle.slope_x[places[0]] * halfway;
-    bundle.middle[1] = bundle.y[places[0]] + bundle.slope_y[places[0]] * halfway;
-    choose_axes(&bundle);
-    measure_axis(&bundle, &bundle.across, false);
-    measure_axis(&bundle, &bundle.down, true);
-    const bool is_done = walk(&bundle, tree, results);
+    const double halfway = 0.5 * (bundle->planes[0] + bundle->planes[1]) - bundle->z[places[0]];
+    bundle->middle[0] = bundle->x[places[0]] + bundle->slope_x[places[0]] * halfway;
+    bundle->middle[1] = bundle->y[places[0]] + bundle->slope_y[places[0]] * halfway;
+    choose_axes(bundle);
+    measure_axis(bundle, &bundle->across, false);
+    measure_axis(bundle, &bundle->down, true);
+    const bool is_done = walk(bundle, tree, results);
     for (int64_t k = 0; k < n; k++) {
-        results->nearest[chosen[k]] = bundle.nearest[places[k]];
-        if (bundle.slots[places[k]] >= 0)
-            refine(&bundle, places[k], tree, rays, results);
+        results->nearest[chosen[k]] = bundle->nearest[places[k]];
+        if (bundle->slots[places[k]] >= 0)
+            refine(bundle, places[k], tree, rays, results);
     }
     if (is_done)
         return;
     const int64_t n_first = divide(n, chosen, places);
-    cast_bundle(n_first, chosen, direction, tree, rays, results);
-    cast_bundle(n - n_first, chosen + n_first, direction, tree, rays, results);
+    cast_bundle(n_first, chosen, direction, tree, rays, results, bundle);
+    cast_bundle(n - n_first, chosen + n_first, direction, tree, rays, results, bundle);
 }
 
 /* Cast rays that stand together, in one bundle for each chart and heading. */
 static void cast_together(
     int64_t first, int64_t end, const struct tree *tree, const struct rays *rays,
-    const struct results *results)
+    const struct results *results, struct bundle *bundle)
 {
     int headings[RAYS];
     for (int64_t i = first; i < end; i++)
@@ -888,7 +889,7 @@ static void cast_together(
                 headings[j - first] = -1;
                 chosen[n++] = j;
             }
-        cast_bundle(n, chosen, direction, tree, rays, results);
+        cast_bundle(n, chosen, direction, tree, rays, results, bundle);
     }
 }
 
@@ -897,7 +898,7 @@ static void cast_together(
    each other. `nearest`, `backs` and the other results begin with what other trees gave: the
    distances of the nearest hit and of the nearest back face, as the test has computed them, and the
    hit itself, refined. */
-void cast_bundles(
+int64_t cast_bundles(
     int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double leaves[n_leaves][9][8], const int32_t ids[n_leaves][8],
     const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
@@ -906,6 +907,8 @@ void cast_bundles(
     bool cull, double nearest[n], double backs[n], int32_t faces[n], double barycentrics[n][2],
     double distances[n], bool passed_back[n])
 {
+    OPEN_ARENA(arena);
+    struct bundle *bundle = TAKE(arena, struct bundle, 1); /* too large for the stack of a thread */
     struct tree tree = {n_leaves, leaves, ids, nodes, (int)n_levels, {0}, {0}};
     memcpy(tree.starts, starts, (size_t)min_i64(n_levels, MAX_LEVELS) * sizeof *starts);
     memcpy(tree.box, box, sizeof tree.box);
@@ -917,10 +920,12 @@ void cast_bundles(
             if (places && ((places[end][0] ^ places[first][0]) & -SIDE ||
                            (places[end][1] ^ places[first][1]) & -SIDE))
                 break;
-        cast_together(first, end, &tree, &rays, &results);
+        cast_together(first, end, &tree, &rays, &results, bundle);
     }
     for (int64_t i = 0; i < n; i++)
         passed_back[i] = backs[i] <= (faces[i] == NO_HIT ? lengths[i] : nearest[i]) && lengths[i] > 0;
+    close_arena(arena);
+    return 0;
 }
 
 /* Put two zeros between the lowest ten bits. */

@@ -36,7 +36,8 @@ def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
     """
     beside = uv_sets_path(path)
     if not mesh.uv_sets:
-        remove_file(beside)
+        if is_file(beside):  # a name may be too long for a file
+            remove_file(beside)
         return
     arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces)}
     arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
