@@ -256,6 +256,30 @@ def test_the_page_shows_what_was_measured(opened, baked) -> None:
     opened.wait("document.querySelector('[data-copies]').textContent === 'Copied'")
 
 
+def shows_a_still(browser) -> bool:
+    """Whether the stage shows a picture of the mesh, over more than half of its height."""
+    box, pixels = browser.value(
+        "(() => { const i = document.querySelector('#view .still');"
+        " return [[i.checkVisibility(), i.clientHeight,"
+        " document.querySelector('#view .stage').clientHeight], i.naturalWidth]; })()"
+    )
+    return box[0] and box[1] > 0.5 * box[2] and pixels > 100
+
+
+def test_with_webgl_the_still_picture_is_hidden(opened) -> None:
+    assert not shows_a_still(opened)
+
+
+def test_without_scripts_there_is_a_picture_and_a_sentence(browser, page) -> None:
+    browser.call("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.open(page)
+        assert shows_a_still(browser)
+        assert "Scripts are off" in browser.value("document.body.innerText")
+    finally:
+        browser.call("Emulation.setScriptExecutionDisabled", value=False)
+
+
 def test_without_webgl_the_rest_is_there(browser, page) -> None:
     script = (
         "const get = HTMLCanvasElement.prototype.getContext;"
@@ -268,6 +292,7 @@ def test_without_webgl_the_rest_is_there(browser, page) -> None:
         browser.wait(f"document.querySelector('#view').dataset.state === 'failed' && {MAPS_READY}")
         assert browser.value("document.querySelector('.failure').checkVisibility()")
         assert "cannot draw in three dimensions" in browser.value("document.body.innerText")
+        assert shows_a_still(browser)
     finally:
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
 

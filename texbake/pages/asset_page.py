@@ -25,6 +25,7 @@ from texbake.pages.pictures import (
     data_uri,
     file_pictures,
     miss_picture,
+    picture_codes,
     png_of,
 )
 from texbake.pages.viewer import angle_colors, view_data
@@ -33,6 +34,8 @@ from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.maps import heights_from
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG
+from texbake.rendering.render import render as render_mesh
+from texbake.texture.encoded import encode_image
 from texbake.texture.image import Image
 
 Rows = Sequence[tuple[str, str]]
@@ -42,6 +45,7 @@ PAGE_MAPS = ("normal", "displacement")
 
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 _PICTURE_PX = 560
+_STILL_QUALITY = 85
 
 
 if TYPE_CHECKING:
@@ -129,6 +133,7 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
         "asset.html",
         high=page.high,
         low=page.low,
+        still=_still(page),
         tiles=_tiles(page),
         warnings=page.warnings,
         pictures=pictures,
@@ -255,6 +260,17 @@ def _pictures(page: AssetPage) -> list[MapPicture]:
         if page.asked and name not in page.asked
     }
     return baked_pictures(page.baked, notes)
+
+
+def _still(page: AssetPage) -> str:
+    """Return a picture of the low-poly mesh for browsers that cannot draw it, as a data URI."""
+    if page.comparison is not None:
+        frame = page.comparison.mapped_frame
+    else:
+        small = replace(page.picture, width=_PICTURE_PX, height=_PICTURE_PX, exposure="auto")
+        frame = render_mesh(page.low, options=small)
+    jpeg = encode_image(picture_codes(frame.color), "jpeg", quality=_STILL_QUALITY)
+    return data_uri(jpeg, "image/jpeg")
 
 
 def _tiles(page: AssetPage) -> list[tuple[str, str]]:

@@ -16,6 +16,7 @@
     section.dataset.state = "failed";
     return;
   }
+  section.querySelector(".still").hidden = true;
   renderer.autoClear = false;
   const dark = new THREE.Color(0x26292d), light = new THREE.Vector3();
   const camera = new THREE.PerspectiveCamera(settings.fov, 1, 0.01, 10);
