@@ -23,7 +23,8 @@ def warnings_for(bare: dict, **changes: float) -> list[str]:
     same = compare(mesh, mesh, options=RenderOptions(width=16, height=16))
     assert comparison_warnings(same) == []
     maps = replace(same.mapped, **{**bare, **changes})
-    return comparison_warnings(replace(same, bare=replace(same.bare, **bare), mapped=maps))
+    changed = replace(same, bare=replace(same.bare, **bare), mapped=maps, maps=("normal map",))
+    return comparison_warnings(changed)
 
 
 @pytest.mark.parametrize(
@@ -51,6 +52,7 @@ def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) ->
 )
 def test_what_is_worse_is_named(changes: dict[str, float], words: str) -> None:
     (line,) = warnings_for(BARE, **changes)
+    assert line.startswith("with its normal map the asset is ")
     assert "further from the high-poly mesh than without maps: " + words in line
 
 

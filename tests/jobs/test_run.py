@@ -36,7 +36,7 @@ FILES = {
     "ball_compare.png",
     "ball_report.json",
 }
-OPTIONS = RunOptions(n_faces=200, size=256, padding=2, convention="directx")
+OPTIONS = RunOptions(n_faces=200, size=256, padding=2, convention="directx", compare="full")
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +78,13 @@ def test_padding_fits_between_the_charts(result: RunResult) -> None:
 
 
 def test_maps_bring_the_high_poly_mesh_back(result: RunResult) -> None:
-    bare, mapped = result.comparison.bare, result.comparison.mapped
+    comparison = result.comparison
+    assert comparison is not None and comparison.displaced is not None
+    bare, mapped, displaced = comparison.bare, comparison.mapped, comparison.displaced
     assert mapped.mean_deg < 0.2 * bare.mean_deg
-    assert mapped.psnr_db > bare.psnr_db + 10
-    assert mapped.silhouette_mismatch < bare.silhouette_mismatch
+    assert displaced.mean_deg < mapped.mean_deg
+    assert displaced.psnr_db > mapped.psnr_db > bare.psnr_db + 1
+    assert displaced.silhouette_mismatch < mapped.silhouette_mismatch
 
 
 def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None:
@@ -116,18 +119,42 @@ def test_the_report_agrees_with_the_result(result: RunResult) -> None:
 
 def test_the_table_is_for_a_person(result: RunResult) -> None:
     rows = dict(result.table())
+    compared = list(rows)[list(rows).index("Compared with the high-poly mesh") + 1 :]
+    # First what the GLB file shows.
+    uses = ["  with its normal map", "  displaced as well", "  without maps"]
+    assert compared == [*uses, "  distance of the surfaces"]
     assert rows["Stages"] == ""
     assert rows["  total"].endswith(" s")
-    assert rows["  without maps"].startswith("normals ")
-    assert "PSNR" in rows["  with its normal map"]
-    assert "PSNR" in rows["  displaced as well"]
+    for use in uses:
+        assert rows[use].startswith("normals ") and "PSNR" in rows[use] and "SSIM" in rows[use]
+
+
+@pytest.mark.parametrize("compare", ["off", "quick"])
+def test_the_comparison_can_be_short_or_left_out(
+    high: Mesh, result: RunResult, tmp_path: Path, compare: str
+) -> None:
+    made = run(high, tmp_path, replace(OPTIONS, compare=compare))
+    pictures = {"ball_preview.png", "ball_compare.png"}
+    expected = FILES - (pictures if compare == "off" else set())
+    assert {path.name for path in tmp_path.iterdir()} == expected
+    rows, report = dict(made.table()), json.loads(made.files["report"].read_text())
+    if compare == "off":
+        assert made.comparison is None and report["compare"] is None
+        assert [row for row in rows if "map" in row] == ["  write maps"]
+        assert "compare" not in [stage["name"] for stage in report["stages"]]
+    else:
+        assert made.comparison is not None and result.comparison is not None
+        assert made.comparison.displaced is None and "displaced" not in report["compare"]
+        # The same picture as that of the full comparison.
+        assert made.comparison.mapped.psnr_db == result.comparison.mapped.psnr_db
+        assert "SSIM" not in rows["  with its normal map"]
 
 
 def test_threads_change_no_byte(result: RunResult, high: Mesh, tmp_path: Path) -> None:
     one = run(
         high,
         tmp_path,
-        RunOptions(n_faces=200, size=256, padding=2, convention="directx", threads=1),
+        replace(OPTIONS, threads=1),
     )
     for name, path in one.files.items():
         if name != "report":  # which has seconds in it

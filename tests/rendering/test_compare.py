@@ -16,6 +16,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.compare import compare
+from texbake.rendering.draw import draw
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
 from texbake.texture.image import write_image
@@ -108,6 +109,54 @@ def test_displacement_brings_a_mesh_closer():
     heights = np.full((4, 4), 0.05, np.float32)
     comparison = compare(high, low, displacement=heights, options=SMALL)
     assert comparison.mapped.silhouette_mismatch < comparison.bare.silhouette_mismatch
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_first_figure_is_that_of_a_glb_file_and_each_is_for_its_maps(quick):
+    low = uv_sphere(8, 16)
+    high = uv_sphere(48, 96).replace(positions=uv_sphere(48, 96).positions * 1.05)
+    normals = np.full((4, 4, 3), (0.0, 0.6, 0.8), np.float32)
+    heights = np.full((4, 4), 0.05, np.float32)
+
+    def figures(**maps):
+        return compare(high, low, **maps, options=SMALL, quick=quick)
+
+    both = figures(normal_map=normals, displacement=heights)
+    alone = figures(normal_map=normals)
+    assert both.maps == alone.maps == ("normal map",)
+    assert both.mapped == alone.mapped != both.displaced
+    assert both.displaced.silhouette_mismatch < both.mapped.silhouette_mismatch
+    assert (alone.displaced, alone.displaced_frame) == (None, None)
+    raised = figures(displacement=heights)
+    assert (raised.maps, raised.displaced) == (("displacement map",), None)
+    assert raised.mapped.silhouette_mismatch == both.displaced.silhouette_mismatch
+    nothing = figures()
+    assert (nothing.maps, nothing.mapped) == ((), nothing.bare)
+    # A panel for each picture, and the difference.
+    widths = {made: made.side_by_side().shape[1] for made in (nothing, alone, both)}
+    assert widths[both] > widths[alone] > widths[nothing]
+
+
+def test_a_quick_comparison_draws_each_picture_once_and_measures_it(monkeypatch):
+    drawn = []
+
+    def counted(prepared, camera, **options):
+        drawn.append((prepared.scene.name, prepared.options.supersampling))
+        return draw(prepared, camera, **options)
+
+    monkeypatch.setattr("texbake.rendering.compare.draw", counted)
+    tilt = math.radians(10.0)
+    normal_map = np.full((2, 2, 3), (math.sin(tilt), 0, math.cos(tilt)), np.float32)
+    low = plane().replace(name="low")
+    quick = compare(plane(), low, normal_map=normal_map, options=FRONT, quick=True)
+    assert drawn == [("plane", 2), ("low", 2), ("low", 2)]
+    assert quick.mapped.mean_deg == pytest.approx(10.0, abs=1e-5)
+    assert quick.mapped.ssim is None
+    assert quick.views == (FRONT.view,)
+    full = compare(plane(), low, normal_map=normal_map, options=FRONT, views=[FRONT.view])
+    for name in "psnr_db", "silhouette_mismatch", "n_pixels":
+        # An edge along the centers of pixels adds a row or a column to one of the two.
+        assert getattr(quick.mapped, name) == pytest.approx(getattr(full.mapped, name), rel=0.05)
 
 
 def test_the_side_by_side_picture_holds_the_three_pictures():

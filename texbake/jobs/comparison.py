@@ -174,18 +174,20 @@ def page_file(
 
 def comparison_report(comparison: Comparison) -> dict[str, Any]:
     """Return the figures of a comparison, with and without maps, as plain values."""
-    only = comparison.normals_only
+    displaced = comparison.displaced
     return {
         "mapped": asdict(comparison.mapped),
-        **({} if only is None else {"normals_only": asdict(only)}),
+        "maps": list(comparison.maps),
+        **({} if displaced is None else {"displaced": asdict(displaced)}),
         "bare": asdict(comparison.bare),
         "views_deg": [list(view) for view in comparison.views],
     }
 
 
 def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return a row of figures for the low-poly mesh without maps, and for each use of the maps."""
-    return [(label, _figures(closeness)) for label, closeness in _variants(comparison)]
+    """Return a row of figures for each use of the maps, first as a GLB file shows them."""
+    bare = ("without maps", comparison.bare)
+    return [(label, _figures(closeness)) for label, closeness in (*_uses(comparison), bare)]
 
 
 def comparison_warnings(comparison: Comparison) -> list[str]:
@@ -193,7 +195,7 @@ def comparison_warnings(comparison: Comparison) -> list[str]:
     return [
         f"{label} the asset is further from the high-poly mesh than without maps: "
         f"{', '.join(worse)}; see the picture, and `texbake check` for the reason"
-        for label, closeness in _variants(comparison)[1:]
+        for label, closeness in _uses(comparison)
         if (worse := _worse(closeness, comparison.bare))
     ]
 
@@ -212,20 +214,20 @@ def _worse(closeness: Closeness, bare: Closeness) -> list[str]:
     return found
 
 
-def _variants(comparison: Comparison) -> list[tuple[str, Closeness]]:
-    only = comparison.normals_only
-    if only is None:
-        return [("without maps", comparison.bare), ("with its maps", comparison.mapped)]
-    return [
-        ("without maps", comparison.bare),
-        ("with its normal map", only),
-        ("displaced as well", comparison.mapped),
-    ]
+def _uses(comparison: Comparison) -> list[tuple[str, Closeness]]:
+    """Return each use of the maps with its figures."""
+    found = []
+    if comparison.maps:
+        found.append((f"with its {' and '.join(comparison.maps)}", comparison.mapped))
+    if comparison.displaced is not None:
+        found.append(("displaced as well", comparison.displaced))
+    return found
 
 
 def _figures(closeness: Closeness) -> str:
+    similar = "" if closeness.ssim is None else f"SSIM {closeness.ssim:.3f}, "
     return (
         f"normals {closeness.mean_deg:.2f}° off (95 % below {closeness.p95_deg:.2f}°), "
-        f"PSNR {closeness.psnr_db:.1f} dB, SSIM {closeness.ssim:.3f}, "
+        f"PSNR {closeness.psnr_db:.1f} dB, {similar}"
         f"outline {100 * closeness.silhouette_mismatch:.2f} % off"
     )

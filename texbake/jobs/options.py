@@ -22,6 +22,7 @@ from texbake.schema import CheckedOptions, Option, option
 DEMO_FOLDER = "texbake_demo"
 DEFAULT_FACES = 500
 DEFAULT_SAMPLES = 4  # rays per texel where no error and no time is given
+COMPARES = ("off", "quick", "full")
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
 _PICTURE_SIZE = 720  # pixels per side of each picture
 
@@ -61,6 +62,15 @@ class RunOptions(CheckedOptions):
     view: Annotated[ViewAngles, option(RenderOptions, "view")] = RenderOptions.view
     up: Annotated[str, option(RenderOptions, "up")] = RenderOptions.up
     base_color: Annotated[Rgb, option(RenderOptions, "base_color")] = RenderOptions.base_color
+    compare: Annotated[
+        str,
+        Option(
+            "How to compare the asset with the high-poly mesh: in one view with its normal map "
+            "(quick), also in six views and displaced (full), or not at all and without pictures "
+            "(off).",
+            choices=COMPARES,
+        ),
+    ] = "quick"
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
@@ -135,5 +145,6 @@ class DemoOptions(CheckedOptions):
             size=self.size,
             view=(30.0, 32.0),  # down on the stem
             base_color=(0.94, 0.55, 0.16),
+            compare="full",
             threads=self.threads,
         )

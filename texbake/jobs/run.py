@@ -51,8 +51,7 @@ from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import OrientationReport, oriented
-from texbake.rendering.compare import Closeness, Comparison, compare
-from texbake.rendering.panels import Panel, side_by_side
+from texbake.rendering.compare import Comparison, compare
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
@@ -65,10 +64,9 @@ _NAMES = {
     "normal": "_normal.png",
     "displacement": "_displacement.exr",
     "glb": "_low.glb",
-    "preview": "_preview.png",
-    "compare": "_compare.png",
     "report": "_report.json",
 }
+_PICTURES = {"preview": "_preview.png", "compare": "_compare.png"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +76,8 @@ class RunResult:
     Attributes
     ----------
     files : dict of str to Path
-        `mesh`, `normal`, `displacement`, `glb`, `preview`, `compare` and `report`.
+        `mesh`, `normal`, `displacement`, `glb` and `report`; `preview` and `compare`, the pictures,
+        unless nothing was compared.
     high : Mesh
         The high-poly mesh, facing outwards.
     low : Mesh
@@ -92,7 +91,8 @@ class RunResult:
         Of that surface, if there is one.
     unwrapped : UnwrapReport
     baked : BakeResult
-    comparison : Comparison
+    comparison : Comparison, optional
+        None if nothing was compared.
     stages : list of StageRecord
         What the stages took, including writing their files.
     missing : tuple of str
@@ -107,7 +107,7 @@ class RunResult:
     simplified: SimplifyReport
     unwrapped: UnwrapReport
     baked: BakeResult
-    comparison: Comparison
+    comparison: Comparison | None
     stages: list[StageRecord] = field(default_factory=list)
     missing: tuple[str, ...] = ()
 
@@ -115,24 +115,25 @@ class RunResult:
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
         notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
-        worse = comparison_warnings(self.comparison)
+        worse = [] if self.comparison is None else comparison_warnings(self.comparison)
         return [*self.missing, *notes, *self.baked.report.warnings, *worse]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
         distance = self.simplified.distance
+        compared = [] if self.comparison is None else comparison_table(self.comparison)
         return [
             ("Stages", ""),
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
             *_sampling_rows(self.baked),
             ("Compared with the high-poly mesh", ""),
+            *((f"  {label}", figures) for label, figures in compared),
             (
-                "  Distance of the surfaces",
+                "  distance of the surfaces",
                 f"RMS {100 * distance.rms_relative:.3f} %, "
                 f"maximum {100 * distance.max_relative:.3f} % of the diagonal",
             ),
-            *((f"  {label}", figures) for label, figures in comparison_table(self.comparison)),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -145,7 +146,7 @@ class RunResult:
             "simplify": self.simplified.to_json(),
             "unwrap": self.unwrapped.to_json(),
             "bake": self.baked.report.to_json(),
-            "compare": comparison_report(self.comparison),
+            "compare": None if self.comparison is None else comparison_report(self.comparison),
         }
 
 
@@ -184,7 +185,7 @@ def run(
     high = as_mesh(high)
     options = options or RunOptions()
     channels = () if materials is None else carried_channels(materials)
-    files = _files_in(folder, high, channels)
+    files = _files_in(folder, high, channels, pictures=options.compare != "off")
     stages = Stages()
     with stages.part("simplify"):
         # Who gave a model images has looked at it: cards that are drawn from one side are meant so.
@@ -223,8 +224,10 @@ def run(
             _write_plain(baked, low, files, options)
         else:
             _write_materials(baked, (high, low), materials, files, options)
-    with stages.part("compare"):
-        comparison = _compared(high, low, materials, files, options, progress)
+    comparison = None
+    if options.compare != "off":
+        with stages.part("compare"):
+            comparison = _compared(high, low, materials, files, options, progress)
     result = RunResult(
         files=files,
         high=high,
@@ -248,10 +251,13 @@ def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
     return [("Samples of the maps", ""), *rows] if rows else []
 
 
-def _files_in(folder: PathLike, high: Mesh, channels: Sequence[str]) -> dict[str, Path]:
+def _files_in(
+    folder: PathLike, high: Mesh, channels: Sequence[str], *, pictures: bool
+) -> dict[str, Path]:
     folder = make_folder(folder)
     asset = Path(high.name).stem or "mesh"
     endings = {**_NAMES, **{name: f"_{name}.png" for name in image_names(channels)}}
+    endings |= _PICTURES if pictures else {}
     files = {name: folder / f"{asset}{ending}" for name, ending in endings.items()}
     for path in files.values():
         check_writable(path)
@@ -298,40 +304,22 @@ def _compared(
     options: RunOptions,
     progress: ProgressSink | None,
 ) -> Comparison:
-    """Compare with the maps as they were written, and draw both pictures."""
-    picture = options.render_options()
+    """Compare with the maps as they were written, and write both pictures."""
+    full = options.compare == "full"
     comparison = compare(
         high,
         low,
         normal_map=written_file(files["normal"]),
-        displacement=written_file(files["displacement"]),
+        displacement=written_file(files["displacement"]) if full else None,
         high_materials=materials,
-        options=picture,
+        options=options.render_options(),
+        quick=not full,
         threads=options.threads,
         progress=progress,
     )
-    with_normals, normals_only = comparison.normals_frame, comparison.normals_only
-    assert with_normals is not None and normals_only is not None  # with both maps
-    shown, bare, displaced = (
-        comparison.high_frame,
-        comparison.bare_frame,
-        comparison.mapped_frame,
-    )
-    high_name, low_name, _ = comparison.names
-    panels = [
-        Panel(shown.color, high_name, ""),
-        Panel(bare.color, low_name, _off_by(comparison.bare)),
-        Panel(with_normals.color, "... with its normal map", _off_by(normals_only)),
-        Panel(displaced.color, "... and displaced as well", _off_by(comparison.mapped)),
-    ]
-    seen = np.logical_or.reduce([frame.coverage > 0 for frame in (shown, bare, displaced)])
-    write_image(side_by_side(panels, seen), files["preview"], color=True)
+    write_image(comparison.side_by_side(difference=False), files["preview"], color=True)
     write_image(comparison.side_by_side(), files["compare"], color=True)
     return comparison
-
-
-def _off_by(closeness: Closeness) -> str:
-    return f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
 @appearing_together()

@@ -277,7 +277,7 @@ def _tiles(page: AssetPage) -> list[tuple[str, str]]:
     rows = []
     if page.comparison is not None:
         rows += [
-            ("mean error of the normals", f"{page.comparison.mapped.mean_deg:.2f}°"),
+            ("mean error of the normals with maps", f"{page.comparison.mapped.mean_deg:.2f}°"),
             ("without maps", f"{page.comparison.bare.mean_deg:.2f}°"),
         ]
     if page.baked is not None:
@@ -296,11 +296,14 @@ def _comparison(comparison: Comparison | None) -> dict[str, Any]:
     """Return the pictures of a comparison with names and notes, and the map of its errors."""
     if comparison is None:
         return {"comparison": (), "errors": ""}
-    shown = (
+    shown = [
         (comparison.high_frame, "High-poly", ""),
         (comparison.bare_frame, "Low-poly", f"mean error {comparison.bare.mean_deg:.2f}°"),
         (comparison.mapped_frame, "Baked", f"mean error {comparison.mapped.mean_deg:.2f}°"),
-    )
+    ]
+    if comparison.displaced is not None and comparison.displaced_frame is not None:
+        error = f"mean error {comparison.displaced.mean_deg:.2f}°"
+        shown.append((comparison.displaced_frame, "Displaced as well", error))
     return {
         "comparison": [(data_uri(png_of(frame.color)), name, note) for frame, name, note in shown],
         "errors": data_uri(png_of(comparison.difference())),

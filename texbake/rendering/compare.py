@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +25,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import draw, prepare
+from texbake.rendering.draw import Prepared, draw, prepare
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
@@ -44,6 +43,7 @@ _ELEVATION = 25.0
 # A pixel sees the same part of both meshes if their depths differ by at most this share of the
 # diagonal. It is several times the deviation of a low-poly mesh with a few hundred triangles.
 _SAME_PART = 0.02
+_MAP_NAMES = {"normal_map": "normal map", "albedo": "color map", "displacement": "displacement map"}
 # A displaced mesh is subdivided once for all views, into at most about twice the number of pixels.
 _MOST_PIECES = 2_000_000
 
@@ -61,8 +61,8 @@ class Closeness:
     psnr_db : float
         PSNR of the shaded, sRGB-coded picture of the view in the options, over the pixels that
         either mesh touches; infinite for equal pictures.
-    ssim : float
-        Mean structural similarity over the same pixels.
+    ssim : float, optional
+        Mean structural similarity over the same pixels; None if it was not measured.
     silhouette_mismatch : float
         Among the pixel centers that see either mesh, the share that sees only one of them, or
         different parts. Of the other values, only PSNR and SSIM include these pixels.
@@ -74,7 +74,7 @@ class Closeness:
     median_deg: float
     p95_deg: float
     psnr_db: float
-    ssim: float
+    ssim: float | None
     silhouette_mismatch: float
     n_pixels: int
 
@@ -85,22 +85,25 @@ class Comparison:
 
     Attributes
     ----------
-    mapped, bare : Closeness
-        Results for the low-poly mesh with and without its maps.
-    normals_only : Closeness, optional
-        With the normal map alone, as most viewers show an asset; None unless there is a
-        displacement map as well.
+    mapped : Closeness
+        The low-poly mesh with its maps as a GLB file shows them, without displacement. With a
+        displacement map alone it is displaced, and without any map it is `bare`.
+    bare : Closeness
+        Without its maps.
+    displaced : Closeness, optional
+        With all of its maps; None unless there is a displacement map beside another one.
     views : tuple of (azimuth, elevation)
         Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
         Pictures from the view in the options.
-    normals_frame : Frame, optional
-        With the normal map alone.
+    displaced_frame : Frame, optional
     angles_deg : (H, W) float32
         Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
         not show the same part.
-    names : (str, str, str)
-        Captions of the three pictures.
+    names : (str, str)
+        Captions of the pictures of the high-poly and the low-poly mesh.
+    maps : tuple of str
+        What `mapped` shows: `normal map`, `color map` or `displacement map`.
     """
 
     mapped: Closeness
@@ -110,29 +113,42 @@ class Comparison:
     bare_frame: Frame
     mapped_frame: Frame
     angles_deg: FloatImage
-    names: tuple[str, str, str]
-    normals_only: Closeness | None = None
-    normals_frame: Frame | None = None
+    names: tuple[str, str]
+    maps: tuple[str, ...] = ()
+    displaced: Closeness | None = None
+    displaced_frame: Frame | None = None
 
     def difference(self) -> FloatImage:
         """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""
         return colored_angles(self.angles_deg)
 
-    def side_by_side(self) -> FloatImage:
-        """(H', W', 3) float32: the pictures and their difference with captions, in linear light."""
-        frames = self.high_frame, self.bare_frame, self.mapped_frame
-        notes = (
-            "",
-            f"normals off by {self.bare.mean_deg:.2f}° in the mean",
-            f"normals off by {self.mapped.mean_deg:.2f}° in the mean",
-        )
-        panels = [
-            Panel(frame.color, name, note)
-            for frame, name, note in zip(frames, self.names, notes, strict=True)
+    def side_by_side(self, *, difference: bool = True) -> FloatImage:
+        """(H', W', 3) float32: the pictures with captions, in linear light, and their difference.
+
+        The difference is that of the high-poly mesh and the low-poly mesh with the maps in `maps`.
+        """
+        shown: list[tuple[Frame, str, Closeness | None]] = [
+            (self.high_frame, self.names[0], None),
+            (self.bare_frame, self.names[1], self.bare),
         ]
-        panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
-        seen = np.logical_or.reduce([frame.coverage > 0 for frame in frames])
+        if self.maps:
+            caption = f"... with its {' and '.join(self.maps)}"
+            shown.append((self.mapped_frame, caption, self.mapped))
+        if self.displaced_frame is not None:
+            shown.append((self.displaced_frame, "... and displaced as well", self.displaced))
+        panels = [Panel(frame.color, caption, _off_by(close)) for frame, caption, close in shown]
+        if difference:
+            panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
+        seen = np.logical_or.reduce([frame.coverage > 0 for frame, _, _ in shown])
         return side_by_side(panels, seen)
+
+
+def _caption(mesh: Mesh) -> str:
+    return f"{mesh.name}: {mesh.n_faces:,} triangles"
+
+
+def _off_by(closeness: Closeness | None) -> str:
+    return "" if closeness is None else f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
 def compare(
@@ -145,6 +161,7 @@ def compare(
     high_materials: Materials | None = None,
     options: RenderOptions | None = None,
     views: Sequence[tuple[float, float]] | None = None,
+    quick: bool = False,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> Comparison:
@@ -155,15 +172,18 @@ def compare(
     high, low
         The meshes, in the same coordinate system.
     normal_map, displacement, albedo
-        Maps of the low-poly mesh; see `texbake.rendering.render.render`. All three meshes are
-        shaded with the base color of the options, except that the mapped mesh uses `albedo` if it
-        is given.
+        Maps of the low-poly mesh; see `texbake.rendering.render.render`. All meshes are shaded
+        with the base color of the options, except that the mapped mesh uses `albedo` if it is
+        given.
     high_materials
         Materials of the high-poly mesh, whose normal maps bend its normals. None for none.
     options
         Size and view of the pictures. Angles are measured at the centers of as many pixels.
     views
         Views (azimuth, elevation) in degrees for angles and silhouettes; None for six all around.
+    quick
+        Draw nothing but the pictures: angles and silhouettes are those of the view in the options,
+        with the normals of all samples of a pixel averaged, and SSIM is not measured.
     threads
         Number of threads; None uses every processor.
     progress
@@ -182,73 +202,65 @@ def compare(
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
-    maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
+    maps = {"normal_map": normal_map, "albedo": albedo, "displacement": displacement}
+    uses = _uses({name: source for name, source in maps.items() if source is not None})
     # Shade every sample, so that detail finer than a pixel contributes fully.
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
-        scenes = _scenes(high, low, high_materials, options, maps)
+        scenes = [_with_normal_maps(studio_scene(high, options=options), high_materials)]
+        # A displaced mesh is subdivided to the texels of its map, once for all views.
+        scenes += [studio_scene(low, options=options, edge_px=None, **use) for use in uses]
         # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
 
-    def draw_all(options: RenderOptions) -> list[Frame]:
-        camera = Camera.framing(high, low, options=options)
-        return [
-            draw(replace(model, options=options), camera, keep=("normals",)) for model in models
-        ]
-
     with stages.stage("pictures"):
-        frames = draw_all(options)
-    depth_tolerance = _SAME_PART * _joint_diagonal(high, low)
-    errors: list[list[_Errors]] = [[] for _ in frames[1:]]
-    with stages.stage("angles", total=len(views), unit="views") as advance:
-        for view in views:
-            # One sample per pixel: its center.
-            high_frame, *low_frames = draw_all(
-                replace(options, view=(*view, options.distance), supersampling=1)
-            )
-            for found, low_frame in zip(errors, low_frames, strict=True):
-                found.append(_errors(high_frame, low_frame, depth_tolerance))
-            advance(1)
+        frames, pictured = _drawn(models, (high, low), options)
+    errors = [pictured]
+    if not quick:
+        with stages.stage("angles", total=len(views), unit="views") as advance:
+            errors = []
+            for view in views:
+                # One sample per pixel: its center.
+                of_view = replace(options, view=(*view, options.distance), supersampling=1)
+                errors.append(_drawn(models, (high, low), of_view)[1])
+                advance(1)
     with stages.stage("similarity"):
-        bare, mapped, *normals_only = (
-            _closeness(found, frames[0], frame)
-            for found, frame in zip(errors, frames[1:], strict=True)
+        seen = [_Seen.of(frame) for frame in frames]
+        bare, *others = (
+            _closeness(found, seen[0], low, ssim=not quick)
+            for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
         )
+    mapped = min(1, len(others))
     return Comparison(
-        mapped=mapped,
+        mapped=others[0] if others else bare,
         bare=bare,
-        views=views,
+        views=((options.view[0], options.view[1]),) if quick else views,
         high_frame=frames[0],
         bare_frame=frames[1],
-        mapped_frame=frames[2],
-        angles_deg=_angles(frames[0], frames[2], depth_tolerance),
-        names=(
-            f"{high.name}: {high.n_faces:,} triangles",
-            f"{low.name}: {low.n_faces:,} triangles",
-            f"{low.name} with its maps",
-        ),
-        normals_only=normals_only[0] if normals_only else None,
-        normals_frame=frames[3] if normals_only else None,
+        mapped_frame=frames[1 + mapped],
+        angles_deg=pictured[mapped].angles,
+        names=(_caption(high), _caption(low)),
+        maps=tuple(_MAP_NAMES[name] for name in uses[mapped]),
+        displaced=others[1] if len(others) > 1 else None,
+        displaced_frame=frames[3] if len(others) > 1 else None,
     )
 
 
-def _scenes(
-    high: Mesh,
-    low: Mesh,
-    materials: Materials | None,
-    options: RenderOptions,
-    maps: dict[str, Any],
-) -> list[Scene]:
-    """Scenes of the high-poly mesh, of the low-poly mesh without maps, and of each use of them."""
-    scenes = [
-        _with_normal_maps(studio_scene(high, options=options), materials),
-        studio_scene(low, options=options),
-        studio_scene(low, options=options, edge_px=None, **maps),
-    ]
-    if maps["normal_map"] is not None and maps["displacement"] is not None:
-        scenes.append(studio_scene(low, options=options, **{**maps, "displacement": None}))
-    return scenes
+def _drawn(
+    models: Sequence[Prepared], meshes: tuple[Mesh, Mesh], options: RenderOptions
+) -> tuple[list[Frame], list[_Errors]]:
+    """Draw the high-poly mesh and uses of the low-poly one, and measure the errors of these."""
+    camera = Camera.framing(*meshes, options=options)
+    frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
+    tolerance = _SAME_PART * _joint_diagonal(*meshes)
+    return frames, [_errors(frames[0], frame, tolerance) for frame in frames[1:]]
+
+
+def _uses(maps: dict[str, MapSource]) -> list[dict[str, MapSource]]:
+    """Maps of each picture of the low-poly mesh: none, those of a GLB file, and all of them."""
+    flat = {name: source for name, source in maps.items() if name != "displacement"}
+    return list({tuple(use): use for use in ({}, flat, maps)}.values())
 
 
 def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
@@ -266,9 +278,9 @@ def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Angles in degrees in one view, and the number of pixels that see either mesh."""
+    """Angles in degrees in one view (H, W), and the number of pixels that see either mesh."""
 
-    angles: npt.NDArray[np.float32]
+    angles: FloatImage
     n_either: int
 
 
@@ -280,11 +292,8 @@ def _around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
 
 
 def _errors(high: Frame, low: Frame, depth_tolerance: float) -> _Errors:
-    angles = _angles(high, low, depth_tolerance)
-    return _Errors(
-        angles[np.isfinite(angles)],
-        int(np.count_nonzero((high.coverage > 0) | (low.coverage > 0))),
-    )
+    n_either = int(np.count_nonzero((high.coverage > 0) | (low.coverage > 0)))
+    return _Errors(_angles(high, low, depth_tolerance), n_either)
 
 
 def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
@@ -304,38 +313,50 @@ def _joint_diagonal(high: Mesh, low: Mesh) -> float:
     return float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
 
 
-def _closeness(errors: list[_Errors], high: Frame, low: Frame) -> Closeness:
-    angles = np.concatenate([error.angles for error in errors]).astype(np.float64)
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches."""
+
+    color: FloatImage
+    covered: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frame: Frame) -> _Seen:
+        return cls(encode_srgb(frame.color[..., :3]), frame.coverage > 0)
+
+
+def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool) -> Closeness:
+    found = [error.angles[np.isfinite(error.angles)] for error in errors]
+    angles = np.concatenate(found).astype(np.float64)
     n_either = sum(error.n_either for error in errors)
     if len(angles):
         mean, (median, p95) = float(angles.mean()), np.percentile(angles, (50, 95))
     else:
         mean = median = p95 = math.nan
-    psnr, ssim = _similarity(high, low)
+    seen = high.covered | low.covered
+    squares = (high.color[seen] - low.color[seen]) ** 2
+    square = float(squares.mean(dtype=np.float64)) if seen.any() else 0.0
     return Closeness(
         mean_deg=mean,
         median_deg=float(median),
         p95_deg=float(p95),
-        psnr_db=psnr,
-        ssim=ssim,
+        psnr_db=-10.0 * math.log10(square) if square else math.inf,
+        ssim=_similarity(high.color, low.color, seen) if ssim else None,
         silhouette_mismatch=1.0 - len(angles) / n_either if n_either else 0.0,
         n_pixels=len(angles),
     )
 
 
-def _similarity(high: Frame, low: Frame) -> tuple[float, float]:
-    """PSNR and mean SSIM of two pictures, over the pixels that either mesh touches."""
-    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
-
-    seen = (high.coverage > 0) | (low.coverage > 0)
-    first, second = encode_srgb(high.color[..., :3]), encode_srgb(low.color[..., :3])
-    if not seen.any() or np.array_equal(first[seen], second[seen]):
-        return math.inf, 1.0
-    psnr = peak_signal_noise_ratio(first[seen], second[seen], data_range=1.0)
+def _similarity(first: FloatImage, second: FloatImage, seen: npt.NDArray[np.bool_]) -> float:
+    """Mean SSIM over the pixels that either mesh touches; NaN for pictures that are too small."""
+    if np.array_equal(first[seen], second[seen]):
+        return 1.0
     window = min(7, *(side - 1 + side % 2 for side in seen.shape))
     if window < 3:
-        return float(psnr), math.nan
+        return math.nan
+    from skimage.metrics import structural_similarity
+
     _, similarities = structural_similarity(
         first, second, data_range=1.0, channel_axis=2, full=True, win_size=window
     )
-    return float(psnr), float(similarities[seen].mean())
+    return float(similarities[seen].mean())

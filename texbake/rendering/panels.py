@@ -31,6 +31,8 @@ _RAMP = np.array(
         (0.988, 0.998, 0.645),
     ]
 )
+# Linear light of each code.
+_LEVELS = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
 # Background in sRGB, 0 to 255.
 _PAPER = (24, 26, 29)
 _INK = (232, 232, 232)
@@ -106,7 +108,7 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
             _legend(draw, left, below + line, size, panel_width)
         else:
             _text(draw, left, below + line, panel.note, size, _FAINT, panel_width)
-    return decode_srgb(np.asarray(sheet, np.float32) / 255.0).astype(np.float32)
+    return _LEVELS[np.asarray(sheet)]
 
 
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
