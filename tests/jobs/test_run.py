@@ -218,7 +218,10 @@ def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
     assert result.files["mesh"] == tmp_path / "orange_low.obj"
     assert all(path.is_file() for path in result.files.values())
     assert result.stages[0].name == "make the orange"
-    assert result.comparison.mapped.mean_deg < 0.5 * result.comparison.bare.mean_deg
+    comparison = result.comparison
+    assert comparison is not None and comparison.displaced is not None
+    assert comparison.displaced.mean_deg < 0.5 * comparison.bare.mean_deg
+    assert comparison.mapped.mean_deg < comparison.bare.mean_deg
 
 
 def test_an_orange_needs_triangles_for_its_pores() -> None:

@@ -13,7 +13,7 @@ from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.report import PartsReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.texture.image_formats import holds_floats
-from texbake.texture.value_range import height_range
+from texbake.texture.value_range import channel_ranges, height_range
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,6 @@ def with_common_levels(maps: Sequence[BakedMap], bits: int) -> list[BakedMap]:
 
 def _ends(baked: BakedMap) -> tuple[float, float]:
     """Least and greatest finite value with data; 0 if there is none."""
-    values = baked.values[baked.has_data]
-    values = values[np.isfinite(values)]
-    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    ranges = channel_ranges(baked.values, baked.has_data, threads=baked.options.threads)
+    low, high = float(ranges[:, 0].min()), float(ranges[:, 1].max())
+    return (low, high) if low <= high else (0.0, 0.0)
