@@ -20,7 +20,7 @@ COMMANDS = {
     "info": "Print what is in MESH.",
     "check": "Find problems of a bake before it runs.",
     "make": "Make a mesh of a parametric surface.",
-    "convert": "Write the mesh in SOURCE in the format of TARGET.",
+    "convert": "Write the mesh in SOURCE in the format of OUTPUT.",
     "repair": "Repair MESH without moving its surface.",
     "transform": "Scale, turn and move MESH, or turn its faces over.",
     "remesh": "Wrap MESH in a closed surface.",

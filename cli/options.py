@@ -8,6 +8,7 @@ options that several commands share, such as the file of a report, are declared 
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -198,16 +199,71 @@ def image_option(flag: str, text: str) -> Decorator[Any]:
     return click.option(flag, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE", help=text)
 
 
-def output_file(text: str, suffixes: Sequence[str]) -> Decorator[Any]:
-    """Add `-o FILE`, a required option."""
-    return click.option(
-        "-o", "--output", type=FileOf(suffixes), required=True, metavar="FILE", help=text
+class _Output(click.Option):
+    """`-o`, in whose place the command line may end with the name alone."""
+
+    def __init__(self, *names: Any, after: str | None = None, **options: Any) -> None:
+        # Eager, so that the last of several inputs is taken off them before they are converted.
+        super().__init__(*names, is_eager=True, **options)
+        self._after = after
+
+    def handle_parse_result(
+        self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]
+    ) -> tuple[Any, list[str]]:
+        """Take the name from the last argument; raise `UsageError` if there are two names."""
+        assert self.name is not None and isinstance(opts, dict)
+        named, last = self.name in opts, opts.get(self._after or _LAST)
+        if self._after is not None and isinstance(last, tuple):
+            if named or len(last) < 2:
+                last = None
+            elif os.path.exists(last[-1]):  # noqa: PTH110  # no error for a name that is too long
+                raise click.UsageError(f"{last[-1]} exists; name the output by -o", ctx)
+            else:
+                opts[self._after], last = last[:-1], last[-1]
+        if isinstance(last, str):
+            if named:
+                raise click.UsageError(
+                    f"the output has two names, {opts[self.name]} and {last}", ctx
+                )
+            opts[self.name] = last
+        return super().handle_parse_result(ctx, opts, args)
+
+
+_LAST = "last_argument"
+
+
+def output_option(
+    kind: click.ParamType, metavar: str, text: str, *, after: str | None = None, **extra: Any
+) -> Decorator[Any]:
+    """Add `-o`, or the same name as the last argument.
+
+    Parameters
+    ----------
+    kind, metavar, text
+        Type, metavar and help of the option.
+    after
+        The argument with any number of inputs that the name may follow; it must not exist then.
+        None adds an argument for it.
+    """
+    option = click.option(
+        "-o", "--output", cls=_Output, after=after, type=kind, metavar=metavar, help=text, **extra
     )
+    if after is not None:
+        return option
+    last = click.argument(_LAST, required=False, type=kind, metavar="[OUTPUT]", expose_value=False)
+    return all_of((last, option))
 
 
-def output_folder(text: str, **extra: Any) -> Decorator[Any]:
-    """Add `-o DIR`."""
+def output_file(text: str, suffixes: Sequence[str], *, after: str | None = None) -> Decorator[Any]:
+    """Add `-o FILE`, which is required."""
+    return output_option(FileOf(suffixes), "FILE", text, after=after, required=True)
+
+
+def output_folder(text: str, *, required: bool = False, **extra: Any) -> Decorator[Any]:
+    """Add `-o DIR`; only a required one may be the last argument."""
     folder = click.Path(path_type=Path, file_okay=False)
+    if required:
+        return output_option(folder, "DIR", text, required=True)
     return click.option("-o", "--output", type=folder, metavar="DIR", help=text, **extra)
 
 

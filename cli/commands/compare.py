@@ -12,6 +12,7 @@ from ..html import command_line, html_option
 from ..options import (
     image_option,
     mesh_argument,
+    output_option,
     picture_options,
     report_option,
     threads_option,
@@ -33,12 +34,10 @@ from ..types import FileOf
 @image_option("--normal-map", "Normal map of LOW.")
 @image_option("--displacement", "Height map of LOW.")
 @image_option("--albedo", "Color map of LOW.")
-@click.option(
-    "-o",
-    "--output",
-    type=FileOf((".png",)),
-    metavar="FILE",
-    help="The pictures side by side.  [default: LOW's name and _compare.png, in this folder]",
+@output_option(
+    FileOf((".png",)),
+    "FILE",
+    "The pictures side by side.  [default: LOW's name and _compare.png, in this folder]",
 )
 @picture_options
 @report_option

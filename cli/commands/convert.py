@@ -11,9 +11,8 @@ import texbake
 from texbake import TransformOptions
 
 from ..moving import moved
-from ..options import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES, options_of
+from ..options import WRITABLE_MESH_SUFFIXES, mesh_argument, options_of, output_file
 from ..terminal import Terminal, terminal_options
-from ..types import FileOf
 
 
 @click.command(
@@ -21,19 +20,19 @@ from ..types import FileOf
     \b
     Example:
       texbake convert statue.fbx statue.glb
-      texbake convert part.stl part.obj --units mm --up z
+      texbake convert part.stl -o part.obj --units mm --up z
     """
 )
-@click.argument("source", type=FileOf(MESH_SUFFIXES))
-@click.argument("target", type=FileOf(WRITABLE_MESH_SUFFIXES))
+@mesh_argument("source")
+@output_file("The file to write; its suffix is the format.", WRITABLE_MESH_SUFFIXES)
 @options_of(TransformOptions, "scale", "units", "up")
 @terminal_options
-def convert(source: Path, target: Path, terminal: Terminal, **options: Any) -> None:
-    """Write the mesh in SOURCE in the format of TARGET.
+def convert(source: Path, output: Path, terminal: Terminal, **options: Any) -> None:
+    """Write the mesh in SOURCE in the format of OUTPUT.
 
     Keeps texture coordinates, normals, groups and vertex colors where the format has them. A GLB
     file keeps the materials of a glTF, OBJ, FBX or USD file with their images. An OBJ file keeps
     those channels that .mtl files have; that file and the images stand beside it. A warning names
     what is lost.
     """
-    moved(source, target, texbake.TransformOptions(**options), terminal)
+    moved(source, output, texbake.TransformOptions(**options), terminal)

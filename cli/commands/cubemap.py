@@ -15,6 +15,7 @@ from texbake import (
 from ..options import (
     IMAGE_SUFFIXES,
     options_of,
+    output_option,
     threads_option,
 )
 from ..terminal import Terminal, terminal_options
@@ -32,13 +33,11 @@ from ..types import FileOf
     """
 )
 @click.argument("source", type=FileOf(IMAGE_SUFFIXES))
-@click.option(
-    "-o",
-    "--output",
-    type=FileOf(IMAGE_SUFFIXES),
+@output_option(
+    FileOf(IMAGE_SUFFIXES),
+    "DIR|FILE",
+    "A folder for six faces, made if it is missing, or one image.",
     required=True,
-    metavar="DIR|FILE",
-    help="A folder for six faces, made if it is missing, or one image.",
 )
 @options_of(CubeOptions)
 @threads_option

@@ -15,6 +15,7 @@ from texbake import (
 from ..options import (
     IMAGE_SUFFIXES,
     options_of,
+    output_option,
     threads_option,
 )
 from ..terminal import Terminal, terminal_options
@@ -31,13 +32,11 @@ from ..types import FileOf
     """
 )
 @click.argument("image", type=FileOf(IMAGE_SUFFIXES))
-@click.option(
-    "-o",
-    "--output",
-    type=FileOf(IMAGE_SUFFIXES),
+@output_option(
+    FileOf(IMAGE_SUFFIXES),
+    "DIR|PICTURE",
+    "A folder for one file per level, made if it is missing, or one picture of all levels.",
     required=True,
-    metavar="DIR|PICTURE",
-    help="A folder for one file per level, made if it is missing, or one picture of all levels.",
 )
 @options_of(MipOptions)
 @click.option(

@@ -30,8 +30,10 @@ from ..types import FileOf
       texbake pack-textures a.png b.png --mesh a.obj --mesh b.obj -o atlas.png --meshes-to packed
     """
 )
-@click.argument("images", nargs=-1, required=True, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE...")
-@output_file("The packed image.", IMAGE_SUFFIXES)
+@click.argument(
+    "images", nargs=-1, required=True, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE... [OUTPUT]"
+)
+@output_file("The packed image.", IMAGE_SUFFIXES, after="images")
 @click.option(
     "--mesh",
     "meshes",

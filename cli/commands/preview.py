@@ -22,6 +22,7 @@ from ..options import (
     Decorator,
     image_option,
     options_of,
+    output_option,
     picture_changes,
     report_option,
     threads_option,
@@ -68,13 +69,10 @@ def _side_by_side(name: str, parameter: str) -> Decorator[Any]:
     """
 )
 @click.argument("input", type=FileOf((*MESH_SUFFIXES, ".toml")), metavar="MESH|SCENE.toml")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    metavar="FILE|DIR",
-    help=f"The picture ({', '.join(name[1:] for name in IMAGE_SUFFIXES)}), or a folder for a "
-    "turntable.",
+@output_option(
+    click.Path(path_type=Path),
+    "FILE|DIR",
+    f"The picture ({', '.join(name[1:] for name in IMAGE_SUFFIXES)}), or a folder for a turntable.",
 )
 @image_option("--normal-map", "Normal map, in tangent, object or world space.")
 @click.option(

@@ -9,6 +9,7 @@ import click
 
 import texbake
 
+from ..options import output_option
 from ..terminal import Terminal, say, terminal_options
 from ..types import FileOf
 
@@ -22,12 +23,8 @@ from ..types import FileOf
     """
 )
 @click.argument("file", type=click.Choice(("pipeline", "scene")), metavar="pipeline|scene")
-@click.option(
-    "-o",
-    "--output",
-    type=FileOf((".json",)),
-    metavar="FILE.json",
-    help="Write the schema to this file.  [default: print it]",
+@output_option(
+    FileOf((".json",)), "FILE.json", "Write the schema to this file.  [default: print it]"
 )
 @terminal_options
 def schema(file: str, output: Path | None, terminal: Terminal) -> None:

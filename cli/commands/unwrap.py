@@ -16,6 +16,7 @@ from ..mapping import SECTIONS, mapping_options
 from ..measures import distortion_rows
 from ..options import (
     MESH_SUFFIXES,
+    output_option,
     report_option,
     threads_option,
 )
@@ -40,14 +41,15 @@ if TYPE_CHECKING:
       texbake unwrap bunny.obj -o b.obj --method two-part --surface sphere --via object-normal
     """,
 )
-@click.argument("meshes", nargs=-1, required=True, type=FileOf(MESH_SUFFIXES), metavar="MESH...")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
+@click.argument(
+    "meshes", nargs=-1, required=True, type=FileOf(MESH_SUFFIXES), metavar="MESH... [OUTPUT]"
+)
+@output_option(
+    click.Path(path_type=Path),
+    "FILE|DIR",
+    "The mesh with texture coordinates, or a folder for several meshes.",
+    after="meshes",
     required=True,
-    metavar="FILE|DIR",
-    help="The mesh with texture coordinates, or a folder for several meshes.",
 )
 @mapping_options
 @click.option(

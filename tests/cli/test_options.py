@@ -56,6 +56,59 @@ def test_defaults_are_those_of_the_api(line: str, options: Any) -> None:
         assert values[name] == getattr(options, name), name
 
 
+OUTPUTS = [
+    "bake a b -o c",
+    "bake-normals a b -o c.png --size 64",
+    "bake-lightmap a.toml -o c",
+    "cage a b -o c.obj",
+    "compare a b -o c.png",
+    "convert a.obj -o c.obj --up z",
+    "cubemap a.png -o c",
+    "export a --to unreal -o c",
+    "lighten a.glb -o c.glb",
+    "make sphere -o c.obj",
+    "mipmap a.png -o c",
+    "pack-channels --red a.png --green 0.5 --blue 0 -o c.png",
+    "pack-textures a.png b.png -o c.png --mesh a.obj",
+    "preview a.obj -o c.png --view 90,10",
+    "remap a.npz -o c",
+    "remesh a.ply -o c.ply",
+    "repair a.ply -o c.ply",
+    "run a.ply -o c --faces 500",
+    "schema scene -o c.json",
+    "simplify a.ply -o c.ply --faces 500",
+    "split-channels a.png -o c",
+    "transform a.ply -o c.ply",
+    "unwrap a.obj -o c.obj --size 64",
+    "unwrap a.obj b.obj -o c --tiles 2",
+]
+
+
+@pytest.mark.parametrize("line", OUTPUTS)
+def test_the_output_may_also_be_the_last_argument(line: str) -> None:
+    words = line.split()
+    place = words.index("-o")
+    name = words.pop(place + 1)
+    words.remove("-o")
+    expected = parsed(line)
+    # Before the options that follow it, and after all of them.
+    for at in place, len(words):
+        assert parsed(" ".join([*words[:at], name, *words[at:]])) == expected
+    several = words[0] in ("unwrap", "pack-textures")  # then the name is that of one more input
+    if not several:
+        with pytest.raises(click.UsageError, match=f"the output has two names, {name} and other"):
+            parsed(f"{line} other")
+
+
+def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
+    there = tmp_path / "b.obj"
+    write_mesh(cube(), there)
+    with pytest.raises(click.UsageError, match=r"b\.obj exists; name the output by -o"):
+        parsed(f"unwrap a.obj {there}")
+    with pytest.raises(click.UsageError, match="Missing parameter: output"):
+        parsed("unwrap a.obj")
+
+
 def test_a_picture_has_the_size_of_the_api() -> None:
     options = RenderOptions()
     assert parsed("preview a -o b.png")["size"] == (options.width, options.height)
