@@ -233,7 +233,7 @@ _LAST = "last_argument"
 
 
 def output_option(
-    kind: click.ParamType, metavar: str, text: str, *, after: str | None = None, **extra: Any
+    kind: click.Path, metavar: str, text: str, *, after: str | None = None, **extra: Any
 ) -> Decorator[Any]:
     """Add `-o`, or the same name as the last argument.
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -202,7 +203,11 @@ def compare(
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
-    maps = {"normal_map": normal_map, "albedo": albedo, "displacement": displacement}
+    maps: dict[str, Any] = {
+        "normal_map": normal_map,
+        "albedo": albedo,
+        "displacement": displacement,
+    }
     uses = _uses({name: source for name, source in maps.items() if source is not None})
     # Shade every sample, so that detail finer than a pixel contributes fully.
     most = min(options.max_triangles, _MOST_PIECES)
@@ -257,7 +262,7 @@ def _drawn(
     return frames, [_errors(frames[0], frame, tolerance) for frame in frames[1:]]
 
 
-def _uses(maps: dict[str, MapSource]) -> list[dict[str, MapSource]]:
+def _uses(maps: dict[str, Any]) -> list[dict[str, Any]]:
     """Maps of each picture of the low-poly mesh: none, those of a GLB file, and all of them."""
     flat = {name: source for name, source in maps.items() if name != "displacement"}
     return list({tuple(use): use for use in ({}, flat, maps)}.values())

@@ -108,7 +108,7 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
             _legend(draw, left, below + line, size, panel_width)
         else:
             _text(draw, left, below + line, panel.note, size, _FAINT, panel_width)
-    return _LEVELS[np.asarray(sheet)]
+    return np.asarray(_LEVELS[np.asarray(sheet)])
 
 
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
