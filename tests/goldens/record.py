@@ -2,14 +2,15 @@
 
     python tests/goldens/record.py                   # write goldens.json anew
     python tests/goldens/record.py commands out      # leave one group's files in a folder
+    env $(python tests/goldens/record.py lowered) pytest tests/goldens     # as an older processor
 
 A change that is meant to alter no result leaves goldens.json as it is; one that alters results
 records it anew and says why. Meshes, images and traces count byte by byte. What is written for
 people
 to read (pages, reports, tables, notes) counts by its name alone, because its words may change.
 
-NumPy's AVX-512 loops round a few functions differently, so they are switched off here: the
-checksums are then those of every x86-64 machine with AVX2.
+The checksums hold on every processor. `lowered` prints variables that switch off what NumPy, its
+BLAS and the core choose by the processor: the files must be the same with them.
 """
 
 import contextlib
@@ -31,10 +32,6 @@ HERE = Path(__file__).parent
 GOLDENS = HERE / "goldens.json"
 SAMPLES = HERE.parents[1] / "samples"
 FOR_PEOPLE = {".json", ".html", ".csv", ".txt", ".md", ".log", ".toml"}
-ENVIRONMENT = {
-    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL",
-    "PYTHONWARNINGS": "ignore",
-}
 
 # Command lines, run in this order in one folder; later ones read what earlier ones wrote.
 COMMANDS = """
@@ -225,7 +222,6 @@ def record(group: str) -> dict[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [sys.executable, __file__, group, folder],
-            env=os.environ | ENVIRONMENT,
             capture_output=True,
             text=True,
         )
@@ -234,8 +230,24 @@ def record(group: str) -> dict[str, str]:
         return checksums(Path(folder))
 
 
+def lowered_environment() -> dict[str, str]:
+    """Variables with which NumPy, OpenBLAS and the core run as on the oldest x86-64 processor."""
+    import numpy as np
+
+    numbers = np._core._multiarray_umath if hasattr(np, "_core") else np.core._multiarray_umath
+    present = [name for name in numbers.__cpu_dispatch__ if numbers.__cpu_features__[name]]
+    return {
+        "NPY_DISABLE_CPU_FEATURES": ",".join(present),
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "TEXBAKE_CORE": "x86-64-v2",
+    }
+
+
 def main(arguments: list[str]) -> None:
     """Run one group in a folder, or record all of them."""
+    if arguments == ["lowered"]:
+        print(*(f"{name}={value}" for name, value in lowered_environment().items()))
+        return
     if arguments:
         group, folder = arguments
         Path(folder).mkdir(parents=True, exist_ok=True)
