@@ -19,7 +19,7 @@ format specification", Blender developers' blog, 2013.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +35,7 @@ from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
     Id,
+    PlacedModel,
     model_geometry,
     placed_models,
     read_scene,
@@ -64,10 +65,11 @@ def read_fbx(path: PathLike) -> Mesh:
         There are no faces, or a number is not finite.
     """
     scene = read_scene(path)
-    parts = [part.mesh(path) for part in read_parts(scene)]
+    placed = list(placed_models(scene))
+    parts = [part.mesh(path) for part in read_parts(scene, placed)]
     if not parts:
         raise MeshError(f"{path}: {_why_empty(scene)}")
-    warn_of_fbx(scene)
+    warn_of_fbx(scene, placed)
     return join_parts(parts, Path(path).name)
 
 
@@ -120,13 +122,16 @@ class FbxPart:
         return f"{self.model.name}/{material}"
 
 
-def read_parts(scene: FbxScene) -> Iterator[FbxPart]:
-    """Geometry of a scene as its models show it, in the order of the tree."""
+def read_parts(scene: FbxScene, models: Iterable[PlacedModel] | None = None) -> Iterator[FbxPart]:
+    """Geometry of a scene as its models show it, in the order of the tree.
+
+    `models` are those of `placed_models`, if they are known.
+    """
     read: dict[Id, FbxGeometry | None] = {}
     triangles = most_triangles(_LEAST_TRIANGLES)
     most = max(3 * triangles, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
-    for placed in placed_models(scene):
+    for placed in placed_models(scene) if models is None else models:
         materials = scene.members_of(placed.model.key, "Material")
         for item in model_geometry(scene, placed.model):
             if item.key not in read:

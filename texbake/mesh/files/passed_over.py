@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from texbake.errors import warn_of
@@ -11,9 +11,9 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
+    PlacedModel,
     has_polygons,
     model_geometry,
-    placed_models,
     read_scene,
 )
 from texbake.mesh.files.gltf_document import Document, read_document
@@ -66,8 +66,11 @@ def warn_of_gltf(document: Document) -> None:
         warn_of(document.path, note)
 
 
-def warn_of_fbx(scene: FbxScene) -> None:
-    """Warn of what of an FBX scene would change its surface and is not read."""
+def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
+    """Warn of what of an FBX scene would change its surface and is not read.
+
+    `models` are those that are shown.
+    """
     counts = _counts_of_fbx(scene)
     if (note := _pose_note(counts)) is not None:
         warn_of(scene.path, note)
@@ -78,9 +81,7 @@ def warn_of_fbx(scene: FbxScene) -> None:
     if cages:
         are = "is read as its control mesh" if cages == 1 else "are read as their control meshes"
         warn_of(scene.path, f"{_counted(cages, 'subdivision surface')} {are}")
-    shown = {
-        item.key for placed in placed_models(scene) for item in model_geometry(scene, placed.model)
-    }
+    shown = {item.key for placed in models for item in model_geometry(scene, placed.model)}
     if hidden := len(set(meshes) - shown):
         warn_of(scene.path, f"read without {_counted(hidden, 'hidden mesh')}")
 
