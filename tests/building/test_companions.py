@@ -39,7 +39,11 @@ def test_those_of_an_obj_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("statement", "name"),
-    [(b"MAP_KD wood.png", "wood.png"), (b"map_kd h\xf6lz.png", "h\u00f6lz.png")],
+    [
+        (b"MAP_KD wood.png", "wood.png"),
+        (b"map_kd h\xf6lz.png", "h\u00f6lz.png"),
+        (rb"map_Kd C:\art\wood.png", "wood.png"),
+    ],
 )
 def test_the_image_that_the_reader_finds_counts(
     statement: bytes, name: str, tmp_path: Path
@@ -49,7 +53,7 @@ def test_the_image_that_the_reader_finds_counts(
     (tmp_path / name).write_bytes(b"image")
     found = texbake.read_materials(tmp_path / "a.obj", texbake.read_mesh(tmp_path / "a.obj"))
     assert found is not None and not found.missing
-    assert companions(tmp_path / "a.mtl") == [tmp_path / name]
+    assert companions(tmp_path / "a.mtl")[-1] == tmp_path / name
 
 
 def test_those_of_an_fbx_file(tmp_path: Path) -> None:
@@ -82,6 +86,8 @@ def test_those_of_a_gltf_file(tmp_path: Path) -> None:
         ' "images": [{"uri": "c.png"}]}'
     )
     assert [path.name for path in companions(tmp_path / "a.gltf")] == ["a b.bin", "c.png"]
+    (tmp_path / "w.gltf").write_text('{"buffers": [{"uri": "parts\\\\a.bin"}]}')
+    assert tmp_path / "parts" / "a.bin" in companions(tmp_path / "w.gltf")
     (tmp_path / "b.gltf").write_text("{")
     assert companions(tmp_path / "b.gltf") == []
     assert companions(tmp_path / "nothing.obj") == []

@@ -377,3 +377,13 @@ def test_a_projective_row_of_a_collada_matrix_is_left_out(tmp_path, row):
         mesh = read_mesh(tmp_path / "a.dae")
     np.testing.assert_array_equal(mesh.bounds, 2 * cube().bounds)
     assert lines == ["a.dae: read without the projective row of 1 matrix"]
+
+
+@pytest.mark.parametrize("name", ["C:\\art\\red.png", "..\\..\\red.png", "/home/art/red.png"])
+def test_an_image_named_by_a_path_of_another_machine_is_found_beside_the_library(tmp_path, name):
+    (tmp_path / "red.png").write_bytes(b"red")
+    (tmp_path / "a.mtl").write_text(f"newmtl red\nmap_Kd {name}\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\n" + SQUARE + "usemtl red\n" + TRIANGLE)
+    found = read_materials(tmp_path / "a.obj", read_mesh(tmp_path / "a.obj"))
+    assert found.missing == ()
+    assert found.sources("base-color")[0].image.data == b"red"

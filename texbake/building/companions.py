@@ -107,7 +107,8 @@ def _of_obj(path: Path) -> Iterator[str]:
 
 def _of_mtl(path: Path) -> Iterator[str]:
     for value in _MAP.findall(read_bytes(path)):
-        yield map_name(_text(value))[0]
+        name = map_name(_text(value))[0]
+        yield from dict.fromkeys([name, PurePosixPath(name).name])
 
 
 def _of_fbx(path: Path) -> Iterator[str]:
