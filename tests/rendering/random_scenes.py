@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.rendering.options import RenderOptions
+from texbake.rendering.options import MAPPING_ORDERS, RenderOptions
 from texbake.rendering.scene.lights import (
     FOG_MODES,
     GATES,
@@ -31,6 +32,9 @@ from texbake.rendering.scene.lights import (
 from texbake.rendering.scene.material import (
     ALPHA_MODES,
     BUMP_FORMS,
+    DIFFERENCES,
+    LIGHT_SPACES,
+    SHADING_RATES,
     SHADINGS,
     BumpMap,
     Displacement,
@@ -82,6 +86,7 @@ def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
         width=24, height=16, supersampling=1 + int(rng.random() < 0.2),
         view=(float(rng.uniform(0, 360)), float(rng.uniform(-30, 60)), None),
         bounces=int(rng.integers(0, 2)),
+        mapping_order=_pick(rng, MAPPING_ORDERS) if rng.random() < 0.1 else "screen",
     )  # fmt: skip
     return scene, options
 
@@ -92,6 +97,8 @@ def without_each_part(scene: Scene) -> Iterator[tuple[str, Scene]]:
     for i, item in enumerate(scene.objects):
         for name, bare in _without_fields(item.material, Material()):
             yield f"objects[{i}].{name}", with_object(scene, i, replace(item, material=bare))
+        if item.mapping is not None:
+            yield f"objects[{i}].mapping", with_object(scene, i, replace(item, mapping=None))
         for name in "casts_shadows", "receives_shadows":
             if getattr(item, name):
                 changed = replace(item, **{name: False})
@@ -208,6 +215,7 @@ def _object(rng: Rng, folder: Path, place: int) -> SceneObject:
         mesh=mesh, material=_material(rng, folder), transform=transform, name=f"object {place}",
         casts_shadows=_often(rng), receives_shadows=_often(rng),
         visible=place == 0 or rng.random() < 0.9,
+        mapping=UnwrapOptions(method="spherical") if rng.random() < 0.2 else None,
     )  # fmt: skip
 
 
@@ -282,7 +290,8 @@ def _material(rng: Rng, folder: Path) -> Material:
         ),
         "bump_map": lambda: BumpMap(
             texture=_texture(rng, folder), height=_number(rng, 0.1, 0.3),
-            form=_pick(rng, BUMP_FORMS),
+            form=_pick(rng, BUMP_FORMS), difference=_pick(rng, DIFFERENCES),
+            light_space=_pick(rng, LIGHT_SPACES),
         ),
         "displacement": lambda: Displacement(
             texture=_image(rng, folder), height=_number(rng, 0.05, 0.1), edge_px=8.0
@@ -301,6 +310,7 @@ def _material(rng: Rng, folder: Path) -> Material:
     chosen |= {name: make() for name, make in makers.items() if rng.random() < 0.2}
     return Material(
         shading=_pick(rng, SHADINGS), alpha_mode=_pick(rng, ALPHA_MODES),
+        shading_rate=SHADING_RATES[int(rng.random() < 0.2)],
         vertex_colors=bool(rng.random() < 0.3), occlusion_strength=_number(rng, 0.2, 1.0),
         double_sided=_pick(rng, (None, True, False)), **chosen,
     )  # fmt: skip

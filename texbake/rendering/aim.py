@@ -9,6 +9,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import TexbakeError
 from texbake.mesh.mesh import FloatArray
+from texbake.rendering.camera import Camera
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.scene import SceneObject
@@ -17,21 +18,29 @@ from texbake.rendering.scene.scene import SceneObject
 _ROUNDING = 1e-6
 
 
-def lights_object(light: Light, item: SceneObject) -> bool:
-    """Whether the cone of a spot may meet the bounding sphere of an object."""
+def lights_object(light: Light, item: SceneObject, camera: Camera | None = None) -> bool:
+    """Whether the cone of a spot may meet the bounding sphere of an object.
+
+    `camera` is for a light that follows it.
+    """
     corners = _corners(item)
     if corners is None:
         return True
     center = corners.mean(axis=0)
     radius = float(pm.norm(corners - center, axis=1).max())
-    way = center - np.asarray(light.position, np.float64)
+    position, direction = (
+        np.asarray(vector, np.float64) for vector in (light.position, light.direction)
+    )
+    if light.follows_camera and camera is not None:
+        position = camera.eye + pm.matmul(position, camera.axes)
+        direction = pm.matmul(direction, camera.axes)
+    way = center - position
     distance = float(pm.norm(way))
     if not radius < distance < math.inf:
         return True
     reach = pm.tan(math.radians(light.angle) / 2.0)
     if light.profile is not None and light.gate == "rectangle":
         reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
-    direction = np.asarray(light.direction, np.float64)
     cosine = float(pm.matmul(way, direction)) / (distance * float(pm.norm(direction)))
     angle = pm.arccos(min(max(cosine, -1.0), 1.0))
     return angle - pm.arcsin(radius / distance) <= pm.arctan(reach) + _ROUNDING

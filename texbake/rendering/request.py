@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.rendering.aim import lights_object
 from texbake.rendering.camera import Camera
 from texbake.rendering.identities import Identity
 from texbake.rendering.maps import has_opacity
@@ -79,6 +80,21 @@ class RenderRequest:
     def lit(self) -> tuple[int, ...]:
         """Shaded objects whose material is lit."""
         return tuple(i for i in self.shaded if self.material(i).shading != "unlit")
+
+    @cached_property
+    def shining(self) -> tuple[int, ...]:
+        """Lights that are not dark; of spots that follow the camera, those that meet an object."""
+        return tuple(
+            index
+            for index, light in enumerate(self.scene.lighting.lights)
+            if light.intensity > 0.0
+            and any(light.color)
+            and (
+                light.kind != "spot"
+                or not light.follows_camera
+                or any(lights_object(light, item, self.camera) for item in self.scene.objects)
+            )
+        )
 
     def material(self, index: int) -> Material:
         """Material of an object."""
@@ -156,7 +172,7 @@ class RenderRequest:
         lighting, shading = self.scene.lighting, self.material(index).shading
         if shading == "unlit":
             return False
-        if any(light.intensity > 0.0 and any(light.color) for light in lighting.lights):
+        if self.shining:
             return True
         if lighting.ambient.ground not in (None, lighting.ambient.color):
             return True

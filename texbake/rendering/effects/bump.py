@@ -54,7 +54,7 @@ from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.images import image_of, look_up
-from texbake.rendering.effects.lights import incident, shining
+from texbake.rendering.effects.lights import incident
 from texbake.rendering.effects.normals import MESH_NORMALS
 from texbake.rendering.effects.points import (
     coordinates_effect,
@@ -221,7 +221,7 @@ def _bump_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
 def _emboss_called_for(request: RenderRequest) -> Iterator[Call]:
     for index in request.lit:
         holder = request.material(index).bump_map
-        if holder is not None and holder.form in EMBOSS_FORMS and shining(request):
+        if holder is not None and holder.form in EMBOSS_FORMS and request.shining:
             yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
 
 
@@ -238,7 +238,7 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
 def _emboss_needs(request: RenderRequest, target: Target) -> Iterator[str]:
     yield from _needs(request, target)
     yield "slots"
-    if any(request.light(index).kind != "directional" for index in shining(request)):
+    if any(request.light(index).kind != "directional" for index in request.shining):
         yield "positions"
 
 
@@ -291,7 +291,7 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
     normalized, in_object = holder.form == "emboss-normalized", holder.light_space == "object"
     slopes = _slopes(fragments, state, surface, steps) if normalized else np.zeros_like(steps)
     is_metal = fragments.drawn.material.shading == "metallic-roughness"
-    for index in shining(state.request):
+    for index in state.request.shining:
         light = incident(fragments, state, index)
         core.find_light_steps(
             *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,

@@ -77,6 +77,8 @@ def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
         name = f'light "{light.name}"'
         if light.intensity == 0.0 or not any(light.color):
             yield Refusal(name, "it is dark")
+        elif index not in request.shining:
+            yield Refusal(name, "its cone meets no object")
         elif not request.lit:
             yield Refusal(name, "no object in the picture is lit")
         else:
@@ -200,15 +202,6 @@ def lights_any(fragments: Fragments, incident: Incident) -> bool:
     directions = np.broadcast_to(incident.directions, fragments.normals.shape)
     arrives = incident.radiance.any(axis=1) & (pm.vecdot(fragments.normals, directions) > 0.0)
     return bool(arrives.any())
-
-
-def shining(request: RenderRequest) -> tuple[int, ...]:
-    """Indices of the lights that are not dark."""
-    return tuple(
-        index
-        for index, light in enumerate(request.scene.lighting.lights)
-        if light.intensity > 0.0 and any(light.color)
-    )
 
 
 PLACED_LIGHTS = Result(_prepare)

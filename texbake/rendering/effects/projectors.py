@@ -46,7 +46,6 @@ from texbake.rendering.effects.lights import (
     PLACED_LIGHTS,
     PlacedLight,
     lights_any,
-    shining,
     slide_extent,
 )
 from texbake.rendering.effects.projected_visibility import (
@@ -179,7 +178,7 @@ def _slides_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
         name = f'light "{light.name}"'
         if light.kind != "spot":
             yield Refusal(name, f"only a spot holds a slide, and it is {light.kind}")
-        elif index not in shining(request):
+        elif index not in request.shining:
             yield Refusal(name, "it is dark")
         elif not request.lit:
             yield Refusal(name, "no object in the picture is lit")

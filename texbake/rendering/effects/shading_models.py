@@ -27,7 +27,7 @@ import numpy as np
 
 from texbake.core import core
 from texbake.rendering.effect import Call, Effect, RenderState
-from texbake.rendering.effects.lights import incident, shining
+from texbake.rendering.effects.lights import incident
 from texbake.rendering.fragments import Floats, Fragments, Incident
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Target
@@ -39,7 +39,7 @@ LEAST_ALPHA = 1e-3
 def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
     def called_for(request: RenderRequest) -> Iterator[Call]:
         for index in request.lit:
-            if request.material(index).shading == shading and shining(request):
+            if request.material(index).shading == shading and request.shining:
                 yield Call(index, request.name(index), f"its shading is {shading}")
 
     return called_for
@@ -56,7 +56,7 @@ def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
     yield from ("slots", normals_effect(request, target))
     if request.material(target).shading != "lambert":
         yield "view directions"
-    if any(request.light(index).kind != "directional" for index in shining(request)):
+    if any(request.light(index).kind != "directional" for index in request.shining):
         yield "positions"
 
 
@@ -100,7 +100,7 @@ def _reflecting(
     reflect: Callable[[Fragments, Incident], None],
 ) -> Callable[[Fragments, RenderState], None]:
     def shade(fragments: Fragments, state: RenderState) -> None:
-        for index in shining(state.request):
+        for index in state.request.shining:
             reflect(fragments, incident(fragments, state, index))
 
     return shade

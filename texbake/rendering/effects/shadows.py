@@ -51,7 +51,6 @@ from texbake.rendering.effects.lights import (
     PlacedLight,
     lights_any,
     placed_light,
-    shining,
 )
 from texbake.rendering.effects.shadow_fit import (
     Box,
@@ -146,7 +145,7 @@ def _pairs(
     receivers = [i for i in request.lit if objects[i].receives_shadows]
     if state is not None:
         receivers = [i for i in receivers if i in state.visible.objects]
-    if index not in shining(request):
+    if index not in request.shining:
         return "it is dark"
     if not receivers:
         return "nothing that receives shadows is in the picture"
