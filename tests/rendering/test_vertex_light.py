@@ -13,7 +13,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Ambient, AmbientOcclusion, Environment, Light, Lighting
 from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 
 OPTIONS = RenderOptions(width=60, height=60, supersampling=1)
 CAMERA = Camera.looking_at((0.5, 0.4, 2.0), (0.5, 0.5, 0.0), fov=math.radians(25), near=0.01)
@@ -113,6 +113,33 @@ def test_a_normal_map_is_looked_up_at_the_corners() -> None:
         normal_map=holder,
     )  # fmt: skip
     assert found.max() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_solid_bumps_tilt_the_normals_of_corners() -> None:
+    """A ramp in space, whose slope is the same at corners and at pixels."""
+    ends = {"start": -1.0, "end": 2.0, "direction": (1.0, 0.0, 0.0)}
+    ramp = ProcedureTexture(procedure="gradient", parameters=ends)
+    sun = Lighting(lights=(Light(direction=(-0.6, 0.2, -1.0)),))
+    flat, pixels, corners = (
+        picture(plane(2, 2), sun, shading="lambert", bump_map=bump, shading_rate=rate)
+        for bump, rate in (
+            (None, "pixel"),
+            (BumpMap(texture=ramp, height=0.9), "pixel"),
+            (BumpMap(texture=ramp, height=0.9), "vertex"),
+        )
+    )
+    middle = slice(20, 40), slice(20, 40)
+    assert np.abs(pixels - flat)[middle].min() > 0.05
+    np.testing.assert_allclose(corners[middle], pixels[middle], atol=2e-3)
+
+
+def test_light_alike_from_all_sides_is_computed_at_pixels() -> None:
+    even = Lighting(ambient=Ambient(color=(0.2, 0.4, 0.6)))
+    item = SceneObject(mesh=plane(), material=Material(shading="lambert", shading_rate="vertex"))
+    plan = plan_of(prepare(Scene(objects=(item,), lighting=even), OPTIONS), CAMERA)
+    assert not plan.has("vertex light")
+    found = picture(plane(), even, shading="lambert", shading_rate="vertex")
+    np.testing.assert_array_equal(found, picture(plane(), even, shading="lambert"))
 
 
 def test_mirrors_and_kept_normals_stay_per_pixel() -> None:

@@ -109,10 +109,13 @@ def _active_lighting(
 
 def _surroundings(scene: Scene, lighting: Lighting) -> Surroundings:
     ambient, environment = lighting.ambient, lighting.environment
+    lamps = any(map(_shines, lighting.lights))
+    environment_light = environment is not None and environment.lighting
     return Surroundings(
-        lamps=any(map(_shines, lighting.lights)),
+        lamps=lamps,
         ambient=any(ambient.color) or any(ambient.ground or ()),
-        environment_light=environment is not None and environment.lighting,
+        environment_light=environment_light,
+        even=not (lamps or environment_light) and ambient.ground in (None, ambient.color),
         environment=environment is not None,
         other_objects=len(scene.objects) > 1,
     )

@@ -47,6 +47,8 @@ class Surroundings:
     ----------
     lamps, ambient, environment_light : bool
         Whether there is light of lamps, ambient light, and light of the environment.
+    even : bool
+        Whether all light comes alike from all sides.
     environment : bool
         Whether mirrors have an environment to show.
     other_objects : bool
@@ -56,6 +58,7 @@ class Surroundings:
     lamps: bool
     ambient: bool
     environment_light: bool
+    even: bool
     environment: bool
     other_objects: bool
 
@@ -184,7 +187,11 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
             yield kind, f"{slot} shows nowhere, as {why}", material
     bump_map, embosses = material.bump_map, lamps and scatters(material)
     if bump_map is not None and bump_map.form in EMBOSS_FORMS and not embosses:
-        yield "bump map", "no light is reflected", replace(material, bump_map=None)
+        material = replace(material, bump_map=None)
+        yield "bump map", "no light is reflected", material
+    if material.shading_rate == "vertex" and around.even and not _is_texture(material.occlusion):
+        why = "its light comes alike from all sides"
+        yield "vertex light", why, replace(material, shading_rate="pixel")
 
 
 def _unlit(material: Material, why: str) -> Iterator[Step]:

@@ -15,7 +15,7 @@ order of h^2, or on one side, `forward` d(u + h) - d(u) or `backward` d(u) - d(u
 the order of h and show the relief half a step away. The step h is one texel or one pixel, whichever
 is larger: within a texel the height is linear, so shorter steps would show the texels as facets. A
 procedure in space has no texture coordinates; there u and v are lengths along the triangle, and the
-step is one pixel.
+step is one pixel, or 1/1024 of an edge at the corners of triangles that are shaded per vertex.
 
 `emboss` leaves the normal unchanged. For each lamp it adds to the diffuse light, per unit of light,
 f(u - L_u, v - L_v) - f(u + L_u, v + L_v), where (L_u, L_v) is the direction to the light along the
@@ -72,6 +72,8 @@ from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap
 from texbake.rendering.scene.textures import ImageTexture, uv_set_of
 
 _NAME = "bump_map.texture"
+# Step at a corner as a share of the triangle's first edge.
+_OF_EDGE = 2.0**-10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,7 +158,10 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
         core.measure_pixel_steps(
             surface.positions, surface.faces, fragments.faces, fragments.changes, steps
         )
-        return steps
+        # A corner is not a pixel wide: there, a small share of an edge.
+        first, second = surface.positions[surface.faces[fragments.faces, :2].T]
+        edges = _OF_EDGE * np.sqrt(((second - first) ** 2).sum(axis=1))
+        return np.where(steps > 0.0, steps, edges[:, None])
     _, changes = fragments.coordinates(uv_set_of(holder.texture))
     assert changes is not None
     pixels = np.abs(changes.reshape(-1, 2, 2)).max(axis=1).astype(np.float64)
