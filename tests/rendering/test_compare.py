@@ -197,3 +197,12 @@ def test_a_normal_map_of_another_baker_halves_the_error(name):
     assert comparison.mapped.mean_deg < comparison.bare.mean_deg / 2
     assert comparison.mapped.median_deg < comparison.bare.median_deg / 2
     assert comparison.mapped.ssim > comparison.bare.ssim
+
+
+def test_pictures_share_one_exposure_and_white_does_not_clip():
+    options = RenderOptions(width=64, height=64, base_color=(1.0, 1.0, 1.0))
+    found = compare(uv_sphere(24, 48), uv_sphere(8, 16), options=options, views=[(0.0, 0.0)])
+    frames = found.high_frame, found.bare_frame, found.mapped_frame
+    assert len({frame.exposure for frame in frames}) == 1
+    for frame in frames:
+        assert (frame.color[frame.coverage == 1.0][:, :3] < 1.0).all()

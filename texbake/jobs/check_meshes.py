@@ -37,7 +37,13 @@ from texbake.texture.image import write_image
 
 # Some findings are about faces that are turned over, so back faces are drawn.
 FINDINGS_PICTURE = RenderOptions(
-    width=420, height=420, supersampling=2, view=(25.0, 20.0), back_faces="show", filter="nearest"
+    width=420,
+    height=420,
+    supersampling=2,
+    view=(25.0, 20.0),
+    back_faces="show",
+    filter="nearest",
+    exposure="auto",
 )
 _SIDES = (0.0, 90.0, 180.0, 270.0)
 _SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces

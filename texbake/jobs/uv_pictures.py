@@ -36,7 +36,9 @@ N_CELLS = 16
 _TEXELS = 1024
 _LEAST_CELL = 4  # texels; smaller cells cannot be distinguished
 # With enough samples that distant cells do not form moiré patterns.
-CHECKER_PICTURE = RenderOptions(width=640, height=640, supersampling=3, view=(25.0, 20.0))
+CHECKER_PICTURE = RenderOptions(
+    width=640, height=640, supersampling=3, view=(25.0, 20.0), exposure="auto"
+)
 _SIDES = ((0.0, "front"), (90.0, "right"), (180.0, "back"), (270.0, "left"))
 
 

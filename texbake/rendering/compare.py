@@ -27,6 +27,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare
+from texbake.rendering.exposure import exposed
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
@@ -96,7 +97,8 @@ class Comparison:
     views : tuple of (azimuth, elevation)
         Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
-        Pictures from the view in the options.
+        Pictures from the view in the options, with one exposure; what is measured is the light
+        before it.
     displaced_frame : Frame, optional
     angles_deg : (H, W) float32
         Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
@@ -237,6 +239,7 @@ def compare(
             for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
         )
     mapped = min(1, len(others))
+    frames = exposed(frames, options, threads=threads)  # as they are shown, after measuring
     return Comparison(
         mapped=others[0] if others else bare,
         bare=bare,
