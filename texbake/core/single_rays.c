@@ -183,7 +183,7 @@ static inline double leaf_distance(const struct walk *walk, const leaf corners, 
         const double cx = p[6][k] - x - slope_x * cz, cy = p[7][k] - y - slope_y * cz;
         const double u = cx * by - cy * bx, v = ax * cy - ay * cx, w = bx * ay - by * ax;
         const double least = min_f64(min_f64(u, v), w), greatest = max_f64(max_f64(u, v), w);
-        met[k] = (least < -doubt) & (greatest > doubt) ? 0 : -1;
+        met[k] = ((least < -doubt) & (greatest > doubt)) ? 0 : -1;
     }
     double nearest = INFINITY;
     for (unsigned bits = bits_of(met); bits; bits &= bits - 1) {
