@@ -41,6 +41,8 @@ from core_targets import READ
 from fuzz_files import bound_memory, fault_of
 from read_corpus import CORPUS, SECONDS, folder_of, timed_fault_of
 
+from texbake.errors import ReadWarning
+
 MEMORY = 1 << 30  # bytes beyond those of the process with all readers loaded
 STUCK = 12 * SECONDS  # of the clock: the machine may do other things as well
 MAX_FAULTS = 5
@@ -295,6 +297,7 @@ def main() -> int:
     if options.child:
         faulthandler.enable()
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", ReadWarning)
         fuzz(options.formats[0], options)
         return 0
     names = [name for name in options.formats or READ if name not in options.skip]

@@ -28,6 +28,8 @@ from core_targets import READ, UNREACHED, unreached  # noqa: E402
 from fuzz_files import fault_of  # noqa: E402
 from fuzz_formats import Reader  # noqa: E402
 
+from texbake.errors import ReadWarning  # noqa: E402
+
 SECONDS = 10  # of processor time for one input
 SLOWDOWN = 10  # of a core with sanitizers
 
@@ -68,6 +70,7 @@ def main() -> int:
     parser.add_argument("--input", type=Path, help="one input, instead of those of the corpus")
     options = parser.parse_args()
     warnings.simplefilter("error")
+    warnings.simplefilter("ignore", ReadWarning)
     if options.input is not None:  # and end it where Python cannot
         resource.setrlimit(resource.RLIMIT_CPU, (6 * SECONDS, resource.RLIM_INFINITY))
     n_inputs = n_faults = 0

@@ -28,6 +28,8 @@ import numpy as np
 from fuzz_formats import FORMATS, Reader
 from mutants import mutant, zip_mutant
 
+from texbake.errors import ReadWarning
+
 SECONDS = 5  # for one file of a few kilobytes, on a machine that does other things as well
 USD_SECONDS = 15  # the process that reads a USD file may take 10 s before it is ended
 MEMORY = 2 << 30  # bytes of address space beyond those of the process with all readers loaded
@@ -133,6 +135,7 @@ def work(options: argparse.Namespace, home: Path) -> None:
     """Fuzz formats one after the other, going on from the state in the folder; in the child."""
     faulthandler.enable()
     warnings.simplefilter("error")
+    warnings.simplefilter("ignore", ReadWarning)
     signal.signal(signal.SIGALRM, _hang)
     left = json.loads((home / STATE).read_text())
     for name in options.format:
