@@ -191,11 +191,14 @@ def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
 def svd(matrix: npt.ArrayLike) -> tuple[Array, Array]:
     """Singular values of a matrix (m, n), descending, and all n right singular vectors as rows."""
     a = np.array(matrix, np.float64)[None]
+    _, exponent = np.frexp(np.abs(a).max(initial=0.0))  # so that no square is beyond float64
+    a = np.ldexp(a, -exponent)
     vectors = np.empty((1, a.shape[2], a.shape[2]))
     core.orthogonalize_columns(a, vectors)
     sizes = norm(a[0], axis=0)
     order = np.argsort(-sizes, kind="stable")
-    return sizes[order][: min(a.shape[1:])], np.ascontiguousarray(vectors[0].T[order])
+    sizes = np.ldexp(sizes[order][: min(a.shape[1:])], exponent)
+    return sizes, np.ascontiguousarray(vectors[0].T[order])
 
 
 def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple[Array, int]:

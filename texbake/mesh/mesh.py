@@ -26,6 +26,9 @@ IntArray = npt.NDArray[np.int32]
 MAX_CORNERS = 2**31 - 1
 MAX_FACES = MAX_CORNERS // 3
 
+# What glTF calls the first set of texture coordinates.
+FIRST_UV_SET = "TEXCOORD_0"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mesh:
@@ -150,7 +153,12 @@ class Mesh:
         return self.uvs[self.uv_faces]
 
     def uv_set(self, name: str) -> UvSet:
-        """Return a further set of texture coordinates; raise `UvError` where there is none."""
+        """Return a further set of texture coordinates; raise `UvError` where there is none.
+
+        `TEXCOORD_0` is the first set where no further one has that name.
+        """
+        if name == FIRST_UV_SET and self.uvs is not None and self.uv_faces is not None:
+            return self.uv_sets.get(name) or UvSet(self.uvs, self.uv_faces)
         if name not in self.uv_sets:
             others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
             raise UvError(
@@ -164,7 +172,7 @@ class Mesh:
 
         Tangents are left out, since they belong to the first set. Raises as `uv_set` does.
         """
-        if name is None:
+        if name is None or (name == FIRST_UV_SET and name not in self.uv_sets):
             return self
         found = self.uv_set(name)
         return self.replace(uvs=found.uvs, uv_faces=found.faces, tangents=None)

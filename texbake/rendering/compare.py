@@ -348,7 +348,7 @@ def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool
         mean_deg=mean,
         median_deg=float(median),
         p95_deg=float(p95),
-        psnr_db=-10.0 * math.log10(square) if square else math.inf,
+        psnr_db=-10.0 * pm.log10(square) if square else math.inf,
         ssim=_similarity(high.color, low.color, seen) if ssim else None,
         silhouette_mismatch=1.0 - len(angles) / n_either if n_either else 0.0,
         n_pixels=len(angles),

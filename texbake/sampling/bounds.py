@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from texbake.core import portable_math as pm
 from texbake.errors import OptionError, quoted
 
 # 8-bit normals are off by up to 0.39 degrees; errors of heights show as slopes.
@@ -19,6 +18,12 @@ DEFAULT_MAX_ERROR = "0.5deg,0.01%"
 # Codings of the maps whose errors can be bounded.
 BOUNDED_CODINGS = ("normal", "height", "vector")
 CODES = 255  # steps from black to white in which the errors of pictures are counted
+
+
+def _chord(angle: float) -> float:
+    from texbake.core.portable_math import sin  # with NumPy, which options go without
+
+    return 2.0 * sin(min(angle, math.pi) / 2.0)
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class ErrorBounds:
     def of_map(self, coding: str, diagonal: float) -> float | None:
         """Return the bound of a map: a chord of unit normals, a length in model units, or None."""
         if coding == "normal":
-            return None if self.angle is None else 2.0 * pm.sin(min(self.angle, math.pi) / 2.0)
+            return None if self.angle is None else _chord(self.angle)
         if coding not in BOUNDED_CODINGS:
             return None
         return self.length if self.share is None else self.share * diagonal

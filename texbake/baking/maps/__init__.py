@@ -6,6 +6,8 @@ Everything else (averaging the samples of a texel, padding, files) is the same f
 
 from __future__ import annotations
 
+import copyreg
+
 from texbake.baking.map_names import MAP_NAMES
 from texbake.baking.maps.channels import CHANNEL_MAPS
 from texbake.baking.maps.heights import (
@@ -47,6 +49,14 @@ _KINDS = (
     THICKNESS,
 )
 MAPS: dict[str, MapKind] = {kind.name: kind for kind in _KINDS}
+
+
+def _kind_of(name: str) -> MapKind:
+    return MAPS[name]
+
+
+# Kinds hold functions, so their names are pickled: every process has the same table.
+copyreg.pickle(MapKind, lambda kind: (_kind_of, (kind.name,)))
 
 
 def map_kinds(names: tuple[str, ...]) -> list[MapKind]:

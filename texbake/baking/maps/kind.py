@@ -72,13 +72,3 @@ class MapKind:
     bounds: Callable[[BakeInputs], FloatArray] | None = None
     legend: Callable[[BakeInputs], tuple[str, ...]] | None = None
     require: Callable[[BakeInputs], None] | None = None
-
-    def __reduce__(self) -> tuple[Callable[[str], MapKind], tuple[str]]:
-        """Pickle the name alone: every process has the same table of maps."""
-        return _kind_of, (self.name,)
-
-
-def _kind_of(name: str) -> MapKind:
-    from texbake.baking.maps import MAPS  # which is made from the kinds
-
-    return MAPS[name]

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.mapping.options import further_uv_set
 from texbake.schema import Option, check_fields
 
 if TYPE_CHECKING:
@@ -92,7 +91,6 @@ class ImageTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        object.__setattr__(self, "uv_set", further_uv_set(self.uv_set))
         check_ramp(self.colors)
         if self.range[0] == self.range[1]:
             raise OptionError("range: both ends are equal; give two numbers")
@@ -130,7 +128,6 @@ class ProcedureTexture:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        object.__setattr__(self, "uv_set", further_uv_set(self.uv_set))
         for name in "scale", "factor":
             _check_finite(name, getattr(self, name))
         check_ramp(self.colors)
