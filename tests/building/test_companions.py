@@ -80,6 +80,15 @@ def test_further_uv_sets_of_an_obj_file_count(
     assert run(path)[1] == []
 
 
+def test_what_a_reader_leaves_out_is_a_note_of_the_step(
+    tmp_path: Path, write: Any, run: Callable[..., Any]
+) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n")
+    result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
+    notes = result.assets[0].steps[0].figures["notes"]
+    assert any("read without 1 face of fewer than three corners" in note for note in notes)
+
+
 def test_those_of_a_gltf_file(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_text(
         '{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}],'
