@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting
+from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting, Shadow
 from texbake.rendering.scene.material import (
     BumpMap,
     Displacement,
@@ -77,6 +78,7 @@ def cases(image: ImageTexture) -> list[Case]:
         "projected picture aimed elsewhere": (
             lambert, {"projected": (ProjectedTexture(texture=image, matrix=away),)},
         ),
+        "mapping that nothing reads": (lambert, {"mapping": UnwrapOptions()}),
         "color behind a perfect mirror": (
             {"reflection": Reflection()}, {"base_color": image, "alpha_mode": "opaque"},
         ),
@@ -86,6 +88,11 @@ def cases(image: ImageTexture) -> list[Case]:
     ]
     with_spot = replace(LIT, lights=(SUN, replace(spot, profile=image)))
     found.append(("slide of a spot turned away", with_spot, lambert, LIT, lambert))
+    x, y, z = camera_of(scene_of(LIT, lambert), OPTIONS).eye.tolist()
+    behind = replace(spot, position=(-x, -y, -z), direction=(x, y, z))
+    with_lamp = replace(LIT, lights=(SUN, behind))
+    with_both = replace(LIT, lights=(SUN, replace(behind, shadow=Shadow(), profile=image)))
+    found.append(("slide and shadow of a lamp behind it", with_both, lambert, with_lamp, lambert))
     with_sky = replace(LIT, environment=dark)
     found.append(("environment of intensity 0", with_sky, lambert, LIT, lambert))
     even = Lighting(ambient=Ambient(color=(0.5, 0.5, 0.5)))
@@ -96,7 +103,11 @@ def cases(image: ImageTexture) -> list[Case]:
 
 def scene_of(lighting: Lighting, material: dict[str, Any]) -> Scene:
     """Return a sphere with a material in a light."""
-    item = SceneObject(mesh=uv_sphere(32, 64), material=Material(**material), name="ball")
+    fields = dict(material)
+    mapping = fields.pop("mapping", None)
+    item = SceneObject(
+        mesh=uv_sphere(32, 64), mapping=mapping, material=Material(**fields), name="ball"
+    )
     return Scene(objects=(item,), lighting=lighting)
 
 

@@ -186,13 +186,17 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
     assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
-    passes = [item for item in state.plan.passes if item.is_for(index)]
-    for step in "dim", "tint":
-        for item in passes:
-            work = getattr(item.effect, step)
-            if work is not None:
-                with state.costs.timed(item.name):
-                    work(fragments, state, index, found)
+    passes = [
+        item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
+    ]
+    steps = [(item.name, item.effect.dim) for item in passes]
+    steps += [(item.name, item.effect.tint) for item in passes]
+    for name, work in steps:
+        if work is not None:
+            if not lights_any(fragments, found):
+                break
+            with state.costs.timed(name):
+                work(fragments, state, index, found)
     return found
 
 

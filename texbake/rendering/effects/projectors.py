@@ -246,17 +246,15 @@ def _on_slide(fragments: Fragments, state: RenderState, index: int) -> PicturePo
 
 def _leave_out(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
     """Darken a lamp whose slide falls on no fragment, before its shadow map is drawn."""
-    if lights_any(fragments, incident):
-        covered = incident.radiance * _on_slide(fragments, state, index).coverage[:, None]
-        if not lights_any(fragments, replace(incident, radiance=covered)):
-            incident.radiance = covered
+    covered = incident.radiance * _on_slide(fragments, state, index).coverage[:, None]
+    if not lights_any(fragments, replace(incident, radiance=covered)):
+        incident.radiance = covered
 
 
 def _tint(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    if lights_any(fragments, incident):
-        found = _on_slide(fragments, state, index)
-        colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
-        incident.radiance = incident.radiance * colors
+    found = _on_slide(fragments, state, index)
+    colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
+    incident.radiance = incident.radiance * colors
 
 
 SLIDE_IMAGES = Result(_load_slide, deferred=True)

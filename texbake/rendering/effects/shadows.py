@@ -49,7 +49,6 @@ from texbake.rendering.effect import Call, Effect, Refusal, RenderState
 from texbake.rendering.effects.lights import (
     PLACED_LIGHTS,
     PlacedLight,
-    lights_any,
     placed_light,
 )
 from texbake.rendering.effects.shadow_fit import (
@@ -214,7 +213,7 @@ def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
 
 
 def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    if not state.plan.has("shadows", fragments.target) or not lights_any(fragments, incident):
+    if not state.plan.has("shadows", fragments.target):
         return
     shadow = state.get(LIGHT_SHADOWS, index)
     if shadow is None:
