@@ -215,7 +215,7 @@ def _object(rng: Rng, folder: Path, place: int) -> SceneObject:
         mesh=mesh, material=_material(rng, folder), transform=transform, name=f"object {place}",
         casts_shadows=_often(rng), receives_shadows=_often(rng),
         visible=place == 0 or rng.random() < 0.9,
-        mapping=UnwrapOptions(method="planar") if rng.random() < 0.2 else None,
+        mapping=UnwrapOptions(method="planar", rotate=30.0) if rng.random() < 0.2 else None,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,10 +88,13 @@ class Incident:
         Unit vectors to the light.
     radiance : (n or 1, 3) float32
         Light that a white surface facing the lamp reflects.
+    on_slide : optional
+        Where the fragments lie on the lamp's slide, kept from `dim` for `tint`.
     """
 
     directions: Floats
     radiance: Floats
+    on_slide: Any = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

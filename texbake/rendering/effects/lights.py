@@ -191,10 +191,12 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     ]
     steps = [(item.name, item.effect.dim) for item in passes]
     steps += [(item.name, item.effect.tint) for item in passes]
+    known = None
     for name, work in steps:
         if work is not None:
-            if not lights_any(fragments, found):
+            if found.radiance is not known and not lights_any(fragments, found):
                 break
+            known = found.radiance
             with state.costs.timed(name):
                 work(fragments, state, index, found)
     return found

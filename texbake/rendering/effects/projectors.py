@@ -246,13 +246,14 @@ def _on_slide(fragments: Fragments, state: RenderState, index: int) -> PicturePo
 
 def _leave_out(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
     """Darken a lamp whose slide falls on no fragment, before its shadow map is drawn."""
-    covered = incident.radiance * _on_slide(fragments, state, index).coverage[:, None]
+    incident.on_slide = _on_slide(fragments, state, index)
+    covered = incident.radiance * incident.on_slide.coverage[:, None]
     if not lights_any(fragments, replace(incident, radiance=covered)):
         incident.radiance = covered
 
 
 def _tint(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    found = _on_slide(fragments, state, index)
+    found: PicturePoints = incident.on_slide
     colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
     incident.radiance = incident.radiance * colors
 
