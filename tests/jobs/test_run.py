@@ -17,12 +17,14 @@ from texbake import (
     RunOptions,
     RunResult,
     TexbakeError,
+    UvError,
     demo,
     read_image,
     read_mesh,
     run,
 )
-from texbake.mesh.shapes import icosphere, orange
+from texbake.mapping.options.atlas import fitting_padding
+from texbake.mesh.shapes import cube, icosphere, orange
 from texbake.mesh.topology import face_components
 from texbake.mesh.turn import turned_over
 from texbake.mesh.weld import weld_rows
@@ -276,3 +278,46 @@ def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path: Path) -> None:
         reasons = [note for note in result.warnings if "of its surface lies inside" in note]
         assert len(reasons) == (remesh == "auto")
         assert result.to_json()["remesh"] == reasons
+
+
+def boxes(n_per_side: int) -> Mesh:
+    """Boxes of many sizes in a cubic grid."""
+    places = np.stack(np.meshgrid(*[np.arange(n_per_side)] * 3), axis=-1).reshape(-1, 1, 3)
+    sizes = np.random.default_rng(0).uniform(0.1, 0.8, (len(places), 1, 1))
+    box = cube()
+    positions = (places + sizes * box.positions).reshape(-1, 3)
+    starts = box.n_vertices * np.arange(len(places))[:, None, None]
+    return Mesh(
+        positions=positions, faces=(starts + box.faces).reshape(-1, 3).astype(np.int32), name="b"
+    )
+
+
+@pytest.mark.parametrize(("n_per_side", "size"), [(2, 512), (4, 256)])
+def test_the_padding_follows_from_the_size_and_the_charts(
+    tmp_path: Path, n_per_side: int, size: int
+) -> None:
+    high = boxes(n_per_side)
+    options = RunOptions(n_faces=high.n_faces, size=size, samples=1, remesh="never", compare="off")
+    made = run(high, tmp_path, options)
+    padding = fitting_padding((size, size), made.unwrapped.n_charts)
+    assert made.baked.report.options.padding == made.unwrapped.options.padding == padding
+    assert dict(made.table())["  charts"].endswith(f", padding {padding}")
+    report = json.loads(made.files["report"].read_text())
+    assert report["unwrap"]["options"]["padding"] == padding
+    assert made.baked.report.padding_meets == 0
+    wider = run(high, tmp_path, replace(options, padding=padding + 1))
+    assert wider.baked.report.options.padding == padding + 1
+
+
+@pytest.mark.parametrize(
+    ("n_per_side", "size", "padding", "hint"),
+    [(6, 64, None, "use a greater `size`$"), (4, 96, 2, "`size` or less `padding`$")],
+)
+def test_an_atlas_finer_than_its_texels_is_an_error(
+    tmp_path: Path, n_per_side: int, size: int, padding: int | None, hint: str
+) -> None:
+    high = boxes(n_per_side)
+    options = RunOptions(n_faces=high.n_faces, size=size, padding=padding, remesh="never")
+    with pytest.raises(UvError, match=f"% of the area, own no texel at {size} x .*{hint}"):
+        run(high, tmp_path, options)
+    assert list(tmp_path.iterdir()) == []

@@ -16,7 +16,7 @@ from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import ADAPTIVE, BakeOptions
 from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakeResult, unseen_faces
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
@@ -25,7 +25,7 @@ from texbake.baking.trace import Trace
 from texbake.errors import MissError, OptionError, UvError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.sampling.report import SamplingReport
@@ -266,7 +266,7 @@ def _result(
         texels_covered=n_covered,
         texels_missed=n_missed,
         texels_overlapping=trace.counts.samples_overlapping / _samples_of_overlaps(options),
-        faces_without_texel=_count_unseen(inputs.low.n_faces, trace.texel_faces),
+        faces_without_texel=int(unseen_faces(inputs.low.n_faces, trace.texel_faces).sum()),
         padding_meets=meets,
         counts=trace.counts,
         distance_percentiles=distances.percentiles(),
@@ -292,15 +292,6 @@ def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
 def _samples_of_overlaps(options: BakeOptions) -> int:
     """Samples per texel among which overlaps were counted."""
     return 1 if options.is_adaptive else options.samples_per_side**2
-
-
-def _count_unseen(n_faces: int, texel_faces: IntArray) -> int:
-    """Number of faces that own no texel."""
-    seen = np.zeros(n_faces + 1, dtype=np.bool_)
-    texels = texel_faces.ravel()
-    seen[texels[:1]] = True  # NO_FACE is -1, the last entry
-    seen[texels[1:][texels[1:] != texels[:-1]]] = True
-    return n_faces - int(np.count_nonzero(seen[:-1]))
 
 
 def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:

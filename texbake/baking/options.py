@@ -18,7 +18,7 @@ from texbake.baking.memory import (
 from texbake.baking.secondary.options import SecondaryOptions
 from texbake.durations import parse_seconds
 from texbake.errors import OptionError
-from texbake.mapping.options.atlas import AtlasOptions
+from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
@@ -147,7 +147,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             flag="--cull-back-faces/--hit-back-faces",
         ),
     ] = True
-    padding: Annotated[int, PADDING_OPTION] = AtlasOptions.padding
+    padding: Annotated[int, PADDING_OPTION] = DEFAULT_PADDING
     fill: Annotated[
         str,
         Option(

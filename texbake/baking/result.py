@@ -17,7 +17,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.report import BakeReport
 from texbake.errors import OptionError
 from texbake.files import PathLike, make_folder
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.metadata import Value
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_formats import holds_floats
@@ -191,3 +191,12 @@ def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
     """
     # Only the color of misses has much red.
     return np.asarray(read_image(path, color=False).pixels[..., 0] > 0.5, dtype=np.bool_)
+
+
+def unseen_faces(n_faces: int, texel_faces: IntArray) -> npt.NDArray[np.bool_]:
+    """(F,) bool: faces that own no texel, by the face of each texel (H, W), -1 for none."""
+    seen = np.zeros(n_faces + 1, dtype=np.bool_)
+    texels = texel_faces.ravel()
+    seen[texels[:1]] = True  # -1 is the last entry
+    seen[texels[1:][texels[1:] != texels[:-1]]] = True
+    return ~seen[:-1]

@@ -39,6 +39,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
+from texbake.jobs.unwrapping import check_texels
 from texbake.limits import file_beside
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
@@ -114,6 +115,8 @@ class LightenReport:
         ]
         if self.size is not None:
             rows.append(("texels", "{} x {}".format(*self.size)))
+        if (atlas := self.unwrapped) is not None:
+            rows.append(("charts", f"{atlas.n_charts:,}, padding {atlas.options.padding}"))
         if self.simplified is not None:
             distance = self.simplified.distance
             apart = (
@@ -223,7 +226,10 @@ def lighten_file(
     comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
-        warnings.append(_too_many_parts(model))
+        warnings.append(
+            f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
+            "compared with those of the result; `html` compares them all the same"
+        )
     elif options.views:
         warnings += compared_without(model, materials)
         with stages.part("compare"):
@@ -257,13 +263,6 @@ def lighten_file(
 
 def _once(lines: list[str], comparison: ModelComparison | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*lines, *(() if comparison is None else comparison.notes)]))
-
-
-def _too_many_parts(model: PathLike) -> str:
-    return (
-        f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
-        "compared with those of the result; `html` compares them all the same"
-    )
 
 
 def _write_page(
@@ -334,8 +333,9 @@ def _lightened(
         atlas = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
         low, unwrapped = unwrap_with_report(low, options=atlas, progress=progress)
     with stages.part("bake"):
-        chosen = options.bake_options(maps, size)
+        chosen = options.bake_options(maps, size, unwrapped.options.padding)
         baked = bake(high, low, chosen, materials=materials, progress=progress)
+        check_texels(low, baked)
     with stages.part("encode images"):
         channels = encoded_channels(
             baked.maps,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
+from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
 from texbake.mesh.orientation_options import ORIENTATION_OPTION
 from texbake.mesh.remesh_options import REMESH_OPTION
@@ -48,7 +49,7 @@ class LightenOptions(CheckedOptions):
             default=f"what the images of the model need, {LEAST_SIZE} to {MOST_SIZE}",
         ),
     ] = None
-    padding: Annotated[int, PADDING_OPTION] = 8
+    padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
     samples: Annotated[int | str, option(BakeOptions, "samples")] = 4
     images: Annotated[
         str,
@@ -87,12 +88,12 @@ class LightenOptions(CheckedOptions):
     ] = 12
     threads: Annotated[int | None, THREADS_OPTION] = None
 
-    def bake_options(self, maps: tuple[str, ...], size: Size) -> BakeOptions:
-        """Return how the maps are baked."""
+    def bake_options(self, maps: tuple[str, ...], size: Size, padding: int | None) -> BakeOptions:
+        """Return how the maps are baked, with the padding of the atlas."""
         return BakeOptions(
             maps=maps,
             size=size,
-            padding=self.padding,
+            padding=padding or 0,
             samples=self.samples,
             fill="push-pull",
             on_miss="closest",

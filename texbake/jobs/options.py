@@ -12,6 +12,7 @@ from texbake.baking.options import (
     BakeOptions,
 )
 from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
 from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
 from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
@@ -41,7 +42,7 @@ class RunOptions(CheckedOptions):
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
     size: Annotated[Size, option(BakeOptions, "size")] = 2048
-    padding: Annotated[int, PADDING_OPTION] = 8
+    padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
     samples: Annotated[
         int | str | None,
         replace(
@@ -85,12 +86,17 @@ class RunOptions(CheckedOptions):
         """Return how the low-poly mesh gets its texture coordinates."""
         return UnwrapOptions(size=self.size, padding=self.padding)
 
-    def bake_options(self, channels: tuple[str, ...] = ()) -> BakeOptions:
-        """Return how the maps are baked, with some channels of the model's materials."""
+    def bake_options(
+        self, channels: tuple[str, ...] = (), padding: int | None = None
+    ) -> BakeOptions:
+        """Return how the maps are baked, with channels of the model's materials.
+
+        The padding is that of the atlas.
+        """
         return BakeOptions(
             maps=("normal", "displacement", *channels),
             size=self.size,
-            padding=self.padding,
+            padding=padding or 0,
             samples=self._bake_samples,
             max_error=self.max_error,
             time_budget=self.time_budget,

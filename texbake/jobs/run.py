@@ -40,6 +40,7 @@ from texbake.jobs.carried import (
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
+from texbake.jobs.unwrapping import check_texels
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
@@ -127,6 +128,8 @@ class RunResult:
             *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
             *_sampling_rows(self.baked),
+            ("Texture", ""),
+            ("  charts", f"{self.unwrapped.n_charts:,}, padding {self.unwrapped.options.padding}"),
             ("Compared with the high-poly mesh", ""),
             *((f"  {label}", figures) for label, figures in compared),
             (
@@ -180,7 +183,7 @@ def run(
     FileError
         The folder cannot be made or written to; raised before the work begins.
     UnwrapError
-        No atlas could be made.
+        No atlas could be made, or a part of it is finer than the texels.
     """
     high = as_mesh(high)
     options = options or RunOptions()
@@ -209,17 +212,17 @@ def run(
         )
     low = low.replace(name=files["mesh"].name)
     with stages.part("unwrap"):
-        low, unwrapped = unwrap_with_report(
-            low, options=options.unwrap_options(), progress=progress
-        )
+        layout = options.unwrap_options()
+        low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
         write_mesh(low, files["mesh"])
     with stages.part("bake"):
-        chosen = options.bake_options(channels)
+        chosen = options.bake_options(channels, unwrapped.options.padding)
         baked = bake(high, low, chosen, materials=materials, progress=progress)
+        check_texels(low, baked)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):
-            baked.maps["normal"].write(files["normal"])
-            baked.maps["displacement"].write(files["displacement"])
+            for name in ("normal", "displacement"):
+                baked.maps[name].write(files[name])
         if materials is None:
             _write_plain(baked, low, files, options)
         else:

@@ -42,6 +42,7 @@ class _Mapped:
     corners: FloatArray
     tallies: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    padding: int | None = None
 
 
 def unwrap(
@@ -142,7 +143,7 @@ def unwrap_together(
             UnwrapReport(
                 mesh=mesh.name,
                 n_faces=mesh.n_faces,
-                options=options,
+                options=replace(options, padding=mapped.padding),
                 tallies=mapped.tallies,
                 notes=mapped.notes,
                 distortion=figures,
@@ -238,6 +239,7 @@ def _mapped_by_atlas(
                 corners=transform_uvs(atlas.corners, options),
                 tallies={name: count for name, count in tallies.items() if count},
                 notes=charts.notes,
+                padding=atlas.padding,
             )
         )
     return mapped
@@ -250,7 +252,8 @@ def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
         part, options
     )
     corners = scale_to_density(part, transform_uvs(projected.corners, options), options)
-    return _Mapped(corners=corners, tallies=dict(projected.tallies))
+    tallies = dict(projected.tallies)
+    return _Mapped(corners=corners, tallies=tallies, padding=options.padding)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,7 +266,7 @@ class UnwrapReport:
         Name of the mesh.
     n_faces : int
     options : UnwrapOptions
-        The options of the call.
+        The options of the call, with the padding that an atlas has.
     tallies : dict of str to int
         Counts of special cases by name, such as "faces touching a pole".
     notes : tuple of str

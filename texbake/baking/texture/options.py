@@ -15,7 +15,7 @@ from texbake.baking.options import (
     BakeOptions,
 )
 from texbake.errors import OptionError
-from texbake.mapping.options.atlas import AtlasOptions
+from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.texture import TextureOptions
 from texbake.schema import Option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
@@ -28,7 +28,7 @@ class TextureBakeOptions(TextureOptions):
     """Options of every texture bake."""
 
     samples: Annotated[int, Option("Samples per texel, averaged.", choices=SAMPLES)] = 4
-    padding: Annotated[int, PADDING_OPTION] = AtlasOptions.padding
+    padding: Annotated[int, PADDING_OPTION] = DEFAULT_PADDING
     fill: Annotated[
         str,
         Option(

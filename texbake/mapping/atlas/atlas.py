@@ -19,6 +19,7 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.atlas import fitting_padding
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -48,10 +49,13 @@ class Atlas:
         Texture coordinates; UDIM tile k is offset by (k % 10, k // 10).
     charts : Charts
         The charts before packing, in model units.
+    padding : int
+        Texels of room around each chart.
     """
 
     corners: FloatArray
     charts: Charts
+    padding: int
 
 
 def make_atlas(
@@ -84,7 +88,7 @@ def make_atlas(
             found = others
     parts = np.split(found.packing.uvs, np.cumsum([len(each.uvs) for each in found.charts])[:-1])
     return [
-        Atlas(corners=uvs[charts.faces], charts=charts)
+        Atlas(corners=uvs[charts.faces], charts=charts, padding=found.padding)
         for uvs, charts in zip(parts, found.charts, strict=True)
     ]
 
@@ -95,6 +99,7 @@ class _PackedCharts:
 
     charts: list[Charts]
     packing: Packing
+    padding: int
 
     @property
     def n_charts(self) -> int:
@@ -110,13 +115,17 @@ def _packed_charts(
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
     all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
+    size = options.width_px, options.height_px
+    padding = options.padding
+    if padding is None:
+        padding = fitting_padding(size, sum(charts.n_charts for charts in all_charts))
     with stages.stage("pack charts"):
         packing = pack_charts(
             np.concatenate([charts.uvs for charts in all_charts]),
             offset_joined([(charts.faces, len(charts.uvs)) for charts in all_charts]),
             offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts]),
-            size=(options.width_px, options.height_px),
-            padding=options.padding,
+            size=size,
+            padding=padding,
             name=name,
             effort=options.quality,
             tiles=options.tiles,
@@ -124,7 +133,7 @@ def _packed_charts(
             density=options.texel_density,
             threads=threads,
         )
-    return _PackedCharts(charts=all_charts, packing=packing)
+    return _PackedCharts(charts=all_charts, packing=packing, padding=padding)
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:

@@ -110,7 +110,7 @@ def side_pictures(
         middles, per_length = np.full((N_SIDES, 2), 0.5), _scale(0.5, half_size.max())
     else:
         size = np.array([options.width_px, options.height_px], dtype=np.float64)
-        middles, per_length = _cells(half_size, size, options.padding)
+        middles, per_length = _cells(half_size, size, options.padding or 0)
     corners = np.empty((len(points), 3, 2))
     for side, axis in enumerate(np.repeat(np.eye(3), 2, axis=0)):
         at_side = sides == side

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,6 +15,22 @@ CHART_CUTTERS = ("texbake", "xatlas")
 MAX_TILES = 100  # UDIM 1001 to 1100
 
 
+DEFAULT_PADDING = 4
+# The padding that survives three mip levels, and the share of the side of a chart that it may take.
+MOST_PADDING, _SHARE = 8, 1 / 16
+PADDING_DEFAULT = f"{MOST_PADDING}, or what many charts leave room for"
+
+
+def fitting_padding(size: tuple[int, int], n_charts: int) -> int:
+    """Return the padding that takes at most a sixteenth of the side of an average chart, 1 to 8.
+
+    >>> fitting_padding((1024, 1024), 40), fitting_padding((1024, 1024), 863)
+    (8, 2)
+    """
+    side = math.sqrt(size[0] * size[1] / max(n_charts, 1))
+    return max(1, min(MOST_PADDING, int(_SHARE * side)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class AtlasOptions(TextureOptions):
     """How charts are made and packed.
@@ -23,19 +40,20 @@ class AtlasOptions(TextureOptions):
     charts more stretch, so that there are fewer, and tries more packings.
 
     With `padding`, no texel lies within that distance of two charts, and none that a chart touches
-    lies within it of the border: a bake may pad each chart by as much. With several `tiles`, tile
+    lies within it of the border: a bake may pad each chart by as much. None for what many charts
+    leave room for, `fitting_padding`. With several `tiles`, tile
     1001 is the unit square, 1002 the one to its right, 1011 the one above.
     """
 
     padding: Annotated[
-        int,
+        int | None,
         Option(
             "Room left around each chart for the padding of a bake.",
             metavar="PX",
             low=0,
             unit="texels",
         ),
-    ] = 4
+    ] = DEFAULT_PADDING
     quality: Annotated[
         str,
         Option(
@@ -101,7 +119,7 @@ class AtlasOptions(TextureOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if 2 * self.padding >= min(self.width_px, self.height_px):
+        if 2 * (self.padding or 0) >= min(self.width_px, self.height_px):
             raise OptionError(
                 f"padding: {self.padding} texels at both borders leave no room in "
                 f"{self.width_px} x {self.height_px}; use less padding or a larger size"
