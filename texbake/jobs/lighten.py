@@ -58,6 +58,10 @@ from texbake.rendering.compare_models import ModelComparison, compare_models, de
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
 _MOST_PARTS = 1000
+_NOT_COMPARED = (
+    f"it has more than {_MOST_PARTS:,} parts, so its pictures are not compared with those of the "
+    "result; `html` compares them all the same"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,10 +230,7 @@ def lighten_file(
     comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
-        warnings.append(
-            f"{Path(model).name}: it has more than {_MOST_PARTS:,} parts, so its pictures are not "
-            "compared with those of the result; `html` compares them all the same"
-        )
+        warnings.append(f"{Path(model).name}: {_NOT_COMPARED}")
     elif options.views:
         warnings += compared_without(model, materials)
         with stages.part("compare"):
