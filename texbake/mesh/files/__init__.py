@@ -84,8 +84,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
     MeshError
         There are no faces, a coordinate is not finite, or an index is out of range.
     DependencyError
-        The format needs an optional package that is not installed: USD needs ``texbake[usd]``;
-        COLLADA, 3MF, 3DXML, XAML and Draco-compressed glTF need ``texbake[formats]``.
+        The format needs an optional package that is not installed: USD needs ``texbake[usd]``.
     """
     from texbake.files import require_file
 

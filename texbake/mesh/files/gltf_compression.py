@@ -2,7 +2,7 @@
 
 meshoptimizer codes vertices as differences between neighbors, byte by byte, and triangles by the
 edges that they share with those before. Both are lossless, except for the corner that a triangle
-begins with. Draco is only read; DracoPy is optional: ``pip install 'texbake[formats]'``.
+begins with. Draco is only read.
 
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams
@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import DependencyError, quoted
-from texbake.files import PathLike
 
 EXTENSION = "EXT_meshopt_compression"
 DRACO = "KHR_draco_mesh_compression"
@@ -151,7 +150,7 @@ def _library() -> Any:
 
 
 def decode_draco(
-    path: PathLike, data: npt.NDArray[np.uint8]
+    data: npt.NDArray[np.uint8],
 ) -> tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]] | str:
     """Arrays of a Draco primitive, or in words why there are none.
 
@@ -161,19 +160,9 @@ def decode_draco(
         By the number that the file gives each.
     indices : (3 F,) uint32
         Corners of triangles.
-
-    Raises
-    ------
-    DependencyError
-        DracoPy is not installed.
     """
-    try:
-        import DracoPy
-    except ImportError as error:
-        raise DependencyError(
-            f"{path}: it is compressed by Draco, which needs DracoPy; "
-            "pip install 'texbake[formats]', or export it without compression"
-        ) from error
+    import DracoPy
+
     content = data.tobytes()
     try:
         n_faces, n_vertices = _draco_counts(content)

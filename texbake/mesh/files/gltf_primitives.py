@@ -181,7 +181,7 @@ def _primitive_arrays(
     # A file may hold the same arrays uncompressed, for programs that do not read Draco.
     if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
         return _PrimitiveArrays(document, accessors, {})
-    decoded = decode_draco(document.path, document.view_bytes(draco.get("bufferView")))
+    decoded = decode_draco(document.view_bytes(draco.get("bufferView")))
     if isinstance(decoded, str):
         document.fail(decoded)
     rows, indices = decoded

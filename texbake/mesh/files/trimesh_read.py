@@ -3,13 +3,10 @@
 The meshes of the file are placed as its scene says and joined into one, a group for each node, in
 the file's own axes and units. Vertices at one position, bit for bit, become one, because trimesh
 splits them at every corner; texture coordinates and normals keep their own indices.
-
-The packages that trimesh needs for these formats are optional: ``pip install 'texbake[formats]'``.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 import zlib
 from pathlib import Path
@@ -18,7 +15,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
-from texbake.errors import DependencyError, FileFormatError, one_line
+from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import damaged, read_array
@@ -31,14 +28,6 @@ from texbake.mesh.weld import weld_rows
 _LEAST_UNPACKED = 1 << 26
 _MOST_TIMES = 20
 _PIECE = 1 << 20  # bytes unpacked at once
-# Packages without which trimesh does not know a format.
-_NEEDED = {
-    ".dae": ("collada",),
-    ".zae": ("collada",),
-    ".3mf": ("lxml", "networkx"),
-    ".3dxml": ("lxml", "networkx", "PIL"),
-    ".xaml": ("lxml",),
-}
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
@@ -46,8 +35,6 @@ def read_with_trimesh(path: PathLike) -> Mesh:
 
     Raises
     ------
-    DependencyError
-        A package that trimesh needs for the format is not installed.
     FileError
         The file is missing or cannot be read.
     FileFormatError
@@ -58,12 +45,6 @@ def read_with_trimesh(path: PathLike) -> Mesh:
     """
     suffix = Path(path).suffix.lower()
     read_array(path)  # raises where it is missing or empty
-    missing = [name for name in _NEEDED[suffix] if importlib.util.find_spec(name) is None]
-    if missing:
-        raise DependencyError(
-            f"{path}: {suffix} files need the packages for further formats "
-            f"({', '.join(missing)}); pip install 'texbake[formats]', or use a .glb file"
-        )
     _require_small_archive(path)
     if suffix in (".dae", ".zae"):
         require_few_instances(path)
