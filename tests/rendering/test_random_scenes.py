@@ -243,6 +243,8 @@ def _for_lamps(
         return  # what they show of it may be too dark or small to count
     if ("layers", None) in ran.effects:
         return  # transparent surfaces may cover what is lit
+    if any(item.material.shading_rate == "vertex" for item in scene.objects):
+        return  # it may reach corners of triangles that are not seen
     for place, light in enumerate(scene.lighting.lights):
         dark, bare = replace(light, intensity=0.0), replace(light, shadow=None)
         (dark_pixels, _), (bare_pixels, _) = (
