@@ -27,7 +27,7 @@ from .types import FileOf
 
 FORMATS = ("png", "exr", "tif", "tga")
 HITS_SUFFIXES = (".npz",)
-_SECONDARY = ("secondary_rays", "occluder_distance", "thickness_distance")
+_SECONDARY = ("secondary_rays", "denoise", "occluder_distance", "thickness_distance")
 _PARTS = ("match_by_name", "high_suffix", "low_suffix", "occluders", "texture_sets")
 
 maps_option = options_of(BakeOptions, "maps")

@@ -9,14 +9,18 @@ import numpy.typing as npt
 
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
+from texbake.baking.options import BakeOptions
 from texbake.baking.padding import ChartPadding
 from texbake.baking.result import BakedMap
 from texbake.baking.texels import NO_FACE
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 
 _ROWS = 128
+# Two values with independent errors differ by more than this once in 700 times.
+_STANDARD_ERRORS = 4.5
 
 
 def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
@@ -30,6 +34,40 @@ def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
 
     run_bands(look_up, len(texel_faces), band=_ROWS, threads=inputs.options.threads)
     return texel_charts
+
+
+def denoised(
+    values: npt.NDArray[np.float32],
+    kind: MapKind,
+    texel_charts: IntArray,
+    has_data: npt.NDArray[np.bool_],
+    options: BakeOptions,
+) -> npt.NDArray[np.float32]:
+    """Mean of neighbors that differ by less than some standard errors of the rays of a texel.
+
+    Parameters
+    ----------
+    values : (H, W, 1) float32
+    texel_charts : (H, W) int32
+        Neighbors in other charts do not count.
+
+    Returns
+    -------
+    (H, W, 1) float32
+        Kernel: `core/sigma_filter.c`.
+    """
+    root = np.sqrt(float(options.secondary_rays))
+    left = _STANDARD_ERRORS / (root * np.sqrt(root))
+    of_shares, relative = (left * noise for noise in kind.noise)
+    flat, filtered = values[..., 0].copy(), np.empty_like(values[..., 0])
+
+    def work(start: int, stop: int) -> None:
+        core.filter_by_noise(
+            flat, texel_charts, has_data, of_shares, relative, start, stop, filtered
+        )
+
+    run_bands(work, len(values), band=_ROWS, threads=options.threads)
+    return filtered[..., np.newaxis]
 
 
 def finished_maps(
@@ -59,6 +97,8 @@ def finished_maps(
     for kind in kinds:
         with stages.part("make maps"):
             values = means(kind)
+            if options.denoise and any(kind.noise):
+                values = denoised(values, kind, texel_charts, has_data, options)
         with stages.part("pad"):
             around = complete if kind.of_misses else padding
             values = around.pad(

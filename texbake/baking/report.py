@@ -226,7 +226,11 @@ class BakeReport:
                 if self.options.on_miss == "closest"
                 else []
             ),
-            *([("secondary rays", f"{counts.secondary_rays:,}")] if counts.secondary_rays else []),
+            *(
+                [("secondary rays", f"{counts.secondary_rays:,}{self._denoised()}")]
+                if counts.secondary_rays
+                else []
+            ),
             (
                 "overlap, outside",
                 f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
@@ -248,6 +252,11 @@ class BakeReport:
     def _peak(self) -> str:
         peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]
         return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
+
+    def _denoised(self) -> str:
+        """Which maps were denoised, after the number of their rays."""
+        names = [name for name in ("ao", "thickness") if name in self.options.maps]
+        return f"; {' and '.join(names)} denoised" if names and self.options.denoise else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain values, for `json.dump`."""

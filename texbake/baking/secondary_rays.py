@@ -27,6 +27,7 @@ from texbake.raycast.rays import NO_HIT
 Float32Array = npt.NDArray[np.float32]
 
 _BAND = 1 << 15
+_BLOCK = 4  # texels along the side of a square that shares a net of directions
 # How far above the surface rays start, in local units: the normal of a face is rounded to float32,
 # so that a ray along its plane may sink by 2^-24 of its way along each axis, and the way through
 # the unit cube is at most the square root of 3.
@@ -84,7 +85,8 @@ class SecondaryRays:
             self.inputs.high,
             self.inputs.high_surface.normals,
             frame,
-            n_samples,
+            width=options.width_px,
+            n_samples=n_samples,
             threads=options.threads,
         )
         n_rays = max(1, options.secondary_rays // n_samples)
@@ -95,7 +97,10 @@ class SecondaryRays:
             met[is_hit, OPEN] = 1.0
             is_hit[is_hit] = has_axis
         if len(fans):
-            scene, sets = scenes.occluders or scenes.high, direction_sets(n_rays, n_samples)
+            scene, sets = (
+                scenes.occluders or scenes.high,
+                direction_sets(n_rays, n_samples * _BLOCK**2),
+            )
             met[is_hit] = scene.cast_fans(fans, sets, occlusion_range)
         met[:, DEPTH] /= np.float32(frame.scale)
         return replace(hits, secondary=met), len(fans) * n_rays * len(self.needs)
@@ -122,8 +127,9 @@ def fans_of(
     high: Mesh,
     normals: tuple[npt.NDArray[np.float32], IntArray],
     frame: LocalFrame,
-    n_samples: int = 1,
     *,
+    width: int,
+    n_samples: int = 1,
     threads: int | None = None,
 ) -> Fans:
     """Fans from hits, none of which is a miss. Kernel: `core/ray_fans.c`.
@@ -132,8 +138,11 @@ def fans_of(
     ----------
     normals
         Shading normals of the high-poly mesh, and the index of the one at each corner.
+    width
+        Texels in a row. Each square of 4 x 4 texels shares one net of directions, and so does each
+        of its squares of 2 x 2, so that the errors of neighbors cancel each other.
     n_samples
-        Samples of a texel, which share the parts of one set of directions.
+        Samples of a texel, which share its part of the net.
     """
     n = len(hits)
     fans = Fans(
@@ -145,11 +154,6 @@ def fans_of(
 
     def fill(start: int, stop: int) -> None:
         band = slice(start, stop)
-        if n_samples == 1:
-            # The directions depend on the sample itself, not on the order of the samples.
-            weights = hits.low_barycentrics[band].view(np.uint32)
-            faces = hits.low_faces[band].view(np.uint32)
-            fans.set_ids[band] = mixed(mixed(mixed(faces) ^ weights[:, 0]) ^ weights[:, 1])
         core.place_fans(
             hits.high_faces[band],
             hits.high_barycentrics[band],
@@ -163,18 +167,24 @@ def fans_of(
             fans.planes[band],
         )
 
-    if n_samples > 1:
-        fans.set_ids[:] = _shared_set_ids(hits.texel_ids, n_samples)
+    fans.set_ids[:] = _shared_set_ids(hits.texel_ids, width, n_samples)
     run_bands(fill, n, band=_BAND, threads=threads)
     return fans
 
 
-def _shared_set_ids(texel_ids: IntArray, n_samples: int) -> npt.NDArray[np.uint32]:
-    """One part after another, of a set that a hash of the texel selects, for its samples."""
+def _shared_set_ids(texel_ids: IntArray, width: int, n_samples: int) -> npt.NDArray[np.uint32]:
+    """Parts of the net that a hash of a texel's square selects: for each texel, for its samples."""
+    rows, columns = np.divmod(texel_ids.view(np.uint32), np.uint32(width))
+    part = np.zeros_like(rows)
+    for bit in (np.uint32(1), np.uint32(0)):  # the squares of 2 x 2 follow each other
+        part = part << 2 | (rows >> bit & 1) << 1 | (columns >> bit & 1)
+    ids = mixed(mixed(rows // _BLOCK) ^ columns // _BLOCK) * np.uint32(_BLOCK**2) + part
+    if n_samples == 1:
+        return np.asarray(ids)
     order = np.argsort(texel_ids, kind="stable")
     ordered = texel_ids[order]
     first = np.flatnonzero(np.diff(ordered, prepend=-1))
     ranks = np.empty(len(order), dtype=np.uint32)
     ranks[order] = np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
     n_parts = np.uint32(n_samples)
-    return np.asarray(mixed(texel_ids.view(np.uint32)) * n_parts + ranks % n_parts)
+    return np.asarray(ids * n_parts + ranks % n_parts)

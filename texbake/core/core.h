@@ -1059,6 +1059,12 @@ void sign_shell(
     const uint8_t seen[n_slots][512], float field[n_slots][512], bool thin[n_slots][512],
     double thickness, int64_t start, int64_t stop);
 
+/* sigma_filter.c */
+void filter_by_noise(
+    int64_t height, int64_t width, const float values[height][width],
+    const int32_t charts[height][width], const bool has_data[height][width], double of_shares,
+    double relative, int64_t start, int64_t stop, float filtered[height][width]);
+
 /* signal_watch.c */
 int64_t end_with_pipe(int64_t descriptor);
 int64_t end_after_signals(

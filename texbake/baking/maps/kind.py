@@ -48,6 +48,9 @@ class MapKind:
         A texel without any hit takes the colors around it, instead of the neutral value.
     of_neighbors : bool
         Made from the neighbors of the faces that were hit as well, beyond their normals.
+    noise : (float, float)
+        Standard error of a texel's value v from one ray, in units of sqrt(v (1 - v)) and of v. It
+        falls with the 3/4th power of the number of rays.
     mid : float
         Level of 0 in integer files of `curvature`.
     bounds : callable, optional
@@ -68,6 +71,7 @@ class MapKind:
     of_misses: bool = False
     hides_misses: bool = False
     of_neighbors: bool = False
+    noise: tuple[float, float] = (0.0, 0.0)
     mid: float = 0.5
     bounds: Callable[[BakeInputs], FloatArray] | None = None
     legend: Callable[[BakeInputs], tuple[str, ...]] | None = None

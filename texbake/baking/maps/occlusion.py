@@ -16,6 +16,9 @@ from texbake.baking.secondary_rays import INNER, OUTER, met_by
 from texbake.core import portable_math as pm
 from texbake.raycast.fans import DEPTH, OPEN, OPEN_DIRECTION
 
+# Measured with 64 rays: 0.057 sqrt(v (1 - v)) of ao, for all v; 1.7 % of thickness.
+_NOISE_OF_SHARES, _RELATIVE_NOISE = 1.3, 0.4
+
 
 def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     """Open share of the hemisphere above each hit: (n, 1) float32 in [0, 1].
@@ -54,7 +57,13 @@ def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 AMBIENT_OCCLUSION = MapKind(
-    "ao", 1, "mask", ambient_occlusion_values, lambda options: (1.0,), needs=OUTER
+    "ao",
+    1,
+    "mask",
+    ambient_occlusion_values,
+    lambda options: (1.0,),
+    needs=OUTER,
+    noise=(_NOISE_OF_SHARES, 0.0),
 )
 BENT_NORMAL = MapKind(
     "bent-normal",
@@ -66,5 +75,11 @@ BENT_NORMAL = MapKind(
     needs=OUTER,
 )
 THICKNESS = MapKind(
-    "thickness", 1, "thickness", thickness_values, lambda options: (0.0,), needs=INNER
+    "thickness",
+    1,
+    "thickness",
+    thickness_values,
+    lambda options: (0.0,),
+    needs=INNER,
+    noise=(0.0, _RELATIVE_NOISE),
 )

@@ -161,7 +161,7 @@ class PartsBake:
         self._close()
         part = self.low_parts[i]
         high, materials = self.high_meshes.joined(part.sources)
-        options = replace(self.options, padding=0, fill="none")
+        options = replace(self.options, padding=0, fill="none", denoise=False)
         inputs = BakeInputs.of(high, part.mesh, options, materials, known_bounds=self._bounds())
         scenes = BakeScenes.build(
             high,

@@ -28,6 +28,14 @@ class SecondaryOptions(CheckedOptions):
             high=MAX_RAYS,
         ),
     ] = 64
+    denoise: Annotated[
+        bool,
+        Option(
+            "Average texels of ao and thickness with those neighbors in their chart that differ by "
+            "no more than the noise of their rays, or keep the raw values.",
+            flag="--denoise/--no-denoise",
+        ),
+    ] = True
     occluder_distance: Annotated[
         float | None,
         Option(

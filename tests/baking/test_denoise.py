@@ -1,0 +1,143 @@
+"""Denoised maps: less noise against closed forms, and edges that stay as they are."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from texbake.baking.bake import bake
+from texbake.baking.finished_maps import denoised
+from texbake.baking.maps import MAPS
+from texbake.baking.options import BakeOptions
+from texbake.baking.remap import remap
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
+
+RAW = BakeOptions(
+    size=64, maps=("ao",), front=0.05, back=0.05, padding=0, denoise=False, on_miss="neutral"
+)
+CLEAN = dataclasses.replace(RAW, denoise=True)
+
+
+def field(values, *, charts=None, has_data=None, rays=64, name="ao", threads=None):
+    """A filtered picture of one channel."""
+    values = np.asarray(values, dtype=np.float32)
+    charts = np.zeros(values.shape, np.int32) if charts is None else charts
+    has_data = np.ones(values.shape, np.bool_) if has_data is None else has_data
+    options = BakeOptions(secondary_rays=rays, threads=threads)
+    return denoised(values[..., np.newaxis].copy(), MAPS[name], charts, has_data, options)[..., 0]
+
+
+@pytest.mark.parametrize("rays", [64, 1024])
+def test_noise_falls_and_what_is_larger_stays(rays):
+    rng = np.random.default_rng(1)
+    limit = 4.5 * 1.3 * rays**-0.75 * 0.5  # of two values with the mean 0.5
+    noise = rng.normal(0.0, 0.1 * limit, (300, 70))
+    # 21 weights that fall to 4/9 of the first one average like 17 equal ones.
+    assert field(0.5 + noise, rays=rays).std() < 0.3 * noise.std()
+    edge = (0.5 + 0.505 * limit * np.where(np.arange(70) < 35, -1, 1)) * np.ones((300, 1))
+    np.testing.assert_array_equal(field(edge, rays=rays), edge.astype(np.float32))
+    spot = np.full((9, 9), 0.5)
+    spot[4, 4] += 1.05 * limit
+    np.testing.assert_array_equal(field(spot, rays=rays), spot.astype(np.float32))
+
+
+def test_no_value_leaves_the_range_of_its_neighbors_and_a_slope_stays():
+    values = np.random.default_rng(2).uniform(0, 1, (40, 40))
+    filtered = field(values)
+    assert np.abs(filtered - values).max() < 4.5 * 1.3 * 64**-0.75 * 0.5
+    slope = np.linspace(0.2, 0.8, 60) * np.ones((60, 1))
+    inner = (slice(2, -2), slice(2, -2))
+    np.testing.assert_allclose(field(slope)[inner], slope[inner], atol=1e-4)
+
+
+def test_charts_and_misses_are_not_mixed():
+    rng = np.random.default_rng(3)
+    values = rng.normal(0.5, 0.01, (30, 40)).astype(np.float32)
+    charts = (np.arange(40) >= 20).astype(np.int32) * np.ones((30, 1), np.int32)
+    has_data = rng.uniform(size=(30, 40)) < 0.8
+    other = np.where(charts == 1, values + 0.02, values)
+    other[~has_data] = 0.51
+    filtered = [field(some, charts=charts, has_data=has_data) for some in (values, other)]
+    mine = (charts == 0) & has_data
+    np.testing.assert_array_equal(filtered[0][mine], filtered[1][mine])
+    np.testing.assert_array_equal(filtered[1][~has_data], other[~has_data])
+
+
+def test_thickness_is_filtered_in_proportion_to_itself():
+    noise = np.random.default_rng(4).normal(1.0, 0.01, (300, 50))
+    small, large = (field(scale * noise, name="thickness") for scale in (0.5, 8.0))
+    np.testing.assert_array_equal(16.0 * small, large)
+    assert small.std() < 0.3 * 0.5 * noise.std()
+
+
+def test_bands_change_nothing():
+    values = np.random.default_rng(5).normal(0.5, 0.01, (400, 30))
+    assert field(values, threads=1).tobytes() == field(values, threads=3).tobytes()
+
+
+def wall(height):
+    """The unit square under a wall across its middle, 50 units to either side."""
+    corners = [[0.5, -50, 0], [0.5, 50, 0], [0.5, 50, height], [0.5, -50, height]]
+    upright = Mesh(positions=corners, faces=[[0, 1, 2], [0, 2, 3]])
+    return join_meshes([plane(8, 8).replace(uvs=None, uv_faces=None), upright])
+
+
+@pytest.mark.parametrize("height", [0.05, 0.4])
+def test_the_foot_of_a_wall_is_the_closed_form(height):
+    x = np.abs((np.arange(64) + 0.5) / 64 - 0.5)
+    expected = 0.5 + 0.5 * x / np.hypot(x, height) * np.ones((64, 1))
+    raw, clean = (
+        bake(wall(height), plane(), options).maps["ao"].values[..., 0] - expected
+        for options in (RAW, CLEAN)
+    )
+    assert np.sqrt(np.square(clean).mean()) < 0.75 * np.sqrt(np.square(raw).mean())
+    # The texels at the foot, where open falls by a third from one to the next with the low wall.
+    foot = slice(31, 33)
+    # It is smoothed by less than the standard error of one texel.
+    assert abs(clean[:, foot].mean()) < 0.5 * 1.3 * 64**-0.75
+
+
+def test_the_edge_of_a_step_stays_sharp():
+    """Above the step all is open, to the last texel; below it half is."""
+    corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [0, 1, 0]], dtype=float)
+    shift = np.array([0.5, 0, 0.04])
+    face = np.array([[0, 1, 2], [0, 2, 3]])
+    riser = [[0.5, 0, 0], [0.5, 0, 0.04], [0.5, 1, 0.04], [0.5, 1, 0]]
+    high = Mesh(
+        positions=np.concatenate([corners, corners + shift, riser]),
+        faces=np.concatenate([face, face + 4, face + 8]),
+        normals=[[0, 0, 1], [-1, 0, 0]],
+        normal_faces=np.repeat([[0, 0, 0], [1, 1, 1]], [4, 2], axis=0),
+    )
+    clean = bake(high, plane(), CLEAN).maps["ao"].values[..., 0]
+    assert (clean[:, 32:] == 1.0).all()
+    x = 0.5 / 64
+    expected = 0.5 + 0.5 * x / np.hypot(x, 0.04)
+    assert abs(clean[8:-8, 31].mean() - expected) < 0.01
+
+
+def test_a_ball_has_less_noise_and_raw_ones_are_to_be_had():
+    high = uv_sphere(96, 192, lambda t, p: 1 + 0.02 * np.sin(9 * t) * np.sin(11 * p))
+    low = uv_sphere(16, 17)
+    options = BakeOptions(size=256, maps=("ao",), padding=0, keep_hits=True)
+    clean = bake(high, low, options)
+    truth = bake(high, low, dataclasses.replace(options, secondary_rays=512, denoise=False))
+    raw = remap(clean, high, low, dataclasses.replace(options, denoise=False))
+    again = remap(raw, high, low, options)
+    np.testing.assert_array_equal(again.maps["ao"].values, clean.maps["ao"].values)
+    errors = [
+        np.sqrt(np.square(some.maps["ao"].values - truth.maps["ao"].values)[clean.has_data].mean())
+        for some in (raw, clean)
+    ]
+    assert errors[1] < 0.8 * errors[0]
+    assert dict(clean.report.table())["secondary rays"].endswith("; ao denoised")
+    assert "denoised" not in dict(raw.report.table())["secondary rays"]
+
+
+def test_a_convex_ball_stays_open_all_around():
+    ball = icosphere(3)
+    options = BakeOptions(size=64, maps=("ao",), padding=0)
+    result = bake(ball, uv_sphere(16, 32), options)
+    assert (result.maps["ao"].values[result.has_data] == 1.0).all()
