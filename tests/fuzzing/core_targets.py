@@ -29,6 +29,7 @@ MODULES = {
     ),
     "picture_targets": (
         "image_lookup", "padding", "coding", "heights", "cubes", "procedures", "scenes", "preview",
+        "numbers",
     ),
 }  # fmt: skip
 SEED_BYTES = 1024

@@ -14,6 +14,10 @@ from drawn import Drawn
 from random_scenes import random_scene, with_object, write_images
 
 import texbake as tb
+from texbake.core import portable_math as pm
+from texbake.mesh.topology import surface_side
+from texbake.rendering.exposure import exposed
+from texbake.rendering.framing import framed
 from texbake.texture.cube_map import shrink_cube
 from texbake.texture.encoding import (
     color_ids,
@@ -164,6 +168,28 @@ def preview(drawn: Drawn) -> None:
     frame = tb.render(mesh, options=options)
     if options.max_error is None and options.buffer is None and options.mapping_order == "screen":
         assert frame.face_ids.max() < mesh.n_faces
+    exposed([frame], options)
+    surface_side(mesh)
+    framed([mesh], options)
+
+
+def numbers(drawn: Drawn) -> None:
+    """Elementary functions and small matrices of any numbers."""
+    n = 1 + drawn.below(4)
+    x, y = drawn.floats(n, n), drawn.floats(n, n)
+    for function in (pm.sin, pm.cos, pm.tan, pm.arcsin, pm.arccos, pm.arctan, pm.exp, pm.log):
+        function(x)
+    for function in (pm.log2, pm.log10):
+        function(x)
+    for function in (pm.arctan2, pm.hypot, pm.power):
+        function(x, y)
+    with np.errstate(all="ignore"):
+        pm.power(x.astype(np.float32), y.astype(np.float32))
+        pm.matmul(x, y)
+        pm.vecdot(x, y)
+        pm.det(x)
+        pm.eigh(x + x.T)
+        pm.svd(x)
 
 
 def looks(drawn: Drawn) -> dict[str, object]:

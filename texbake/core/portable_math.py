@@ -45,10 +45,10 @@ class _Unary:
 
 
 class _Binary:
-    """A function of two numbers, by the name of its kernel."""
+    """A function of two numbers, by the names of its kernels for float64 and, if any, float32."""
 
-    def __init__(self, kernel: str) -> None:
-        self._kernel = kernel
+    def __init__(self, kernel: str, float_kernel: str | None = None) -> None:
+        self._kernel, self._float_kernel = kernel, float_kernel
 
     @overload
     def __call__(self, x: float, y: float, /) -> float: ...
@@ -61,6 +61,11 @@ class _Binary:
 
     def __call__(self, x: Any, y: Any, /) -> Any:
         a, b = np.broadcast_arrays(x, y)
+        if self._float_kernel and a.ndim and _is_float32(a) and _is_float32(b):
+            short = np.empty(a.shape, np.float32)
+            singles = (np.ascontiguousarray(values).reshape(-1) for values in (a, b))
+            getattr(core, self._float_kernel)(*singles, short.reshape(-1))
+            return short
         first, rounded = _prepared(a)
         second, other = _prepared(b)
         out = np.empty(first.shape)
@@ -88,7 +93,7 @@ arcsin, arccos, arctan = _Unary("array_asin"), _Unary("array_acos"), _Unary("arr
 exp, log = _Unary("array_exp"), _Unary("array_log")
 log2, log10 = _Unary("array_log2"), _Unary("array_log10")
 arctan2, hypot = _Binary("array_atan2"), _Binary("array_hypot")
-power = _Binary("array_power")
+power = _Binary("array_power", "array_float_power")
 
 
 def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
