@@ -10,6 +10,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Ambient, AmbientOcclusion, Environment, Light, Lighting
 from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject
@@ -88,6 +89,16 @@ def test_small_triangles_come_to_look_as_shaded_per_pixel(shading: str, metalnes
         errors.append(float(np.abs(by_vertex - by_pixel).max()))
     # Of second order: half the edge, a quarter of the error.
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
+
+
+def test_normals_are_shown_at_pixels() -> None:
+    sphere = uv_sphere(8, 16)
+    options = RenderOptions(width=32, height=32, buffer="normals")
+    frames = [
+        render_scene(Scene(objects=(SceneObject(sphere, Material(shading_rate=rate)),)), options)
+        for rate in ("pixel", "vertex")
+    ]
+    np.testing.assert_array_equal(frames[0].color, frames[1].color)
 
 
 def test_bumps_between_the_corners_do_not_show() -> None:

@@ -303,7 +303,8 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     run_bands(sum_sides, mesh.n_faces, band=_BAND, threads=threads)
     if edges.sum(dtype=np.uint64) != 0:
         return "both"
-    return "back" if volumes.sum() < -_FLAT * mesh.diagonal**3 else "front"
+    size = mesh.diagonal
+    return "back" if volumes.sum() < -_FLAT * size * size * size else "front"
 
 
 def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
