@@ -95,7 +95,10 @@ def test_normals_are_shown_at_pixels() -> None:
     sphere = uv_sphere(8, 16)
     options = RenderOptions(width=32, height=32, buffer="normals")
     frames = [
-        render_scene(Scene(objects=(SceneObject(sphere, Material(shading_rate=rate)),)), options)
+        render_scene(
+            Scene(objects=(SceneObject(mesh=sphere, material=Material(shading_rate=rate)),)),
+            options,
+        )
         for rate in ("pixel", "vertex")
     ]
     np.testing.assert_array_equal(frames[0].color, frames[1].color)
