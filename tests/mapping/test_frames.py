@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
+from texbake.core import portable_math
 from texbake.mapping.classical.frames import (
     center_of,
     frame_about,
@@ -252,7 +253,7 @@ def test_both_sides_of_the_seam_are_a_whole_turn_apart_to_the_last_bit():
     points = rng.normal(size=(60, 3))
     faces = rng.integers(0, 60, (400, 3)).astype(np.int32)
     s = wrap_angles(points, faces, theta=WHOLE, rounding=0.0).s
-    once = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi) + 0.5
+    once = portable_math.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi) + 0.5
     for vertex in range(60):
         values = set(s[faces == vertex].tolist())
         assert values <= {once[vertex] + turns for turns in (-1.0, 0.0, 1.0)}
