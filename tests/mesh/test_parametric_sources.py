@@ -51,7 +51,7 @@ def test_profiles_are_read(written, text):
         ("0 0\n1\n", "line 2: it has 1 words; a point needs 2 numbers"),
         ("0 0\n1 2 3\n", "line 2: it has 3 words; a point needs 2 numbers"),
         ("0 0\none two\n", "line 2: 'one' is not a number"),
-        (b"0 0\n\0\0", "it is not a profile; it holds binary data"),
+        (b"0 0\n\0\0 1", "it is not a profile; it holds binary data"),
         (b"0 0\n\xff\xfe 1", "it is not a profile; it is not text in UTF-8"),
     ],
 )
