@@ -18,7 +18,14 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake as command
 
 import texbake
-from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError, quoted
+from texbake.errors import (
+    FileError,
+    FileFormatError,
+    OptionError,
+    ReadWarning,
+    TexbakeError,
+    quoted,
+)
 from texbake.limits import (
     ALLOW_OUTSIDE,
     MAX_IMAGE,
@@ -34,6 +41,7 @@ from texbake.mesh.files.mtl import library_names, map_name
 from texbake.mesh.materials import read_materials
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.scene.read import read_scene
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import decode_image, image_shape, read_header, read_image, write_image
 
 
@@ -201,8 +209,8 @@ def test_images_of_gltf_stay_in_the_folder(gltf, monkeypatch):
     materials = read_materials(path, read_mesh(path))
     assert materials.materials[0].channels["base-color"].image is None
     assert "outside its folder" in str(materials.missing)
-    with pytest.raises(FileError, match="outside its folder"):
-        read_scene(path)
+    with pytest.warns(ReadWarning, match="outside its folder"):
+        assert not isinstance(read_scene(path).objects[0].material.base_color, ImageTexture)
     monkeypatch.setenv(ALLOW_OUTSIDE, "1")
     materials = read_materials(path, read_mesh(path))
     assert materials.materials[0].channels["base-color"].image is not None

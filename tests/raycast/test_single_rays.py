@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.core.library import FOLDER
+from texbake.core.builds import find_builds
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -178,9 +178,7 @@ def checksum():
     return digest.hexdigest()
 
 
-@pytest.mark.parametrize(
-    "build", [path.stem.removeprefix("core-") for path in FOLDER.glob("core-*")]
-)
+@pytest.mark.parametrize("build", sorted(find_builds()))
 def test_every_build_of_the_core_gives_the_same_bytes(build):
     code = "from test_single_rays import checksum; print(checksum())"
     done = subprocess.run(
