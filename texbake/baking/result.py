@@ -15,15 +15,19 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.report import BakeReport
-from texbake.errors import OptionError
+from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, make_folder
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mapping.areas import surface_areas
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_formats import holds_floats
 
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
+
+# Of the area of a mesh: less than this is in slivers, which nobody sees.
+MOST_WITHOUT_TEXEL = 0.01
 
 
 @dataclass(frozen=True)
@@ -200,3 +204,24 @@ def unseen_faces(n_faces: int, texel_faces: IntArray) -> npt.NDArray[np.bool_]:
     seen[texels[:1]] = True  # -1 is the last entry
     seen[texels[1:][texels[1:] != texels[:-1]]] = True
     return ~seen[:-1]
+
+
+def check_texels(low: Mesh, baked: BakeResult) -> None:
+    """Raise where more than a hundredth of the area of an atlas owns no texel.
+
+    Raises
+    ------
+    UvError
+        The maps are too small, or their padding is too wide, for the charts.
+    """
+    areas = surface_areas(low.positions[low.faces])
+    unseen = unseen_faces(low.n_faces, baked.texel_faces)
+    share = float(areas[unseen].sum()) / (float(areas.sum()) or 1.0)
+    if share > MOST_WITHOUT_TEXEL:
+        options = baked.report.options
+        less = " or less `padding`" if options.padding > 1 else ""
+        raise UvError(
+            f"{low.name}: {int(unseen.sum()):,} of {low.n_faces:,} faces, {100.0 * share:.1f} % of "
+            f"the area, own no texel at {options.width_px} x {options.height_px} with a padding of "
+            f"{options.padding}; use a greater `size`{less}"
+        )

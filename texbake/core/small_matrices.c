@@ -37,13 +37,14 @@ void multiply_matrices(
     for (int64_t i = 0; i < n; i++) {
         const double(*left)[inner] = a[n_a == 1 ? 0 : i];
         const double(*right)[columns] = b[n_b == 1 ? 0 : i];
-        for (int64_t row = 0; row < rows; row++)
-            for (int64_t column = 0; column < columns; column++) {
-                double sum = inner > 0 ? left[row][0] * right[0][column] : 0.0;
-                for (int64_t k = 1; k < inner; k++)
-                    sum += left[row][k] * right[k][column];
-                out[i][row][column] = sum;
-            }
+        for (int64_t row = 0; row < rows; row++) {
+            double *sums = out[i][row];
+            for (int64_t column = 0; column < columns; column++)
+                sums[column] = inner > 0 ? left[row][0] * right[0][column] : 0.0;
+            for (int64_t k = 1; k < inner; k++)
+                for (int64_t column = 0; column < columns; column++)
+                    sums[column] += left[row][k] * right[k][column];
+        }
     }
 }
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from texbake.baking.bake import bake
 from texbake.baking.report import BakeReport
+from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, appearing_together, check_writable, written_file
 from texbake.jobs.carried import (
@@ -39,7 +40,6 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
-from texbake.jobs.unwrapping import check_texels
 from texbake.limits import file_beside
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from texbake.baking.bake import bake
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakeResult, check_texels
 from texbake.files import (
     PathLike,
     appearing_together,
@@ -40,7 +40,6 @@ from texbake.jobs.carried import (
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
-from texbake.jobs.unwrapping import check_texels
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from texbake.baking.result import BakeResult, unseen_faces
-from texbake.errors import FileFormatError, OptionError, UvError
+from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
@@ -23,7 +22,6 @@ from texbake.jobs.outputs import (
     write_report,
 )
 from texbake.jobs.written import SourceMaterials, write_with_materials
-from texbake.mapping.areas import surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import UnwrapReport, unwrap_together
 from texbake.mesh.compose import join_meshes
@@ -31,9 +29,6 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.texture.image import write_image
-
-# Of the area of a mesh: less than this is in slivers, which nobody sees.
-MOST_WITHOUT_TEXEL = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,25 +169,4 @@ def _check_format(path: Path) -> None:
     if path.suffix.lower() in BARE_MESH_SUFFIXES:
         raise FileFormatError(
             f"{path}: {path.suffix} files hold no texture coordinates; write .obj, .ply or .glb"
-        )
-
-
-def check_texels(low: Mesh, baked: BakeResult) -> None:
-    """Raise where more than a hundredth of the area of an atlas owns no texel.
-
-    Raises
-    ------
-    UvError
-        The maps are too small, or their padding is too wide, for the charts.
-    """
-    areas = surface_areas(low.positions[low.faces])
-    unseen = unseen_faces(low.n_faces, baked.texel_faces)
-    share = float(areas[unseen].sum()) / (float(areas.sum()) or 1.0)
-    if share > MOST_WITHOUT_TEXEL:
-        options = baked.report.options
-        less = " or less `padding`" if options.padding > 1 else ""
-        raise UvError(
-            f"{low.name}: {int(unseen.sum()):,} of {low.n_faces:,} faces, {100.0 * share:.1f} % of "
-            f"the area, own no texel at {options.width_px} x {options.height_px} with a padding of "
-            f"{options.padding}; use a greater `size`{less}"
         )
