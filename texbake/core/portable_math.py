@@ -120,9 +120,13 @@ def matmul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     (rows, inner), (of_inner, columns) = first.shape[-2:], second.shape[-2:]
     if inner != of_inner:
         raise ValueError(f"matmul: shapes {first.shape} and {second.shape} do not match")
-    if second.ndim == 2 and first.ndim > 2:  # as one long list of rows
-        product = matmul(first.reshape(math.prod(first.shape[:-1]), inner), second)
-        return np.asarray(product.reshape(*first.shape[:-1], columns))
+    if first.ndim == 2 and second.ndim == 2:
+        product = np.empty((1, rows, columns))
+        core.multiply_matrices(_listed(first[None], 2), _listed(second[None], 2), product)
+        return _as_given(product[0], first, second)
+    if second.ndim == 2:  # as one long list of rows
+        listed = matmul(first.reshape(math.prod(first.shape[:-1]), inner), second)
+        return np.asarray(listed.reshape(*first.shape[:-1], columns))
     shape = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
     out = np.empty((*shape, rows, columns))
     core.multiply_matrices(_matrices(first, shape), _matrices(second, shape), _listed(out, 2))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 _ANGLES = 2.0 * np.pi * np.arange(32) / 32.0
 _DIRECTIONS = np.stack([pm.cos(_ANGLES), pm.sin(_ANGLES)])
+_STEP_COS, _STEP_SIN = _DIRECTIONS[:, 1].tolist()  # from one direction to the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,9 +121,8 @@ def hull_area(uvs: FloatArray) -> float:
     2.0
     """
     extents = _extents(uvs)
-    step = 2.0 * math.pi / len(extents)
-    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * pm.cos(step)
-    return float((extents * sides).sum() / (2.0 * pm.sin(step)))
+    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * _STEP_COS
+    return float((extents * sides).sum() / (2.0 * _STEP_SIN))
 
 
 def _extents(uvs: FloatArray) -> FloatArray:
