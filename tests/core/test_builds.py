@@ -68,7 +68,8 @@ def start(tmp_path, checkout):
             "XDG_CACHE_HOME": str(tmp_path / "cache"),
             "CC": str(compiler),
         }
-        environment.pop("TEXBAKE_CORE", None)
+        for name in "TEXBAKE_CORE", "LD_PRELOAD":  # of a core with sanitizers
+            environment.pop(name, None)
         return subprocess.Popen(
             [sys.executable, *words],
             cwd=checkout,
