@@ -228,7 +228,7 @@ def test_tests_start_the_installed_package() -> None:
     ] == []
 
 
-# What rounds, or orders equal values, as the processor and the library like; texbake.core has
+# What rounds, or orders equal values, differently on other processors; texbake.core has
 # portable_math and elementary.h for the first.
 _OF_MATH = (
     "sin|cos|tan|exp2?|expm1|log(2|10|1p)?|pow|atan2?|asin|acos|hypot|dist|cbrt|(sin|cos|tan)h"
