@@ -38,7 +38,8 @@ from .streams import close_stdout, is_of_click, open_closed_streams
     "--max-triangles",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Read files that place up to N triangles by repeating fewer, instead of 20,000,000.",
+    help="Read files that repeat meshes up to N triangles in total; the default depends on the "
+    "format, 20,000,000 for glTF.",
 )
 @click.option(
     "--allow-outside",

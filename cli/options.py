@@ -200,10 +200,10 @@ def image_option(flag: str, text: str) -> Decorator[Any]:
 
 
 class _Output(click.Option):
-    """`-o`, in whose place the command line may end with the name alone."""
+    """`-o`, which may be left out if the last argument is the output's name."""
 
     def __init__(self, *names: Any, after: str | None = None, **options: Any) -> None:
-        # Eager, so that the last of several inputs is taken off them before they are converted.
+        # Eager, so that the output is split off the inputs before they are converted.
         super().__init__(*names, is_eager=True, **options)
         self._after = after
 
@@ -217,14 +217,12 @@ class _Output(click.Option):
             if named or len(last) < 2:
                 last = None
             elif os.path.exists(last[-1]):  # noqa: PTH110  # no error for a name that is too long
-                raise click.UsageError(f"{last[-1]} exists; name the output by -o", ctx)
+                raise click.UsageError(f"{last[-1]} exists; name the output with -o", ctx)
             else:
                 opts[self._after], last = last[:-1], last[-1]
         if isinstance(last, str):
             if named:
-                raise click.UsageError(
-                    f"the output has two names, {opts[self.name]} and {last}", ctx
-                )
+                raise click.UsageError(f"two outputs are named: {opts[self.name]} and {last}", ctx)
             opts[self.name] = last
         return super().handle_parse_result(ctx, opts, args)
 
@@ -235,15 +233,15 @@ _LAST = "last_argument"
 def output_option(
     kind: click.Path, metavar: str, text: str, *, after: str | None = None, **extra: Any
 ) -> Decorator[Any]:
-    """Add `-o`, or the same name as the last argument.
+    """Add `-o`, whose value may instead be the last argument.
 
     Parameters
     ----------
     kind, metavar, text
         Type, metavar and help of the option.
     after
-        The argument with any number of inputs that the name may follow; it must not exist then.
-        None adds an argument for it.
+        The argument with any number of inputs, whose last value is the output if no such file
+        exists. None adds an argument for the output.
     """
     option = click.option(
         "-o", "--output", cls=_Output, after=after, type=kind, metavar=metavar, help=text, **extra
@@ -260,7 +258,7 @@ def output_file(text: str, suffixes: Sequence[str], *, after: str | None = None)
 
 
 def output_folder(text: str, *, required: bool = False, **extra: Any) -> Decorator[Any]:
-    """Add `-o DIR`; only a required one may be the last argument."""
+    """Add `-o DIR`; if it is required, it may also be the last argument."""
     folder = click.Path(path_type=Path, file_okay=False)
     if required:
         return output_option(folder, "DIR", text, required=True)

@@ -1,8 +1,8 @@
-"""What a file may make texbake do: sizes of images, repeated triangles, and files that it names.
+"""Limits of what a file can make texbake do: image sizes, repeated triangles, other files.
 
-Files come from anywhere. A small one can hold an image of gigabytes, or name any file of the
-machine. Each limit is an environment variable, so that worker processes have it too; `texbake
---max-image`, `texbake --max-triangles` and `texbake --allow-outside` set them.
+A small file can hold an image of gigabytes, or name any file of the machine. Each limit is an
+environment variable, so that worker processes have it too; `texbake --max-image`, `texbake
+--max-triangles` and `texbake --allow-outside` set them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from texbake.files import PathLike, is_file
 MAX_IMAGE = "TEXBAKE_MAX_IMAGE"
 """Environment variable: an image may have as many pixels as a square with this side."""
 MAX_TRIANGLES = "TEXBAKE_MAX_TRIANGLES"
-"""Environment variable: triangles that a file may place by repeating fewer of them."""
+"""Environment variable: how many triangles a file may have once its meshes are repeated."""
 ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 """Environment variable: 1 if a file may name files outside its own folder."""
 
@@ -55,14 +55,14 @@ def raised_limits(
     max_image
         Greatest side of an image in pixels; None leaves the limit.
     max_triangles
-        Triangles that a file may place by repeating fewer of them; None leaves the limit.
+        How many triangles a file may have once its meshes are repeated; None leaves the limit.
     allow_outside
         Whether files may name files outside their own folders; False leaves the limit.
 
     Raises
     ------
     OptionError
-        An environment variable does not hold what it is for.
+        An environment variable has a value of the wrong kind.
     """
     allows_outside()
     if max_image is None:
@@ -170,7 +170,7 @@ def _max_image() -> int:
 
 
 def most_triangles(default: int) -> int:
-    """Return how many triangles a file may place by repeating fewer of them.
+    """Return how many triangles a file may have once its meshes are repeated.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def folder_beside(path: PathLike, name: str) -> Path:
 
 
 def _with_slashes(folder: Path, name: str) -> str:
-    """Return a name with slashes for the backslashes of Windows, unless a file has these."""
+    """Replace the backslashes of Windows in a name by slashes, unless such a file exists."""
     return name.replace("\\", "/") if "\\" in name and not is_file(folder / name) else name
 
 

@@ -24,7 +24,7 @@ from ..terminal import Terminal, terminal_options
     """
 )
 @mesh_argument("source")
-@output_file("The file to write; its suffix is the format.", WRITABLE_MESH_SUFFIXES)
+@output_file("The file to write; its suffix sets the format.", WRITABLE_MESH_SUFFIXES)
 @options_of(TransformOptions, "scale", "units", "up")
 @terminal_options
 def convert(source: Path, output: Path, terminal: Terminal, **options: Any) -> None:

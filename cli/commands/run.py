@@ -43,8 +43,8 @@ def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choic
     scan.ply gives scan_low.obj, scan_low.glb, scan_normal.png, scan_displacement.exr,
     scan_preview.png, scan_compare.png and scan_report.json.
 
-    The maps are those of a finished asset, 2048 x 2048 texels of four rays each. By default,
-    texbake bake casts a sixteenth of these rays, which is enough to try options.
+    By default, maps have 2048 x 2048 texels with four rays each, as a finished asset needs.
+    texbake bake casts a sixteenth as many by default, which is enough to try options.
     """
     options = RunOptions(**choices)
     with terminal.progress() as progress:

@@ -86,7 +86,7 @@ def test_what_a_reader_leaves_out_is_a_note_of_the_step(
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n")
     result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
     notes = result.assets[0].steps[0].figures["notes"]
-    assert any("read without 1 face of fewer than three corners" in note for note in notes)
+    assert any("left out 1 face with fewer than three corners" in note for note in notes)
 
 
 def test_those_of_a_gltf_file(tmp_path: Path) -> None:

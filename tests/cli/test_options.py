@@ -96,14 +96,14 @@ def test_the_output_may_also_be_the_last_argument(line: str) -> None:
         assert parsed(" ".join([*words[:at], name, *words[at:]])) == expected
     several = words[0] in ("unwrap", "pack-textures")  # then the name is that of one more input
     if not several:
-        with pytest.raises(click.UsageError, match=f"the output has two names, {name} and other"):
+        with pytest.raises(click.UsageError, match=f"two outputs are named: {name} and other"):
             parsed(f"{line} other")
 
 
 def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
     there = tmp_path / "b.obj"
     write_mesh(cube(), there)
-    with pytest.raises(click.UsageError, match=r"b\.obj exists; name the output by -o"):
+    with pytest.raises(click.UsageError, match=r"b\.obj exists; name the output with -o"):
         parsed(f"unwrap a.obj {there}")
     with pytest.raises(click.UsageError, match="Missing parameter: output"):
         parsed("unwrap a.obj")

@@ -126,8 +126,8 @@ def test_where_none_can_be_compiled_one_line_says_what_helps(start, checkout):
     *notes, error = messages.splitlines()
     assert set(notes) <= {f"texbake: compiling the core for {checkout}, once"}
     assert error == (
-        f"texbake: no core is compiled for the sources in {checkout}: CC: there is no program "
-        f"'no-compiler'; name a C compiler, or unset CC; run: pip install {checkout}"
+        f"texbake: there is no compiled core for the sources in {checkout}: CC: there is no "
+        f"program 'no-compiler'; name a C compiler, or unset CC; run: pip install {checkout}"
     )
 
 

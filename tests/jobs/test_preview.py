@@ -60,7 +60,7 @@ def one_color(done):
 
 def test_a_picture_of_one_color_is_told(drawn, tmp_path):
     said = one_color(drawn(HALF, view=(0.0, 0.0), back_faces="cull"))
-    assert said == "every triangle is seen from behind; draw those with --back-faces show"
+    assert said == "every triangle is seen from behind; draw them with --back-faces show"
     point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
     assert one_color(drawn(point)) == "no triangle has an area"
     assert "another --view" in one_color(drawn(BALL, view=(0.0, 0.0, 1e9)))

@@ -158,6 +158,6 @@ def test_every_file_is_read_or_refused_with_one_line(data_dir):
     whys = {re.sub(r", but \d[\w ,]*", "", why) for why in refused}
     assert whys == {
         "it has no faces; a mesh needs at least one triangle",
-        "it shows no faces; its meshes are hidden or empty; a mesh needs at least one triangle",
+        "it shows no faces: all meshes are hidden or empty; a mesh needs at least one triangle",
     }
     assert sum("NURBS surface" in why for why in refused) == 7

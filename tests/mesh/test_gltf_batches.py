@@ -199,7 +199,7 @@ def test_a_number_that_is_not_finite_is_named(tmp_path):
     primitives += [{"attributes": {"POSITION": writer.add(bad, _FLOAT)}}] * 2
     document = writer.document(tmp_path, primitives)
     assert read_primitives(document, [Wanted(one) for one in primitives])[3:] == [None, None]
-    with pytest.raises(TexbakeError, match="a number of POSITION is not finite"):
+    with pytest.raises(TexbakeError, match="a value of POSITION is not finite"):
         read_mesh(document.path)
 
 

@@ -76,7 +76,7 @@ def assert_is_a_bomb(path, change):
     document = json.loads(path.read_text())
     change(document, document["meshes"][0]["primitives"])
     path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match=r"there would be 4[02],000,000, more"):
+    with pytest.raises(FileFormatError, match=r"triangles up to 4[02],000,000, more"):
         read_mesh(path)
 
 
@@ -84,7 +84,7 @@ def assert_is_a_bomb(path, change):
 def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
     no_array_is_read(monkeypatch)
     path = instances(2000, claimed=MAX_PLACED // 1000)
-    with pytest.raises(FileFormatError, match=r"20,000 triangles .* would be 40,000,000, more"):
+    with pytest.raises(FileFormatError, match=r"20,000 triangles up to 40,000,000, more"):
         read(path)
 
 

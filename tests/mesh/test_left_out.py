@@ -139,7 +139,7 @@ def test_a_corner_that_is_not_finite_stays_an_error(tmp_path, name):
 def test_colors_and_tangents_that_are_not_finite(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0 nan 0 0\nv 1 0 0 0 1 1\nv 1 1 0 0 1 1\nf 1 2 3")
     mesh, lines = heard(tmp_path / "a.obj")
-    assert lines == ["1 of 3 vertex colors are not finite; white takes their place"]
+    assert lines == ["1 of 3 vertex colors are not finite; white replaces them"]
     assert mesh.colors[0].tolist() == [1, 1, 1]
     arrays = {"POSITION": CORNERS, "NORMAL": [[0, 0, 1]] * 3, "TANGENT": [[1, 0, NAN, 1]] * 3}
     mesh, lines = heard(gltf(tmp_path / "a.gltf", arrays))
@@ -154,7 +154,7 @@ TRIANGLE = "f 1 2 3\n"
     [
         (
             SQUARE + TRIANGLE + "f 3 4\nf 1\nf 1 3 4\n",
-            "read without 2 faces of fewer",
+            "left out 2 faces with fewer",
         ),
         (SQUARE.replace(" 1", " 1,5") + TRIANGLE + "f 1 3 4\n", "decimal commas are read as"),
         ("\ufeff" + SQUARE + TRIANGLE + "f 1 3 4\n", None),
@@ -190,7 +190,7 @@ def test_materials_of_faces_beside_edges(tmp_path):
         materials = read_materials(tmp_path / "a.obj", mesh)
     assert [materials.names[i] for i in materials.face_materials] == ["red", "red"]
     assert materials.sources("base-color")[0].factor == (0.5, 0.0, 0.0)
-    assert lines == [f"{tmp_path / 'a.mtl'}: decimal commas are read as points"]
+    assert lines == [f"{tmp_path / 'a.mtl'}: decimal commas are read as decimal points"]
     contents = read_contents(tmp_path / "a.obj")
     assert [material.name for material in contents.materials] == ["red", "blue"]
 
@@ -202,7 +202,7 @@ def test_bytes_after_the_last_triangle_of_binary_stl(tmp_path, head):
     (tmp_path / "a.stl").write_bytes(content + b"color data")
     mesh, lines = heard(tmp_path / "a.stl")
     np.testing.assert_array_equal(mesh.positions[mesh.faces], cube().positions[cube().faces])
-    assert lines == ["10 bytes after its last triangle are left out"]
+    assert lines == ["left out 10 bytes after the last triangle"]
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_fbx_text_with_words_for_numbers(tmp_path, word, version):
         assert text.count(b"987654.0") == 2
         (tmp_path / "a.fbx").write_bytes(text.replace(b"987654.0", word.encode()))
         mesh, lines = heard(tmp_path / "a.fbx")
-        assert lines == [f"1 of {n} normals are not finite; computed ones take their place"]
+        assert lines == [f"1 of {n} normals are not finite; computed ones replace them"]
         directions = mesh.normals[mesh.normal_faces]
         first = directions[:, 0] * np.linalg.norm([0.0, 1.0, 2.0])
         np.testing.assert_allclose(first[0], [0.0, 1.0, 2.0], atol=1e-12)
@@ -254,10 +254,10 @@ def test_what_changes_the_surface_of_fbx_is_named(tmp_path):
     mesh, lines = heard(tmp_path / "a.fbx")
     assert mesh.n_faces == len(FACES)
     assert lines == [
-        "read without 1 skin and 2 shape keys, in the pose that the mesh is stored in",
-        "read without 1 NURBS surface; only polygons are read",
+        "left out 1 skin and 2 shape keys; the mesh is read in the pose it is stored in",
+        "left out 1 NURBS surface; only polygons are read",
         "1 subdivision surface is read as its control mesh",
-        "read without 1 hidden mesh",
+        "left out 1 hidden mesh",
     ]
 
 
@@ -268,7 +268,7 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
         primitive={"targets": [{"POSITION": 0}]},
         skins=[{"joints": [0]}],
     )
-    line = "read without 1 skin and 1 shape key, in the pose that the mesh is stored in"
+    line = "left out 1 skin and 1 shape key; the mesh is read in the pose it is stored in"
     assert heard(path)[1] == [line]
     for command in (["info", str(path)], ["preview", str(path), "-o", str(tmp_path / "a.png")]):
         result = CliRunner().invoke(texbake, command)
@@ -279,11 +279,11 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
 def test_scripts_get_a_warning_and_commands_a_line(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text(SQUARE + TRIANGLE + "f 3 4\n")
-    with pytest.warns(ReadWarning, match=r"a\.obj: read without 1 face of fewer than three"):
+    with pytest.warns(ReadWarning, match=r"a\.obj: left out 1 face with fewer than three"):
         read_mesh(path)
     command = [sys.executable, "-P", "-m", "texbake", "convert", path, tmp_path / "b.ply"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    line = f"texbake: warning: {path}: read without 1 face of fewer than three corners"
+    line = f"texbake: warning: {path}: left out 1 face with fewer than three corners"
     assert done.stderr.splitlines().count(line) == 1
 
 
@@ -376,7 +376,7 @@ def test_a_projective_row_of_a_collada_matrix_is_left_out(tmp_path, row):
     with heard_warnings(lines.append):
         mesh = read_mesh(tmp_path / "a.dae")
     np.testing.assert_array_equal(mesh.bounds, 2 * cube().bounds)
-    assert lines == ["a.dae: read without the projective row of 1 matrix"]
+    assert lines == ["a.dae: left out the projective row of 1 matrix"]
 
 
 @pytest.mark.parametrize("name", ["C:\\art\\red.png", "..\\..\\red.png", "/home/art/red.png"])

@@ -77,7 +77,7 @@ def check_header(library: ctypes.CDLL, header: str) -> None:
     if tell is None or tell() != checksum(header):
         raise DependencyError(
             f"{library._name}: it was not compiled from these sources; install texbake again, or "
-            "compile the library that TEXBAKE_CORE names again"
+            "recompile the library that TEXBAKE_CORE names"
         )
 
 
@@ -97,7 +97,7 @@ def load_library() -> ctypes.CDLL:
     except BuildError as error:
         checkout = FOLDER.parents[1]
         raise DependencyError(
-            f"no core is compiled for the sources in {checkout}: {error}; "
+            f"there is no compiled core for the sources in {checkout}: {error}; "
             f"run: pip install {checkout}"
         ) from error
     if not built:

@@ -1,6 +1,6 @@
-"""How a preview shows a file that does not say how: which sides, and where from.
+"""The sides and the camera of a preview, where the file does not set them.
 
-What the set-up found is told beside the picture, as is a picture with nothing to be seen in it.
+A table beside the picture reports what was chosen, and warnings say if nothing can be seen.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class DefaultView:
     n_strays : int
         Triangles that the camera leaves out because they lie far from all others.
     side : str
-        As `surface_side` has it; "" if it was not asked.
+        As from `surface_side`; "" if it was not needed.
     """
 
     path: PathLike
@@ -52,7 +52,7 @@ class DefaultView:
     side: str = ""
 
     def table(self, frame: Frame) -> list[tuple[str, str]]:
-        """Return rows of what was chosen for this picture, where it changes it."""
+        """Return rows about the choices that change this picture."""
         rows = []
         if frame.exposure is not None and frame.exposure < 1.0:
             rows.append(("exposure", f"{frame.exposure:.2f}, so that white does not clip"))
@@ -60,7 +60,7 @@ class DefaultView:
         if share > 0.0:
             cause = "inside out" if self.side == "back" else "open"
             rows.append(
-                ("back faces", f"{100.0 * share:.1f} % of the mesh in the picture; it is {cause}")
+                ("back faces", f"{100.0 * share:.1f} % of the visible surface; the mesh is {cause}")
             )
         return rows
 
@@ -78,8 +78,8 @@ class DefaultView:
         if self.n_strays:
             what = "1 triangle lies" if self.n_strays == 1 else f"{self.n_strays:,} triangles lie"
             yield (
-                f"{self.path}: {what} far from all others and may be outside of the picture; "
-                "--view AZ,EL,DIST shows more"
+                f"{self.path}: {what} far from all others and may be outside the picture; "
+                "set a larger distance with --view AZ,EL,DIST"
             )
         if self.options.buffer is None:
             cause = _one_color(self.scene, self.options, frame, self._camera)
@@ -88,10 +88,10 @@ class DefaultView:
 
 
 def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> DefaultView:
-    """Choose the sides and the camera for a mesh or a model, where nothing says how.
+    """Choose the sides and the camera for a mesh or a model, where options do not set them.
 
-    Back faces are shown if a mesh is open, or closed and inside out; materials of a glTF file say
-    themselves which sides they have. A scene file says everything.
+    Back faces are shown if a mesh is open, or closed and inside out. Materials of a glTF file set
+    their own sides, and a scene file sets everything.
     """
     if Path(path).suffix.lower() == ".toml":
         return DefaultView(path, scene, options)
@@ -117,7 +117,7 @@ def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> Defaul
 
 
 def _joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return one mesh of all faces; the objects of a surface with several materials are one."""
+    """Return one mesh of all faces: a surface with several materials is split into objects."""
     if len(meshes) == 1:
         return meshes[0]
     starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()
@@ -127,7 +127,7 @@ def _joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
-    """Share of the pixels with a surface in which its back is seen."""
+    """Share of back faces among the pixels that show a surface."""
     ids = frame.face_ids[frame.face_ids >= 0]
     if any(item.material.displacement is not None for item in scene.objects) or not len(ids):
         return 0.0
@@ -154,17 +154,17 @@ def _one_color(scene: Scene, options: RenderOptions, frame: Frame, camera: Camer
     if not frame.coverage.any():
         return _why_nothing(scene, options, camera)
     if _is_black(frame):
-        return "everything is black; its materials are black, or no light reaches it"
+        return "everything is black: the materials are black, or no light reaches them"
     codes = quantize_srgb(frame.color[0, 0, :3], 8)
     if (frame.coverage == 1.0).all() and (quantize_srgb(frame.color[..., :3], 8) == codes).all():
-        return "a single surface fills it; move the camera with --view AZ,EL,DIST"
+        return "one surface fills the picture; move the camera with --view AZ,EL,DIST"
     return ""
 
 
 def _is_black(frame: Frame) -> bool:
     """Whether all surfaces of a picture have the 8-bit code 0."""
     some = frame.color[::16, ::16][frame.coverage[::16, ::16] == 1.0][:, :3]
-    if some.size and some.max() >= BLACK:  # as most pictures
+    if some.size and some.max() >= BLACK:  # true for most pictures
         return False
     whole = frame.coverage == 1.0
     light = frame.color[whole if whole.any() else frame.coverage > 0.0][:, :3]
@@ -175,7 +175,7 @@ def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
     """Return why no surface is in a picture."""
     shown = [item for item in scene.objects if item.visible and not is_hidden(item.material)]
     if not shown:
-        return "all objects are hidden or entirely transparent"
+        return "all objects are hidden or fully transparent"
     facing = [_facing(outline(item), slice(None), camera) for item in shown]
     if not any(side.any() for side in facing):
         return "no triangle has an area"
@@ -185,5 +185,5 @@ def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
         for item in shown
     ]
     if all(cull and not (side > 0.0).any() for cull, side in zip(culls, facing, strict=True)):
-        return "every triangle is seen from behind; draw those with --back-faces show"
+        return "every triangle is seen from behind; draw them with --back-faces show"
     return "nothing is in front of the camera or large enough to see; choose another --view"

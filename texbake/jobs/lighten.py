@@ -60,7 +60,7 @@ from texbake.rendering.compare_models import ModelComparison, compare_models, de
 _MOST_PARTS = 1000
 _NOT_COMPARED = (
     f"it has more than {_MOST_PARTS:,} parts, so its pictures are not compared with those of the "
-    "result; `html` compares them all the same"
+    "result; use `html` to compare them anyway"
 )
 
 

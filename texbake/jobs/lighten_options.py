@@ -89,7 +89,7 @@ class LightenOptions(CheckedOptions):
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def bake_options(self, maps: tuple[str, ...], size: Size, padding: int | None) -> BakeOptions:
-        """Return how the maps are baked, with the padding of the atlas."""
+        """Return options for the bake, with the padding of the atlas."""
         return BakeOptions(
             maps=maps,
             size=size,

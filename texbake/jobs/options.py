@@ -67,8 +67,8 @@ class RunOptions(CheckedOptions):
         str,
         Option(
             "How to compare the asset with the high-poly mesh: in one view with its normal map "
-            "(quick), also in six views and displaced (full), or not at all and without pictures "
-            "(off).",
+            "(quick), also in six views and displaced (full), or not at all (off, which draws no "
+            "pictures).",
             choices=COMPARES,
         ),
     ] = "quick"
@@ -89,9 +89,9 @@ class RunOptions(CheckedOptions):
     def bake_options(
         self, channels: tuple[str, ...] = (), padding: int | None = None
     ) -> BakeOptions:
-        """Return how the maps are baked, with channels of the model's materials.
+        """Return options for the bake, with channels of the model's materials.
 
-        The padding is that of the atlas.
+        `padding` is the padding of the atlas.
         """
         return BakeOptions(
             maps=("normal", "displacement", *channels),

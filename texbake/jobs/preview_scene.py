@@ -48,20 +48,20 @@ def open_preview(
         A mesh, a glTF file or a `.toml` scene. A glTF file is drawn with its own materials, unless
         maps are given.
     normal_map, displacement, albedo
-        Of a mesh, as in `texbake.rendering.render.render`.
+        Maps of a mesh, as in `texbake.rendering.render.render`.
     space
         Of the normal map; None: what its file says, else tangent space.
     options
         Fields of `RenderOptions` that override those of the scene file.
     as_mesh
-        Draw a glTF file as a mesh without materials of its own, also if no maps are given.
+        Draw a glTF file as a mesh without its own materials, even if no maps are given.
     progress
-        Receives the reading.
+        Receives the progress of reading.
 
     Raises
     ------
     OptionError
-        Maps are given for a scene, which has materials of its own, or a space and no normal map.
+        Maps are given for a scene, which has its own materials, or a space without a normal map.
     TexbakeError
         As `read_mesh` and `read_scene` do.
     """
@@ -71,7 +71,7 @@ def open_preview(
     if suffix == ".toml" and named:
         raise OptionError(f"{named[0]}: a scene has its own materials; name the map in {path}")
     if space is not None and normal_map is None:
-        raise OptionError("space: it is that of a normal map; give `normal_map` as well")
+        raise OptionError("space: it needs a normal map; give `normal_map` as well")
     changes = dict(options or {})
     if suffix == ".toml" or (suffix in _MODELS and not (named or as_mesh)):
         scene = read_scene(path, progress=progress)
@@ -105,12 +105,12 @@ def _materials(path: PathLike, mesh: Mesh) -> Materials | None:
 
 
 def _exposing(options: RenderOptions) -> RenderOptions:
-    """Return options that expose the picture, unless they say that they do not."""
+    """Return options that expose the picture, unless `exposure` is set."""
     return replace(options, exposure=options.exposure or "auto")
 
 
 def _with_sides_as_asked(scene: Scene) -> Scene:
-    """Return a scene whose materials leave it to the options which sides are drawn."""
+    """Return a scene in which the options, not the materials, choose the sides to draw."""
     objects = tuple(
         replace(item, material=replace(item.material, double_sided=None)) for item in scene.objects
     )

@@ -128,9 +128,9 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
 
 
 def _world_matrix(scene: trimesh.Scene, node: str) -> npt.NDArray[np.float64]:
-    """(4, 4): the product of the matrices from the root of a scene down to a node.
+    """(4, 4): product of the matrices from the root of a scene down to a node.
 
-    trimesh's own product goes through BLAS and LAPACK, whose rounding depends on the processor.
+    trimesh computes it with BLAS and LAPACK, whose rounding depends on the processor.
     """
     tree, matrix = scene.graph.transforms, np.eye(4)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -165,7 +165,7 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
         raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
     if n_projective:
         noun = "matrix" if n_projective == 1 else "matrices"
-        warn_of(name, f"read without the projective row of {n_projective:,} {noun}")
+        warn_of(name, f"left out the projective row of {n_projective:,} {noun}")
     return join_parts(parts, name)
 
 

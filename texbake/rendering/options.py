@@ -97,10 +97,10 @@ class RenderOptions(CheckedOptions):
     exposure: Annotated[
         str | None,
         Option(
-            "Darken a picture that is mostly brighter than white, and roll off highlights (auto), "
-            "or clip what is brighter than white (none).",
+            "Darken pictures that are too bright and roll off highlights (auto), or clip light at "
+            "white (none).",
             choices=EXPOSURES,
-            default="auto in texbake's own light, none in that of a scene",
+            default="auto in texbake's built-in light, none in a scene's own",
         ),
     ] = None
     back_faces: Annotated[
@@ -109,7 +109,7 @@ class RenderOptions(CheckedOptions):
             "Leave out triangles seen from behind (cull), or draw them with their normals turned "
             "to the camera (show).",
             choices=BACK_FACES,
-            default="in a preview of a mesh that is open or inside out show, else cull",
+            default="show in a preview of an open or inside-out mesh, else cull",
         ),
     ] = None
     edges: Annotated[

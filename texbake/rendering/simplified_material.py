@@ -46,11 +46,11 @@ class Surroundings:
     Attributes
     ----------
     lamps, ambient, environment_light : bool
-        Whether there is light of lamps, ambient light, and light of the environment.
+        Whether there is light from lamps, ambient light, and light from the environment.
     even : bool
-        Whether all light comes alike from all sides.
+        Whether all light is the same from all sides.
     environment : bool
-        Whether mirrors have an environment to show.
+        Whether there is an environment for mirrors to show.
     other_objects : bool
         Whether there is more than one object.
     """
@@ -190,7 +190,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
         material = replace(material, bump_map=None)
         yield "bump map", "no light is reflected", material
     if material.shading_rate == "vertex" and around.even and not _is_texture(material.occlusion):
-        why = "its light comes alike from all sides"
+        why = "its light is the same from all sides"
         yield "vertex light", why, replace(material, shading_rate="pixel")
 
 
@@ -255,7 +255,7 @@ def is_diffuse(material: Material) -> bool:
 
 
 def scatters(material: Material) -> bool:
-    """Whether a lit material may reflect light to all sides, as no pure metal does."""
+    """Whether a lit material may reflect diffuse light, which pure metals do not."""
     if material.shading == "metallic-roughness" and isinstance(material.metalness, float | int):
         return is_diffuse(material) and material.metalness < 1.0
     return is_diffuse(material)

@@ -31,8 +31,8 @@ class SecondaryOptions(CheckedOptions):
     denoise: Annotated[
         bool,
         Option(
-            "Average texels of ao and thickness with those neighbors in their chart that differ by "
-            "no more than the noise of their rays, or keep the raw values.",
+            "Average each texel of ao and thickness with neighbors in its chart that differ by no "
+            "more than the noise of their rays, or keep the raw values.",
             flag="--denoise/--no-denoise",
         ),
     ] = True

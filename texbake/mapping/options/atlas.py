@@ -16,9 +16,9 @@ MAX_TILES = 100  # UDIM 1001 to 1100
 
 
 DEFAULT_PADDING = 4
-# The padding that survives three mip levels, and the share of the side of a chart that it may take.
+# The padding that survives three mip levels, and its greatest share of the side of a chart.
 MOST_PADDING, _SHARE = 8, 1 / 16
-PADDING_DEFAULT = f"{MOST_PADDING}, or what many charts leave room for"
+PADDING_DEFAULT = f"{MOST_PADDING}, or less if there are many charts"
 
 
 def fitting_padding(size: tuple[int, int], n_charts: int) -> int:
@@ -40,9 +40,9 @@ class AtlasOptions(TextureOptions):
     charts more stretch, so that there are fewer, and tries more packings.
 
     With `padding`, no texel lies within that distance of two charts, and none that a chart touches
-    lies within it of the border: a bake may pad each chart by as much. None for what many charts
-    leave room for, `fitting_padding`. With several `tiles`, tile
-    1001 is the unit square, 1002 the one to its right, 1011 the one above.
+    lies within it of the border: a bake may pad each chart by as much. None uses
+    `fitting_padding`. With several `tiles`, tile 1001 is the unit square, 1002 the one to its
+    right, 1011 the one above.
     """
 
     padding: Annotated[

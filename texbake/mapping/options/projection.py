@@ -80,8 +80,8 @@ class ProjectionOptions(CheckedOptions):
     height: Annotated[
         tuple[float, float] | None,
         Option(
-            "Cylindrical: heights above the center that become t = 0 and t = 1; with caps, t ends "
-            "below 1.",
+            "Cylindrical: heights above the center that become t = 0 and t = 1 (below 1 with "
+            "caps).",
             metavar="A,B",
             unit="model units",
             default="the lowest and the highest corner",
@@ -90,9 +90,8 @@ class ProjectionOptions(CheckedOptions):
     caps: Annotated[
         bool,
         Option(
-            "Cylindrical: map faces that look along the axis, such as ends, by a plane above the "
-            "side. All have one scale, so t of the side ends at its height divided by the length "
-            "of the arc."
+            "Cylindrical: map faces across the axis, such as ends, with a plane, and place them "
+            "above the side at the same scale. The side then ends at t = height / arc length."
         ),
     ] = False
     overlap: Annotated[

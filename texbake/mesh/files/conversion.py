@@ -70,21 +70,21 @@ def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray
 
 
 _INSTEAD = {
-    "normals": "computed ones take their place",
-    "texture coordinates": "(0, 0) takes their place",
-    "vertex colors": "white takes their place",
+    "normals": "computed ones replace them",
+    "texture coordinates": "(0, 0) replaces them",
+    "vertex colors": "white replaces them",
 }
 
 
 def finite_rows(path: PathLike, rows: npt.NDArray[Any], what: str) -> npt.NDArray[Any]:
-    """Return rows with zeros for those that are not finite, which are counted and warned of.
+    """Replace rows that are not finite with zeros, and warn with their number.
 
     Parameters
     ----------
     path
     rows : (n, k) floats
     what
-        `normals`, `texture coordinates`, or `vertex colors`, which become ones.
+        `normals`, `texture coordinates` or `vertex colors`; colors become ones, not zeros.
     """
     is_bad = rows_not_finite(rows)
     if not is_bad.any():
@@ -98,9 +98,9 @@ def finite_rows(path: PathLike, rows: npt.NDArray[Any], what: str) -> npt.NDArra
 def finite_vertices(
     path: PathLike, positions: FloatArray, faces: IntArray, colors: npt.NDArray[Any] | None = None
 ) -> tuple[FloatArray, IntArray, npt.NDArray[Any] | None]:
-    """Return a mesh's arrays without vertices that are not finite and that no face uses.
+    """Return a mesh's arrays without unused vertices that are not finite, and warn of their number.
 
-    They are counted and warned of. One that a face uses is left for `Mesh` to refuse.
+    If a face uses such a vertex, the arrays are returned as they are, and `Mesh` refuses them.
     """
     is_bad = rows_not_finite(positions)
     if not is_bad.any() or faces.size == 0 or faces.min() < 0 or faces.max() >= len(positions):
@@ -113,12 +113,12 @@ def finite_vertices(
 
 
 def warn_unused(path: PathLike, count: str) -> None:
-    """Warn of vertices that are not finite and that no face uses; `count` is such as `2 of 9`."""
+    """Warn of unused vertices that are not finite; `count` is text such as `2 of 9`."""
     warn_of(path, f"{count} vertices are not finite; no face uses them, and they are left out")
 
 
 def rows_not_finite(rows: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-    """(n,) whether a row has a number that is not finite."""
+    """(n,) whether each row has a number that is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(rows.sum()):  # a finite sum has only finite terms
             return np.zeros(len(rows), np.bool_)
@@ -133,8 +133,8 @@ def _count(is_bad: npt.NDArray[np.bool_]) -> str:
 def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
     """Colors in [0, 1].
 
-    Colors that are all whole numbers with one above 1 are taken to go up to 255; others are left
-    as they are. White takes the place of those that are not finite.
+    If all are whole numbers and one is above 1, they are divided by 255; others are left as they
+    are. White replaces colors that are not finite.
     """
     colors = finite_rows(path, colors, "vertex colors")
     if colors.max(initial=0.0) > 1.0 and (colors == np.round(colors)).all():

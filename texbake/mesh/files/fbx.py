@@ -6,12 +6,12 @@ twice. Differences between files are removed, as the reader of USD does:
 - The axes of the file are turned to Y up, with Z to the front.
 - Lengths become meters; a unit is a centimeter where the file does not say.
 
-Each model is a group of its name, and where its polygons are of several materials, each of those,
-named ``model/material``. Polygons are fanned out; a subdivision surface is read as its control
-mesh, a mesh with bones or shapes in the pose it is stored in, without animation. Models that are
-hidden, NURBS, curves, lights and cameras are left out. A warning names all that changes the
-surface. Of several sets of texture coordinates or colors
-the first is that of the mesh. Corners without one get zeros.
+Each model is a group with its name; if it has several materials, each of them is a group named
+``model/material``. Polygons are fanned out. A subdivision surface is read as its control mesh, and
+a mesh with bones or shapes in the pose it is stored in, without animation. Hidden models, NURBS,
+curves, lights and cameras are left out. A warning names omissions that change the surface. Of
+several sets of texture coordinates or colors, the first is that of the mesh. Corners without one
+get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.
@@ -45,7 +45,7 @@ from texbake.mesh.files.source import decode_name
 from texbake.mesh.mesh import FloatArray, Mesh
 
 _FIRST_VERSION = 6000
-# Triangles that a file may place at least, and corners: instances can ask for far more than it has.
+# A file may place this many triangles, or corners per byte: instances can repeat a few very often.
 _LEAST_TRIANGLES, _CORNERS_PER_BYTE = 6_000_000, 4
 
 
@@ -74,16 +74,16 @@ def read_fbx(path: PathLike) -> Mesh:
 
 
 def _why_empty(scene: FbxScene) -> str:
-    """Say why a file has no triangles, and what to do."""
+    """Return why a file has no triangles, and what to do."""
     if 0 < scene.version < _FIRST_VERSION:
         major, minor = divmod(scene.version // 100, 10)
         return (
-            f"it is FBX {major}.{minor}, and files from 6.0 on are read; export it again as FBX "
+            f"it is FBX {major}.{minor}, but only 6.0 and later are read; export it again as FBX "
             "7.4, or convert it with Autodesk's FBX Converter"
         )
     if any(model_geometry(scene, item) for item in scene.objects.values()):
         return (
-            "it shows no faces; its meshes are hidden or empty; a mesh needs at least one triangle"
+            "it shows no faces: all meshes are hidden or empty; a mesh needs at least one triangle"
         )
     others = passed_over_in_fbx(scene)
     has = f", but {', '.join(others)}" if others else ""
@@ -123,9 +123,9 @@ class FbxPart:
 
 
 def read_parts(scene: FbxScene, models: Iterable[PlacedModel] | None = None) -> Iterator[FbxPart]:
-    """Geometry of a scene as its models show it, in the order of the tree.
+    """Yield the geometry that the models of a scene show, in the order of the tree.
 
-    `models` are those of `placed_models`, if they are known.
+    `models` are the result of `placed_models`, if it is known.
     """
     read: dict[Id, FbxGeometry | None] = {}
     triangles = most_triangles(_LEAST_TRIANGLES)
@@ -144,7 +144,7 @@ def read_parts(scene: FbxScene, models: Iterable[PlacedModel] | None = None) -> 
             most -= max(fields["faces"].size, fields["positions"].size)
             if most < 0:
                 raise FileFormatError(
-                    f"{scene.path}: it places far more triangles than it holds; if you trust the "
+                    f"{scene.path}: it repeats far more triangles than it holds; if you trust the "
                     f"file, read it with texbake --max-triangles {10 * triangles}"
                 )
             yield FbxPart(placed.model, placed.matrix, geometry, materials)

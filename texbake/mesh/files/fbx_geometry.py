@@ -115,7 +115,7 @@ class _Reader:
         is_bad = rows_not_finite(self.positions)
         if is_bad.any() and is_bad[self.vertices[self.slots]].any():
             raise MeshError(
-                f"{self.path}: geometry {quoted(self.name)}: a number of Vertices is not finite"
+                f"{self.path}: geometry {quoted(self.name)}: a value of Vertices is not finite"
             )
         fields: dict[str, Any] = {
             "positions": self.positions,

@@ -28,8 +28,8 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)
 _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
-NO_IMAGE = "a texture has no image in a format that is read"
-# Extensions of materials that are read, and what of them is not.
+NO_IMAGE = "a texture has no image in a supported format"
+# Material extensions that are read, and their parts that are not.
 _EXTENSIONS = {
     EMISSIVE_STRENGTH,
     "KHR_materials_unlit",
@@ -159,7 +159,7 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
 
 
 def unread_parts(document: Document, index: int | None) -> tuple[str, ...]:
-    """Name the extensions of a material, and the textures in those that are read, which are not."""
+    """Name the extensions of a material that are not read, and such textures of the others."""
     source = {} if index is None else document.item("materials", index)
     extensions = document.mapping(source, "extensions")
     return tuple(
@@ -244,7 +244,7 @@ def image_path(document: Document, index: int) -> Path | None:
     Raises
     ------
     FileError
-        It lies outside the folder of the file, and that is not allowed, or not on this machine.
+        It is outside the folder of the file and that is not allowed, or it is not a local file.
     FileFormatError
         The document is damaged.
     """

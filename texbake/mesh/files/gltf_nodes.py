@@ -82,10 +82,10 @@ class PlacedNodes:
 
 
 def require_placeable(placed: PlacedNodes) -> None:
-    """Raise `FileFormatError` if a file repeats its triangles without measure.
+    """Raise `FileFormatError` if a file repeats its triangles too often.
 
-    Nodes can share a mesh, and primitives an accessor. No triangle is read for that: a small file
-    could ask for more than fits into memory.
+    Nodes can share a mesh, and primitives an accessor, so a small file can ask for more triangles
+    than fit into memory. This reads no triangle.
     """
     document = placed.document
     counts: dict[int, int] = {}
@@ -103,8 +103,8 @@ def require_placeable(placed: PlacedNodes) -> None:
     most = most_triangles(MAX_PLACED)
     if n_placed > most and n_placed > document.n_bytes:
         raise FileFormatError(
-            f"{document.path}: its {sum(counts.values()):,} triangles are placed so often that "
-            f"there would be {n_placed:,}, more than {most:,} with their vertices and UV sets; "
+            f"{document.path}: its nodes repeat {sum(counts.values()):,} triangles up to "
+            f"{n_placed:,}, more than {most:,} with their vertices and UV sets; "
             f"if you trust the file, read it with texbake --max-triangles {n_placed}"
         )
 

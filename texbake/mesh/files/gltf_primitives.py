@@ -228,7 +228,7 @@ def _finite_positions(document: Document, positions: FloatArray, corners: IntArr
     if not is_bad.any():
         return positions
     if len(corners) == 0 or is_bad[corners].any():
-        raise MeshError(f"{document.path}: a number of POSITION is not finite; export it again")
+        raise MeshError(f"{document.path}: a value of POSITION is not finite; export it again")
     warn_unused(document.path, f"{np.count_nonzero(is_bad):,} of {len(positions):,}")
     return np.where(is_bad[:, None], positions[corners[0, 0]], positions)
 
@@ -236,7 +236,7 @@ def _finite_positions(document: Document, positions: FloatArray, corners: IntArr
 def _finite_tangents(document: Document, tangents: FloatArray) -> FloatArray | None:
     if np.isfinite(tangents).all():
         return tangents
-    warn_of(document.path, "some tangents are not finite; computed ones take the place of all")
+    warn_of(document.path, "some tangents are not finite; computed ones replace all of them")
     return None
 
 

@@ -205,7 +205,7 @@ _OPAQUE = ChannelSource((1.0,))
 def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float, ...]:
     """Parse the numbers of a statement; one alone stands for all of a color."""
     if "," in words and "." not in words:
-        warn_of(path, "decimal commas are read as points")
+        warn_of(path, "decimal commas are read as decimal points")
         words = words.replace(",", ".")
     try:
         numbers = [float(word) for word in words.split()]
@@ -222,7 +222,7 @@ def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSour
     name, wrap = map_name(words)
     alone = Path(name).name
     if not is_file(path.parent / name) and is_file(path.parent / alone):
-        name = alone  # of a path on the machine that wrote it
+        name = alone  # the folders are those of the machine that wrote it
     file = file_beside(path, name)
     key = real_path(path, name)
     if key not in images:

@@ -79,7 +79,7 @@ def read_obj(path: PathLike) -> Mesh:
     n_short = int(np.count_nonzero(sizes < 3))
     if n_short:
         noun = "face" if n_short == 1 else "faces"
-        warn_of(path, f"read without {n_short:,} {noun} of fewer than three corners")
+        warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
     fields: dict[str, Any] = {"positions": positions, "name": Path(path).name}
     if n_words.max() >= 6:
         fields["colors"] = _read_colors(path, data, lines, n_words)
@@ -117,12 +117,12 @@ def read_obj_text(path: PathLike) -> ByteArray:
 
 
 def polygon_fans(sizes: IntArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
-    """Corners and polygon of each triangle, as `fan_corners`; None if all polygons are one."""
+    """Corners and polygon of each triangle, as `fan_corners`; None if all are triangles already."""
     return fan_corners(sizes) if (sizes != 3).any() else None
 
 
 def _require_finite(path: PathLike, data: ByteArray, lines: Lines, positions: FloatArray) -> None:
-    """Raise `MeshError`, which names the line, if a position is not finite."""
+    """Raise `MeshError` with the line number if a position is not finite."""
     bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(bad):
         line = line_number(data, int(lines[V][bad[0]]))
@@ -206,11 +206,12 @@ def read_values(
 ) -> tuple[FloatArray, IntArray]:
     """(n, width) numbers of the v, vt or vn lines, and (n,) how many words each line has.
 
-    Missing numbers are 0; too few to be used are an error. Words for what is no number give NaN.
+    Missing numbers are 0, unless too few are left to be used, which is an error. Words for NaN and
+    infinity give NaN.
     """
     values, n_words = _walk_lines(data, lines[kind], width)
     if np.isnan(values).any() and _has_decimal_commas(data, lines[kind], values):
-        warn_of(path, "decimal commas are read as points")
+        warn_of(path, "decimal commas are read as decimal points")
         data = np.where(data == ord(","), np.uint8(ord(".")), data)
         values, n_words = _walk_lines(data, lines[kind], width)
     least = 1 if kind == VT else 3
@@ -225,19 +226,19 @@ def read_values(
     return values, n_words
 
 
-# A number of which a comma is neither a separator nor one of thousands.
+# A number with a comma that separates neither two values nor thousands.
 _DECIMAL_COMMA = re.compile(rb"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 
 
 def _has_decimal_commas(data: ByteArray, starts: Offsets, values: FloatArray) -> bool:
-    """Whether the first word that is no number would be one with a point for its comma."""
+    """Whether the first word that is not a number is one if its comma is read as a point."""
     row, column = np.argwhere(np.isnan(values))[0].tolist()
     start, stop = _column_at(data, int(starts[row]), column)
     return _DECIMAL_COMMA.fullmatch(data[start:stop].tobytes()) is not None
 
 
 def _column_at(data: ByteArray, at: int, column: int) -> tuple[int, int]:
-    """Where a word of a statement begins and ends, by its number."""
+    """Where the word with a number begins and ends in a statement."""
     for _ in range(column):
         at = _word_at(data, at)[1]
     return _word_at(data, at)
@@ -263,7 +264,7 @@ def _walk_lines(data: ByteArray, starts: Offsets, width: int) -> tuple[FloatArra
 
 
 def polygon_sizes(data: ByteArray, lines: Lines) -> IntArray:
-    """(P,) corners of each polygon."""
+    """(P,) number of corners of each polygon."""
     return _walk_lines(data, lines[F], 0)[1]
 
 

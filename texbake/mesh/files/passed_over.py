@@ -33,7 +33,7 @@ _POSES = ("skin", "shape key")
 
 
 def passed_over(path: PathLike) -> tuple[str, ...]:
-    """Name what of a glTF or FBX file is not read, with its number, such as `2 animations`.
+    """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
     Empty for other formats.
 
@@ -51,31 +51,31 @@ def passed_over(path: PathLike) -> tuple[str, ...]:
 
 
 def passed_over_in_gltf(document: Document) -> tuple[str, ...]:
-    """Name what of a glTF document is not read."""
+    """Count the parts of a glTF document that are not read."""
     return _named(_counts_of_gltf(document))
 
 
 def passed_over_in_fbx(scene: FbxScene) -> tuple[str, ...]:
-    """Name what of an FBX scene is not read."""
+    """Count the parts of an FBX scene that are not read."""
     return _named(_counts_of_fbx(scene))
 
 
 def warn_of_gltf(document: Document) -> None:
-    """Warn of what of a glTF document would change its surface and is not read."""
+    """Warn of unread parts of a glTF document that would change its surface."""
     if (note := _pose_note(_counts_of_gltf(document))) is not None:
         warn_of(document.path, note)
 
 
 def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
-    """Warn of what of an FBX scene would change its surface and is not read.
+    """Warn of unread parts of an FBX scene that would change its surface.
 
-    `models` are those that are shown.
+    `models` are the visible ones.
     """
     counts = _counts_of_fbx(scene)
     if (note := _pose_note(counts)) is not None:
         warn_of(scene.path, note)
     if (n := counts["NURBS surface"]) > 0:
-        warn_of(scene.path, f"read without {_counted(n, 'NURBS surface')}; only polygons are read")
+        warn_of(scene.path, f"left out {_counted(n, 'NURBS surface')}; only polygons are read")
     meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
     cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
     if cages:
@@ -83,11 +83,11 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
         warn_of(scene.path, f"{_counted(cages, 'subdivision surface')} {are}")
     shown = {item.key for placed in models for item in model_geometry(scene, placed.model)}
     if hidden := len(set(meshes) - shown):
-        warn_of(scene.path, f"read without {_counted(hidden, 'hidden mesh')}")
+        warn_of(scene.path, f"left out {_counted(hidden, 'hidden mesh')}")
 
 
 def _is_subdivided(item: FbxObject) -> bool:
-    """Whether programs show the surface that subdivision makes of polygons."""
+    """Whether programs show a subdivision surface instead of the polygons."""
     levels = item.node.numbers("PreviewDivisionLevels"), item.node.numbers("RenderDivisionLevels")
     return bool(item.node.numbers("Smoothness").any()) and any(level.any() for level in levels)
 
@@ -96,7 +96,7 @@ def _pose_note(counts: Mapping[str, int]) -> str | None:
     found = _named({noun: counts[noun] for noun in _POSES})
     if not found:
         return None
-    return f"read without {' and '.join(found)}, in the pose that the mesh is stored in"
+    return f"left out {' and '.join(found)}; the mesh is read in the pose it is stored in"
 
 
 def _counts_of_gltf(document: Document) -> dict[str, int]:
@@ -130,5 +130,5 @@ def _named(counts: Mapping[str, int]) -> tuple[str, ...]:
 
 
 def _counted(n: int, noun: str) -> str:
-    """Return a number of things in words, such as `2 skins`."""
+    """Return a count with its noun, such as `2 skins`."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}{'es' if noun.endswith('sh') else 's'}"

@@ -50,7 +50,7 @@ def read_stl(path: PathLike) -> Mesh:
         # Tested first, because many binary files begin with the word solid too. In text, these
         # bytes would be hundreds of millions of triangles.
         if n_more:
-            warn_of(path, f"{n_more:,} bytes after its last triangle are left out")
+            warn_of(path, f"left out {n_more:,} bytes after the last triangle")
         records = np.ndarray(n_triangles, RECORD, buffer=body.data)
         corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
     elif data[:512].tobytes().lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid":

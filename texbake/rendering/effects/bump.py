@@ -220,7 +220,7 @@ def _bump_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
         if request.needs_normals(index):
             yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
         else:
-            yield Refusal(request.name(index), "its light comes alike from all sides")
+            yield Refusal(request.name(index), "its light is the same from all sides")
 
 
 def _emboss_called_for(request: RenderRequest) -> Iterator[Call]:

@@ -233,7 +233,7 @@ IRRADIANCE = Effect(
     does="integrates the environment's light for each normal",
     of="picture",
     called_for=only_when_needed,
-    left_out="no environment lights a surface in the picture that is not pure metal",
+    left_out="no environment lights a visible surface that is not pure metal",
     needs=lambda request, target: ("environment",),
     load=IRRADIANCE_MAP,
 )

@@ -99,7 +99,7 @@ def _map_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
         if request.needs_normals(index):
             yield Call(index, request.name(index), "its material has a normal map")
         else:
-            yield Refusal(request.name(index), "its light comes alike from all sides")
+            yield Refusal(request.name(index), "its light is the same from all sides")
 
 
 def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:

@@ -57,9 +57,9 @@ def check_constant(name: str, slot: Slot | None) -> None:
 class NormalMap:
     """Normals in place of those of the mesh.
 
-    `space` and `convention` are those that the file's metadata names where they are None, else
+    Where `space` and `convention` are None, the file's metadata sets them, or else they are
     tangent space, +Y up. `strength` scales x and y of tangent-space normals, as glTF does;
-    a strength of 0 leaves out a map of any space, and its file is not read.
+    a strength of 0 disables the map in any space, and its file is not read.
     """
 
     texture: Annotated[ImageTexture, Option("Image of normals.")]
@@ -79,7 +79,7 @@ class NormalMap:
     ] = None
     strength: Annotated[
         float,
-        Option("Factor of x and y of tangent-space normals; 0 leaves out a map of any space."),
+        Option("Factor of x and y of tangent-space normals; 0 disables the map in any space."),
     ] = 1.0
 
     def __post_init__(self) -> None:
@@ -119,7 +119,7 @@ class BumpMap:
     difference: Annotated[
         str,
         Option(
-            "Difference of heights that stands for the slope, for exact, blinn, emboss-normalized.",
+            "Finite difference that gives the slope, for exact, blinn and emboss-normalized.",
             choices=DIFFERENCES,
         ),
     ] = "central"
@@ -256,11 +256,11 @@ class Refraction:
 class ProjectedTexture:
     """A picture thrown onto the surface by a slide projector.
 
-    `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); with (3, 4) it has the rows s, t
-    and q, as cameras in computer vision do. The picture is looked up at (s/q, t/q) inside the unit
-    square, and nothing behind the projector (q <= 0) gets any. It replaces the base color by its
-    own opacity times `strength`. A function as `matrix` gets the `aspect` of the picture, which is
-    found out when something may be hit.
+    `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); a (3, 4) matrix has the rows s,
+    t and q, as cameras in computer vision do. The picture is looked up at (s/q, t/q) inside the
+    unit square; points behind the projector (q <= 0) get none of it. It replaces the base color
+    according to its own opacity times `strength`. If `matrix` is a function, it gets the `aspect`
+    of the picture, whose file is opened only if the picture may hit something.
     """
 
     texture: Annotated[ImageTexture, Option("Image that is projected.")]
@@ -292,7 +292,7 @@ class ProjectedTexture:
 
     @cached_property
     def world_matrix(self) -> FloatArray:
-        """(4, 4) float64: the matrix, of the aspect that the picture has."""
+        """(4, 4) float64: the matrix for the aspect of the picture."""
         if callable(self.matrix):
             return self.matrix(aspect=picture_aspect(self.texture))
         return np.asarray(self.matrix, np.float64)

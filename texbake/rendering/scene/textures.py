@@ -32,8 +32,8 @@ VOLUME_FILTERS = ("trilinear", "nearest")
 SPACES = ("object", "world", "uv")
 
 _UV_SET = Option(
-    "Name of the texture coordinates, as TEXCOORD_1 or lightmap; without it, the first set, which "
-    "is also TEXCOORD_0."
+    "Name of the texture coordinates, such as TEXCOORD_1 or lightmap; without it, the first set "
+    "(TEXCOORD_0)."
 )
 
 Rgb = tuple[float, float, float]
