@@ -182,8 +182,17 @@ def test_systems_inverses_and_determinants() -> None:
     np.testing.assert_allclose(pm.matmul(a, pm.inv(a)), np.tile(np.eye(4), (50, 1, 1)), atol=1e-11)
     np.testing.assert_allclose(pm.det(a), np.linalg.det(a), rtol=1e-11)
     assert pm.det([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) == -1.0
+    np.testing.assert_array_equal(pm.inv(2.0**-500 * np.eye(4)), 2.0**500 * np.eye(4))
     with pytest.raises(np.linalg.LinAlgError):
         pm.inv([[1.0, 2.0], [2.0, 4.0]])
+
+
+@pytest.mark.parametrize("function", [pm.eigh, pm.svd, pm.inv, pm.det])
+def test_the_order_in_memory_changes_nothing(function: Callable[..., object]) -> None:
+    a = np.random.Generator(np.random.PCG64(5)).normal(size=(4, 4))
+    symmetric = a + a.T
+    by_columns = np.asfortranarray(symmetric)
+    np.testing.assert_equal(function(by_columns), function(symmetric))
 
 
 @pytest.mark.parametrize("scale", [1e-150, 1.0, 1e150])

@@ -170,11 +170,10 @@ def solve(matrices: npt.ArrayLike, sides: npt.ArrayLike) -> Array:
     """
     if np.ndim(sides) == 1:
         return solve(matrices, np.asarray(sides)[:, None])[:, 0]
-    a, b = np.array(matrices, np.float64), np.asarray(sides, np.float64)
+    a, b = np.array(matrices, np.float64, order="C"), np.asarray(sides, np.float64)
     out = np.broadcast_to(b, (*a.shape[:-2], *b.shape[-2:])).copy()
-    determinants = np.empty(out.shape[:-2])
-    core.solve_systems(_listed(a, 2), _listed(out, 2), determinants.reshape(-1))
-    if not determinants.all():
+    core.solve_systems(_listed(a, 2), _listed(out, 2), np.empty(math.prod(a.shape[:-2])))
+    if not np.diagonal(a, axis1=-2, axis2=-1).all():  # a pivot is 0
         raise np.linalg.LinAlgError("Singular matrix")
     return out
 
@@ -186,7 +185,7 @@ def inv(matrices: npt.ArrayLike) -> Array:
 
 def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
     """Eigenvalues (..., n) of symmetric matrices, ascending, and eigenvectors as columns."""
-    a = np.array(matrices, np.float64)
+    a = np.array(matrices, np.float64, order="C")
     vectors = np.empty_like(a)
     core.diagonalize(_listed(a, 2), _listed(vectors, 2))
     values = np.diagonal(a, axis1=-2, axis2=-1)
@@ -199,7 +198,7 @@ def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
 
 def svd(matrix: npt.ArrayLike) -> tuple[Array, Array]:
     """Singular values of a matrix (m, n), descending, and all n right singular vectors as rows."""
-    a = np.array(matrix, np.float64)[None]
+    a = np.array(matrix, np.float64, order="C")[None]
     _, exponent = np.frexp(np.abs(a).max(initial=0.0))  # so that no square is beyond float64
     a = np.ldexp(a, -exponent)
     vectors = np.empty((1, a.shape[2], a.shape[2]))
