@@ -298,5 +298,9 @@ def test_a_further_set_is_baked_as_if_it_were_the_only_one() -> None:
     np.testing.assert_array_equal(first, second)
     mixed = bake_light_maps(scene(both, mesh), options, uv_set="lightmap")
     assert [item.uv_set for item in mixed.maps] == ["lightmap", None]
+    # TEXCOORD_0 is the first set, unless a glTF file has put another one first.
+    second = mesh.replace(uv_sets={"TEXCOORD_0": UvSet(uvs=uvs, faces=mesh.uv_faces)})
+    named = bake_light_maps(scene(both, second), options, uv_set="TEXCOORD_0")
+    assert [item.uv_set for item in named.maps] == [None, "TEXCOORD_0"]
     with pytest.raises(UvError, match="none of its lit objects has the texture coordinates atlas"):
         bake_light_maps(scene(both), options, uv_set="atlas")

@@ -34,9 +34,8 @@ from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
-from texbake.mapping.options import further_uv_set
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FIRST_UV_SET, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
@@ -260,7 +259,6 @@ def bake_light_maps(
     [1.0, 1.0, 1.0]
     """
     options = options or BakeOptions()
-    uv_set = further_uv_set(uv_set)
     stages = Stages(progress)
     meshes = [placed(mapped(item, threads=options.threads)) for item in scene.objects]
     chosen = [
@@ -273,7 +271,8 @@ def bake_light_maps(
             f"{scene.name}: none of its lit objects has the texture coordinates that light maps "
             "need; make some with: texbake unwrap MESH -o OUT"
         )
-    if uv_set is not None and not any(uv_set in meshes[index].uv_sets for index in chosen):
+    have_set = any(uv_set in meshes[index].uv_sets for index in chosen)
+    if not have_set and uv_set not in (None, FIRST_UV_SET):
         raise UvError(
             f"{scene.name}: none of its lit objects has the texture coordinates {uv_set}; make "
             f"some with: texbake unwrap MESH --set {uv_set} -o OUT"

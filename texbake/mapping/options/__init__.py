@@ -45,11 +45,6 @@ _OF_SOME_SURFACES = frozenset[str]().union(*_SURFACE_OPTIONS.values())
 _OF_SOME_METHODS = {name for names in METHOD_OPTIONS.values() for name in names}
 
 
-def further_uv_set(name: str | None) -> str | None:
-    """Return the name of a further set of texture coordinates; None for `TEXCOORD_0`, the first."""
-    return None if name == "TEXCOORD_0" else name
-
-
 @dataclass(frozen=True, kw_only=True)
 class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
     """How `unwrap` gives a mesh texture coordinates.
@@ -91,7 +86,8 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "uv_set", further_uv_set(self.uv_set))
+        if self.uv_set == "TEXCOORD_0":  # the first
+            object.__setattr__(self, "uv_set", None)
         if self.uv_set is not None and (not self.uv_set.strip() or not self.uv_set.isprintable()):
             raise OptionError(f"uv_set: {quoted(self.uv_set)} is not a name")
         read = METHOD_OPTIONS[self.method]
