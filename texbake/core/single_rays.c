@@ -1,24 +1,19 @@
 /* Rays against a tree of triangles, one by one: for rays that head everywhere.
 
    A ray is tested against the eight boxes of a node at a time, in float32, with boxes that are larger by
-   more than these tests can round; and against the eight triangles of a leaf, in float64, by the signs
-   of the three edges, exactly. Both give the same on any processor. Triangles that share an edge agree
-   on its sign, so that no ray passes between them, and what a ray hits is a function of the ray and
-   the triangles alone, whatever the tree or the order in which it is walked.
+   more than these tests can round; and against the eight triangles of a leaf, in float64, by the test
+   of ray_triangle.h. Both give the same on any processor, and what a ray hits is a function of the
+   ray and the triangles alone, whatever the tree or the order in which it is walked.
 
-   Based on: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", Journal of Computer Graphics
-   Techniques 2(1), 2013, for the test (here in float64, with exact products where rounding could
-   change a sign); Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
-   using Multi-branching BVHs", 2008, for the walk.
+   Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal using
+   Multi-branching BVHs", 2008.
 
    Called from ray_fans.c. */
 
 #include "single_rays.h"
 
-#include <math.h>
-
-#include "exact_cross.h"
 #include "numbers.h"
+#include "ray_triangle.h"
 #if defined(__SSE2__)
 #include <immintrin.h>
 #endif
@@ -36,7 +31,7 @@ struct walk {
     float enters[3], leaves[3], inverse[3]; /* where it starts, moved by the slack */
     int order[3];        /* axes; along the last one the ray goes farthest */
     double origin[3], inverses[3];
-    double x, y, z, slope_x, slope_y, along;
+    struct ray_line line;
     double doubt;        /* an edge whose sign is uncertain is at most this */
 };
 
@@ -83,16 +78,14 @@ static void start_walk(
     /* Exchanged where z descends, which preserves the winding. */
     const int x = (z + 1 + (d[z] < 0.0)) % 3, y = (z + 2 - (d[z] < 0.0)) % 3;
     walk->order[0] = x, walk->order[1] = y, walk->order[2] = z;
-    walk->x = o[x], walk->y = o[y], walk->z = o[z];
-    walk->along = d[z];
-    walk->slope_x = d[x] / d[z], walk->slope_y = d[y] / d[z];
+    walk->line = (struct ray_line){o[x], o[y], o[z], d[x] / d[z], d[y] / d[z], d[z]};
     /* A corner is at most 4 times the reach from the ray, along x or y; a product is at most the square
        of that, and the sign of a difference of two is certain beyond 4 roundings of each. */
     walk->doubt = 16e-15 * reach * reach;
 }
 
 /* One bit for each lane that is not 0. */
-static inline unsigned bits_of(const int32_t lanes[WIDTH])
+static inline unsigned mask_of(const int32_t lanes[WIDTH])
 {
 #if defined(__AVX2__)
     const __m256i all = _mm256_loadu_si256((const __m256i *)lanes);
@@ -131,7 +124,7 @@ static inline unsigned meets(
         const float far = min_f32(min_f32(far_x, far_y), min_f32(far_z, length));
         met[k] = nears[k] <= far ? -1 : 0;
     }
-    return bits_of(met);
+    return mask_of(met);
 }
 
 /* A distance, moved to where the ray is in the box of a triangle. Seen edge-on, a triangle is met at a
@@ -152,19 +145,8 @@ static double held_to_box(const struct walk *walk, const leaf corners, int k, do
 /* Distance at which the line of a ray meets a triangle, or NaN. */
 static double distance_of(const struct walk *walk, const leaf corners, int k)
 {
-    double px[3], py[3], pz[3];
-    for (int c = 0; c < 3; c++) {
-        pz[c] = corners[3 * c + walk->order[2]][k] - walk->z;
-        px[c] = corners[3 * c + walk->order[0]][k] - walk->x - walk->slope_x * pz[c];
-        py[c] = corners[3 * c + walk->order[1]][k] - walk->y - walk->slope_y * pz[c];
-    }
-    const double u = exact_cross(px[2], py[2], px[1], py[1]);
-    const double v = exact_cross(px[0], py[0], px[2], py[2]);
-    const double w = exact_cross(px[1], py[1], px[0], py[0]);
-    if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
-        return NAN;
-    const double distance = (u * pz[0] + v * pz[1] + w * pz[2]) / ((u + v + w) * walk->along);
-    return held_to_box(walk, corners, k, distance);
+    const struct crossing hit = intersect(&walk->line, walk->order, corners, k);
+    return hit.total != 0.0 ? held_to_box(walk, corners, k, hit.distance) : NAN;
 }
 
 /* Least distance, from 0 to `most`, at which the ray meets a triangle of a leaf; infinite if none. */
@@ -173,8 +155,8 @@ static inline double leaf_distance(const struct walk *walk, const leaf corners, 
     const double *restrict p[9];
     for (int row = 0; row < 9; row++)
         p[row] = corners[row - row % 3 + walk->order[row % 3]];
-    const double x = walk->x, y = walk->y, z = walk->z;
-    const double slope_x = walk->slope_x, slope_y = walk->slope_y, doubt = walk->doubt;
+    const double x = walk->line.x, y = walk->line.y, z = walk->line.z;
+    const double slope_x = walk->line.slope_x, slope_y = walk->line.slope_y, doubt = walk->doubt;
     int32_t met[WIDTH];
     for (int k = 0; k < WIDTH; k++) {
         const double az = p[2][k] - z, bz = p[5][k] - z, cz = p[8][k] - z;
@@ -186,7 +168,7 @@ static inline double leaf_distance(const struct walk *walk, const leaf corners, 
         met[k] = ((least < -doubt) & (greatest > doubt)) ? 0 : -1;
     }
     double nearest = INFINITY;
-    for (unsigned bits = bits_of(met); bits; bits &= bits - 1) {
+    for (unsigned bits = mask_of(met); bits; bits &= bits - 1) {
         const double distance = distance_of(walk, corners, __builtin_ctz(bits));
         if (distance >= 0.0 && distance <= most && distance < nearest)
             nearest = distance;

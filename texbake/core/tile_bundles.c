@@ -8,16 +8,13 @@
    a triangle the function gives the few columns and rows of texels whose rays can meet it. All these
    bounds only skip what no ray can hit.
 
-   The test of a ray and a triangle shears space so that the ray is an axis, and takes the signs of
-   the three edges, exactly. Triangles that share an edge agree on its sign, so that no ray passes
-   between them. The nearest hit counts, and of equally near ones that on the lowest face. A hit is
-   thus a function of the ray and the triangle alone, whatever the bundle, the tree or the threads.
+   The test of a ray and a triangle is that of ray_triangle.h. The nearest hit counts, and of equally
+   near ones that on the lowest face. A hit is thus a function of the ray and the triangle alone,
+   whatever the bundle, the tree or the threads.
 
-   Based on: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", Journal of Computer Graphics
-   Techniques 2(1), 2013, for the test (here in float64, with exact products where rounding could
-   change a sign); Reshetov, Soupikov, Hurley, "Multi-Level Ray Tracing Algorithm", 2005, for walking
-   a tree with a beam; Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997, for
-   the point on the triangle.
+   Based on: Reshetov, Soupikov, Hurley, "Multi-Level Ray Tracing Algorithm", 2005, for walking a tree
+   with a beam; Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997, for the
+   point on the triangle.
 
    Called from texbake/raycast/scene.py. */
 
@@ -26,9 +23,9 @@
 
 #include "arena.h"
 #include "core.h"
-#include "exact_cross.h"
 #include "morton_tree.h"
 #include "numbers.h"
+#include "ray_triangle.h"
 
 #define SIDE 16
 #define RAYS (SIDE * SIDE)
@@ -142,33 +139,14 @@ static struct line line_through(const double planes[2], double first, double sec
     return (struct line){first - slope * planes[0], slope};
 }
 
-/* A hit of a ray's line: its weights times `total`, which is positive where the ray meets the front;
-   total is 0 for a miss. */
-struct crossing {
-    double distance, second, third, total;
-};
-
-/* Where the line of a ray meets a triangle. */
-static struct crossing intersect(
+/* Where the line of the ray at a place meets a triangle. */
+static struct crossing intersect_slot(
     const struct bundle *bundle, int place, const struct tree *tree, int64_t slot)
 {
-    const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
-    const int x = bundle->order[0], y = bundle->order[1], z = bundle->order[2];
-    const int64_t k = slot % WIDTH;
-    double px[3], py[3], pz[3];
-    for (int c = 0; c < 3; c++) {
-        pz[c] = corners[3 * c + z][k] - bundle->z[place];
-        px[c] = corners[3 * c + x][k] - bundle->x[place] - bundle->slope_x[place] * pz[c];
-        py[c] = corners[3 * c + y][k] - bundle->y[place] - bundle->slope_y[place] * pz[c];
-    }
-    const double u = exact_cross(px[2], py[2], px[1], py[1]);
-    const double v = exact_cross(px[0], py[0], px[2], py[2]);
-    const double w = exact_cross(px[1], py[1], px[0], py[0]);
-    if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
-        return (struct crossing){0};
-    const double total = u + v + w;
-    const double distance = (u * pz[0] + v * pz[1] + w * pz[2]) / (total * bundle->along[place]);
-    return (struct crossing){distance, v, w, total};
+    const struct ray_line line = {
+        bundle->x[place], bundle->y[place], bundle->z[place],
+        bundle->slope_x[place], bundle->slope_y[place], bundle->along[place]};
+    return intersect(&line, bundle->order, tree->leaves[slot / WIDTH], slot % WIDTH);
 }
 
 /* Rays that a triangle is tested against, `LANES` at a time, from a place on. */
@@ -258,7 +236,7 @@ static void test_triangle(
             keep_hit(bundle, place, distances[j], least[j] > doubt, tree, slot, results);
             continue;
         }
-        const struct crossing hit = intersect(bundle, place, tree, slot);
+        const struct crossing hit = intersect_slot(bundle, place, tree, slot);
         if (hit.total != 0.0)
             keep_hit(bundle, place, hit.distance, hit.total > 0.0, tree, slot, results);
     }
@@ -650,7 +628,7 @@ static void refine(
     const double qx = dy * oz - dz * oy, qy = dz * ox - dx * oz, qz = dx * oy - dy * ox;
     const double slope = -(dx * nx + dy * ny + dz * nz);
     if (fabs(slope) <= 1e-12 * (fabs(nx) + fabs(ny) + fabs(nz))) {
-        const struct crossing hit = intersect(bundle, place, tree, slot);
+        const struct crossing hit = intersect_slot(bundle, place, tree, slot);
         results->barycentrics[i][0] = hit.second / hit.total;
         results->barycentrics[i][1] = hit.third / hit.total;
         results->distances[i] = hit.distance;
