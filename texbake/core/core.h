@@ -381,12 +381,6 @@ void expose_pixels(
     const float coverage[height][width], OPTIONAL const float behind[3], double exposure,
     int64_t start, int64_t stop);
 
-/* extremes.c */
-void find_extremes(
-    int64_t n_points, int64_t n_directions, int64_t n_bands, const double points[n_points][3],
-    const double directions[n_directions][3], int64_t band,
-    double extremes[n_bands][n_directions], int64_t start, int64_t stop);
-
 /* face_components.c */
 int64_t number_components(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
@@ -671,10 +665,17 @@ void read_corners(
     const int64_t ends[n_rows], const int64_t v[n_v], const int64_t vt[n_vt], const int64_t vn[n_vn],
     int32_t corners[3][n_corners]);
 
-/* open_vertices.c */
+/* hashed_edges.c */
 int64_t count_open_vertices(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const int32_t faces[n_faces][3]);
+void hash_positions(
+    int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
+    int64_t start, int64_t stop);
+void sum_sides(
+    int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
+    const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],
+    int64_t band, uint64_t edges[n_bands], double volumes[n_bands], int64_t start, int64_t stop);
 
 /* orange_pores.c */
 void pore_depths(
@@ -1163,15 +1164,6 @@ int64_t build_nets(
     const bool solid[width][height][depth], const int64_t vertex_starts[width + 1],
     const int64_t quad_starts[width + 1], double positions[n_vertices][3],
     bool is_thin[n_vertices], int32_t quads[n_quads][4], int64_t start, int64_t stop);
-
-/* surface_sides.c */
-void hash_positions(
-    int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
-    int64_t start, int64_t stop);
-void sum_sides(
-    int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
-    const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],
-    int64_t band, uint64_t edges[n_bands], double volumes[n_bands], int64_t start, int64_t stop);
 
 /* surrounding_light.c */
 void reflect_ambient(

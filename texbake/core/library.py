@@ -40,10 +40,6 @@ class Core:
         setattr(self, name, bound)
         return bound
 
-    def address(self, name: str) -> int:
-        """Return the address of a function, for other native code to call it back."""
-        return ctypes.cast(getattr(self.library, name), ctypes.c_void_p).value or 0
-
     @cached_property
     def library(self) -> ctypes.CDLL:
         """The library itself, for calls without arrays of NumPy."""

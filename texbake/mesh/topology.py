@@ -278,7 +278,7 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
         `front` for a closed surface whose faces point outward, `back` for one that is inside out,
         and `both` for one that is open or has neighboring faces that point to opposite sides.
 
-    Kernel: `core/surface_sides.c`.
+    Kernel: `core/hashed_edges.c`.
 
     Examples
     --------

@@ -7,8 +7,6 @@ extremes of four linear functions of the vertices.
 
 A few triangles far from everything else, and triangles without area, do not count: a mesh of which
 they are a stray part still fills the picture.
-
-Kernel: `core/extremes.c`.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.parallel import run_bands
@@ -110,7 +108,8 @@ def _extremes(clouds: Sequence[FloatArray], directions: FloatArray) -> FloatArra
         def work(
             start: int, stop: int, points: FloatArray = points, extremes: FloatArray = extremes
         ) -> None:
-            core.find_extremes(points, directions, start // _BAND, extremes, start, stop)
+            heights = pm.matmul(points[start:stop], directions.T)
+            extremes[start // _BAND] = heights.max(axis=0)
 
         run_bands(work, len(points), band=_BAND)
         found.append(extremes.max(axis=0))

@@ -38,23 +38,20 @@ class BlockFormat:
         Bytes per block of 4 x 4 texels.
     dxgi, dxgi_srgb
         Numbers in DXGI_FORMAT for data and for sRGB colors; 0 if there is none.
-    what_for
-        What the format is used for, in words.
     """
 
     channels: int
     block_bytes: int
     dxgi: int
     dxgi_srgb: int
-    what_for: str
 
 
 BLOCK_FORMATS = {
-    "bc1": BlockFormat(3, 8, 71, 72, "colors, half the size and quality of bc7"),
-    "bc3": BlockFormat(4, 16, 77, 78, "colors with an opacity"),
-    "bc4": BlockFormat(1, 8, 80, 0, "one channel, such as occlusion or roughness"),
-    "bc5": BlockFormat(2, 16, 83, 0, "x and y of normals, whose z the shader computes"),
-    "bc7": BlockFormat(4, 16, 98, 99, "colors and packed data"),
+    "bc1": BlockFormat(3, 8, 71, 72),  # colors, half the size and quality of bc7
+    "bc3": BlockFormat(4, 16, 77, 78),  # colors with an opacity
+    "bc4": BlockFormat(1, 8, 80, 0),  # one channel, such as occlusion or roughness
+    "bc5": BlockFormat(2, 16, 83, 0),  # x and y of normals, whose z the shader computes
+    "bc7": BlockFormat(4, 16, 98, 99),  # colors and packed data
 }
 _MAX_SIZE = 16384
 

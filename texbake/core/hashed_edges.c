@@ -1,14 +1,17 @@
-/* Which side of a surface can be seen: whether it is closed, and which way its faces then point.
+/* Whether a surface is closed and its faces agree, by sums of hashes.
 
-   In a closed surface with faces that agree, each edge is walked as often one way as the other. Sums
-   of hashes tell the two apart, but for one chance in 2^64. The ends of an edge are known by their
-   places, so that vertices split at a seam are one.
+   Around a vertex of such a surface, the vertices that come next in its faces are those that come
+   before, and each of its edges is walked as often one way as the other. Sums of hashes tell the two
+   lists, or the two ways, apart, but for one chance in 2^64.
 
-   Called from texbake/mesh/topology.py. */
+   Called from texbake/mesh/decimate.py and texbake/mesh/topology.py. */
 
 #include <string.h>
 
+#include "arena.h"
 #include "core.h"
+
+#define GOLDEN 0x9E3779B97F4A7C15u
 
 /* Mix the bits of a number (the end of splitmix64 by Sebastiano Vigna). */
 static inline uint64_t mixed(uint64_t bits)
@@ -18,18 +21,48 @@ static inline uint64_t mixed(uint64_t bits)
     return bits ^ bits >> 31;
 }
 
-/* A key for the place of each vertex; 0.0 and -0.0 are equal. */
+static inline uint64_t hash_of(int32_t id)
+{
+    return mixed(((uint64_t)(uint32_t)id + 1) * GOLDEN);
+}
+
+/* Count vertices of wedges at which the surface is open, or not consistently oriented; faces are rows
+   of wedges. */
+int64_t count_open_vertices(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const int32_t faces[n_faces][3])
+{
+    OPEN_ARENA(arena);
+    uint64_t *sums = TAKE_ZEROS(arena, uint64_t, n_vertices);
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t a = vertex_of[faces[face][0]], b = vertex_of[faces[face][1]];
+        const int32_t c = vertex_of[faces[face][2]];
+        if (a == b || b == c || c == a)
+            continue;
+        sums[a] += hash_of(b) - hash_of(c);
+        sums[b] += hash_of(c) - hash_of(a);
+        sums[c] += hash_of(a) - hash_of(b);
+    }
+    int64_t n_open = 0;
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        n_open += sums[vertex] != 0;
+    close_arena(arena);
+    return n_open;
+}
+
+/* A key for the place of each vertex, so that vertices split at a seam are one; 0.0 and -0.0 are
+   equal. */
 void hash_positions(
     int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
     int64_t start, int64_t stop)
 {
     for (int64_t vertex = start; vertex < stop; vertex++) {
-        uint64_t key = 0x9E3779B97F4A7C15u;
+        uint64_t key = GOLDEN;
         for (int k = 0; k < 3; k++) {
             const double x = positions[vertex][k] + 0.0;
             uint64_t bits;
             memcpy(&bits, &x, sizeof bits);
-            key = mixed(key + bits) + 0x9E3779B97F4A7C15u;
+            key = mixed(key + bits) + GOLDEN;
         }
         keys[vertex] = key;
     }
