@@ -19,7 +19,7 @@ from texbake.parallel import run_bands
 from texbake.progress import Stages
 
 _ROWS = 128
-# Two values with independent errors differ by more than this once in 700 times.
+# In standard errors: two values with independent errors differ by more than this 1 time in 700.
 _STANDARD_ERRORS = 4.5
 
 
@@ -43,7 +43,7 @@ def denoised(
     has_data: npt.NDArray[np.bool_],
     options: BakeOptions,
 ) -> npt.NDArray[np.float32]:
-    """Mean of neighbors that differ by less than some standard errors of the rays of a texel.
+    """Average each texel with neighbors that differ by less than a few standard errors of its rays.
 
     Parameters
     ----------

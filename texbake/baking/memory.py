@@ -13,8 +13,8 @@ from texbake.errors import OptionError, quoted
 MB = 1 << 20
 # A process with all libraries loaded, and the memory that it does not return.
 PROCESS = 320 * MB
-# Per triangle of a mesh in memory with its normals, and of a mesh in the ray tree, of which 80 stay
-# once it is built.
+# Per triangle of a mesh in memory with its normals, and per triangle in the ray tree while it is
+# built; 80 remain afterwards.
 HELD_FACE = 100
 TREE_FACE = 90
 # Per texel of a map, padding included.

@@ -41,7 +41,7 @@ def needless_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
     """
     for name, item in maps.items():
         ranges = channel_ranges(item.values, item.has_data, threads=item.options.threads)
-        if not np.isfinite(ranges).all():  # nothing was hit
+        if not np.isfinite(ranges).all():  # no texel has data
             continue
         rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
         plain = _PLAIN.get(name)

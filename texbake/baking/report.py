@@ -254,7 +254,7 @@ class BakeReport:
         return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
 
     def _denoised(self) -> str:
-        """Which maps were denoised, after the number of their rays."""
+        """Text that names the denoised maps, to follow the number of rays."""
         names = [name for name in ("ao", "thickness") if name in self.options.maps]
         return f"; {' and '.join(names)} denoised" if names and self.options.denoise else ""
 

@@ -26,7 +26,7 @@ from texbake.texture.image_formats import holds_floats
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
 
-# Of the area of a mesh: less than this is in slivers, which nobody sees.
+# Share of a mesh's area; less than this is in slivers, which nobody sees.
 MOST_WITHOUT_TEXEL = 0.01
 
 
@@ -198,16 +198,16 @@ def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
 
 
 def unseen_faces(n_faces: int, texel_faces: IntArray) -> npt.NDArray[np.bool_]:
-    """(F,) bool: faces that own no texel, by the face of each texel (H, W), -1 for none."""
+    """(F,) bool: faces that own no texel, from the face of each texel (H, W), -1 for none."""
     seen = np.zeros(n_faces + 1, dtype=np.bool_)
     texels = texel_faces.ravel()
-    seen[texels[:1]] = True  # -1 is the last entry
+    seen[texels[:1]] = True  # -1 marks the last entry, which is dropped
     seen[texels[1:][texels[1:] != texels[:-1]]] = True
     return ~seen[:-1]
 
 
 def check_texels(low: Mesh, baked: BakeResult) -> None:
-    """Raise where more than a hundredth of the area of an atlas owns no texel.
+    """Raise an error if faces with more than a hundredth of a mesh's area own no texel.
 
     Raises
     ------

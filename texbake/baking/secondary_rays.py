@@ -28,9 +28,9 @@ Float32Array = npt.NDArray[np.float32]
 
 _BAND = 1 << 15
 _BLOCK = 4  # texels along the side of a square that shares a net of directions
-# How far above the surface rays start, in local units: the normal of a face is rounded to float32,
-# so that a ray along its plane may sink by 2^-24 of its way along each axis, and the way through
-# the unit cube is at most the square root of 3.
+# How far above the surface rays start, in local units. The normal of a face is rounded to float32,
+# so a ray along its plane may sink by 2^-24 of its length along each axis, and its length in the
+# unit cube is at most the square root of 3.
 START_OFFSET = 3.0 * 2.0**-24
 OUTER, INNER = "outer rays", "inner rays"  # values of `MapKind.needs`
 
@@ -137,10 +137,10 @@ def fans_of(
     Parameters
     ----------
     normals
-        Shading normals of the high-poly mesh, and the index of the one at each corner.
+        Shading normals of the high-poly mesh, and the index of the normal at each corner.
     width
-        Texels in a row. Each square of 4 x 4 texels shares one net of directions, and so does each
-        of its squares of 2 x 2, so that the errors of neighbors cancel each other.
+        Texels in a row. Each square of 4 x 4 texels shares one net of directions, and so do the
+        squares of 2 x 2 in it, so that the errors of neighbors cancel each other.
     n_samples
         Samples of a texel, which share its part of the net.
     """
@@ -173,7 +173,7 @@ def fans_of(
 
 
 def _shared_set_ids(texel_ids: IntArray, width: int, n_samples: int) -> npt.NDArray[np.uint32]:
-    """Parts of the net that a hash of a texel's square selects: for each texel, for its samples."""
+    """Parts of the net for the samples of each texel, chosen by a hash of the texel's square."""
     rows, columns = np.divmod(texel_ids.view(np.uint32), np.uint32(width))
     part = np.zeros_like(rows)
     for bit in (np.uint32(1), np.uint32(0)):  # the squares of 2 x 2 follow each other

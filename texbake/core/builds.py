@@ -1,10 +1,10 @@
 """Builds of the core: in this folder, in the installed package, or in a cache.
 
-A build bears in its name the level of instructions and the checksum of the sources that it was
-compiled from: `core-x86-64-v3-0123abcd.so`. A checkout, which has the sources, takes no build of
-other sources, because they could give other results: it looks for one of its own, then for one in
-the installed package, and last compiles one into the cache. An installed package has no sources,
-and takes the builds beside it.
+The name of a build has the level of instructions and the checksum of the sources that it was
+compiled from: `core-x86-64-v3-0123abcd.so`. A checkout, which has the sources, uses no build of
+other sources, because their results could differ: it looks for a build in its own folder, then in
+the installed package, and otherwise compiles one into the cache. An installed package has no
+sources, and uses the builds beside it.
 
 `compile_core.py` imports this before anything is installed.
 """
@@ -21,7 +21,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 _COMPILERS = ("builds.py", "checks.py", "compile_core.py", "declarations.py")
-_KEPT = 16  # files in the cache: what eight checkouts used last
+_KEPT = 16  # files in the cache: the builds of the eight checkouts used last
 
 
 class BuildError(Exception):
@@ -29,7 +29,7 @@ class BuildError(Exception):
 
 
 def sources_checksum(folder: Path = FOLDER) -> str:
-    """Return a checksum of all that a build is made from; "" where there are no sources."""
+    """Return a checksum of all files that a build is made from; "" if there are no sources."""
     sources = sorted(folder.glob("*.[ch]"))
     if all(path.suffix == ".h" for path in sources):
         return ""
@@ -50,7 +50,7 @@ def find_builds() -> dict[str, Path]:
     Raises
     ------
     BuildError
-        A checkout has none, and none can be compiled.
+        A checkout has no build, and none can be compiled.
     """
     checksum = sources_checksum()
     if not checksum:
@@ -83,7 +83,7 @@ def _builds_in(folder: Path, checksum: str) -> dict[str, Path]:
 
 
 def _cached_builds(folder: Path, checksum: str) -> dict[str, Path]:
-    """Return builds in the cache; they are compiled by the first process that needs them."""
+    """Return builds in the cache; the first process that needs them compiles them."""
     if not _builds_in(folder, checksum):
         from filelock import FileLock
 
@@ -95,7 +95,7 @@ def _cached_builds(folder: Path, checksum: str) -> dict[str, Path]:
     built = _builds_in(folder, checksum)
     for path in built.values():
         with suppress(OSError):
-            os.utime(path)  # it was used last
+            os.utime(path)  # marks it as used now
     return built
 
 
@@ -113,5 +113,5 @@ def _compile(folder: Path) -> None:
 def _remove_oldest(folder: Path) -> None:
     built = sorted(folder.glob("core-*"), key=lambda path: path.stat().st_mtime, reverse=True)
     for path in built[_KEPT:]:
-        with suppress(OSError):  # on Windows, one that is in use
+        with suppress(OSError):  # on Windows, a build may be in use
             path.unlink()

@@ -193,8 +193,9 @@ void find_light_steps(
     }
 }
 
-/* Turn slopes along the light in the object's space into what they add to N·L in the light's space,
-   with the length of the bent normal if `normalized`. Those without a frame stay. */
+/* Convert slopes along the light, in the object's space, to what they add to N·L in the light's
+   space; if `normalized`, divided by the length of the bent normal. Slopes without a frame are
+   unchanged. */
 void bend_embossed(
     int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
     const double positions[n_positions][3], const int32_t faces[n_faces][3],

@@ -4,9 +4,9 @@
     python texbake/core/compile_core.py --sanitize --folder build
                                                with AddressSanitizer and UndefinedBehaviorSanitizer
     python texbake/core/compile_core.py --strict --folder build
-                                               with every warning as an error
+                                               with warnings as errors
     python texbake/core/compile_core.py --fuzz --folder build
-                                               by clang, with branches counted for libFuzzer as well
+                                               by clang, also counting branches for libFuzzer
 
 The build backend (`backend.py`) calls it as well. It uses nothing but the standard library, since
 it runs before anything is installed.
@@ -33,7 +33,7 @@ from declarations import read_prototype, split_prototypes
 
 # No fused multiply-adds and nothing reordered: every build gives the same bytes. Without errno and
 # traps, loops with square roots and conditions can use vector instructions; no result changes.
-# Large frames are warned of because a thread may have a stack of 256 KiB: take an arena.
+# The compiler warns of large stack frames, because a thread may have only 256 KiB: use an arena.
 FLAGS = (
     "-std=c17", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC",
     "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas", "-Wframe-larger-than=16384",
@@ -95,12 +95,12 @@ def this_machine() -> Target:
 
 
 def find_compiler() -> list[str] | None:
-    """Return the command of the compiler that is there, or None.
+    """Return the command of an installed compiler, or None.
 
     Raises
     ------
     SystemExit
-        `CC` names a program that is not there.
+        `CC` names a program that does not exist.
     """
     named = os.environ.get("CC", "").split()
     if named and not shutil.which(named[0]):
@@ -175,9 +175,9 @@ def build(
 
 
 def remove_others(libraries: list[Path]) -> None:
-    """Remove builds of other sources, or of another machine, from the folder of these."""
+    """Remove builds of other sources or for other machines from the folder of these."""
     for stale in set(libraries[0].parent.glob("core-*")) - set(libraries):
-        with suppress(OSError):  # on Windows, one that is in use
+        with suppress(OSError):  # on Windows, a build may be in use
             stale.unlink()
 
 
@@ -246,7 +246,7 @@ def main() -> None:
     """Compile the core for this machine, beside its sources."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--sanitize", action="store_true", help="with sanitizers, for the tests")
-    parser.add_argument("--strict", action="store_true", help="with every warning as an error")
+    parser.add_argument("--strict", action="store_true", help="with warnings as errors")
     parser.add_argument("--fuzz", action="store_true", help="with counted branches, for a fuzzer")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the library goes")
     options = parser.parse_args()

@@ -1,15 +1,16 @@
 /* Elementary functions that give the same bits on every processor.
 
-   The functions of the C library round as the library and the processor like: glibc alone has two of
-   most of them, with and without fused multiply-adds. These use additions, products, quotients and
-   square roots of float64 only, so that they round everywhere as IEEE 754 says. Where it matters, a
-   value is a sum of two numbers. Results are off by less than 0.7 units in the last place.
+   The results of the C library's functions depend on the library and the processor: glibc alone has
+   two versions of most of them, with and without fused multiply-adds. The functions here use only
+   float64 sums, products, quotients and square roots, which IEEE 754 rounds the same everywhere.
+   Where float64 is not precise enough, a value is the sum of two numbers. Errors are below 0.7
+   units in the last place.
 
    Based on: Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische
-   Mathematik 18, 1971 (sums, products and quotients of two numbers); Cody, Waite, "Software Manual for
-   the Elementary Functions", 1980 (reduction of arguments); Payne, Hanek, "Radian Reduction for
-   Trigonometric Functions", SIGNUM Newsletter 18, 1983 (of large ones); Muller, "Elementary
-   Functions", 3rd edition, 2016. The polynomials are Taylor's. */
+   Mathematik 18, 1971 (sums, products and quotients of two numbers); Cody, Waite, "Software Manual
+   for the Elementary Functions", 1980 (reduction of arguments); Payne, Hanek, "Radian Reduction for
+   Trigonometric Functions", SIGNUM Newsletter 18, 1983 (reduction of large arguments); Muller,
+   "Elementary Functions", 3rd edition, 2016. The polynomials are Taylor's. */
 
 #ifndef TEXBAKE_ELEMENTARY_H
 #define TEXBAKE_ELEMENTARY_H
@@ -101,8 +102,8 @@ static inline double power_of_two(int64_t exponent)
 
 /* ---------------------------------------------------------------- logarithms, exponentials */
 
-/* Logarithm of a positive finite number, to 2^-70 of itself: of its power of two, and of the rest m
-   between sqrt(1/2) and sqrt(2) as 2 artanh((m - 1) / (m + 1)). */
+/* Logarithm of a positive finite number, with a relative error of 2^-70: that of its power of two,
+   plus that of the rest m between sqrt(1/2) and sqrt(2), 2 artanh((m - 1) / (m + 1)). */
 static inline struct double_double dd_log(double x, int64_t *exponent)
 {
     int64_t power = 0;
@@ -143,7 +144,7 @@ static inline struct double_double dd_natural_log(double x)
     return dd_sum(whole, rest);
 }
 
-/* What every logarithm gives for numbers that are not positive and finite. */
+/* The logarithm of numbers that are not positive and finite, to any base. */
 static inline double log_limit(double x)
 {
     return x == 0.0 ? -INFINITY : x > 0.0 ? x : x != x ? x : NAN;
@@ -211,7 +212,7 @@ static inline double portable_exp(double x)
     return x != x ? x : exp_of_sum(x, 0.0);
 }
 
-/* Whether a finite number is whole, and then whether it is odd. */
+/* Whether a finite number is whole, and whether a whole number is odd. */
 static inline bool is_whole(double x) { return floor(x) == x; }
 static inline bool is_odd(double x) { return fabs(x) < 0x1p53 && fmod(x, 2.0) != 0.0; }
 
@@ -238,7 +239,7 @@ static inline double portable_power(double x, double y)
     return sign * exp_of_sum(power.high, power.low);
 }
 
-/* Binary logarithm of a positive normal number, to 2^-48 of itself or of 1. */
+/* Binary logarithm of a positive normal number, with an error of 2^-48 of itself or of 1. */
 static inline double short_log2(double x)
 {
     const uint64_t bits = bits_of(x);
@@ -255,7 +256,7 @@ static inline double short_log2(double x)
     return exponent + 2.0 * 0x1.71547652b82fep+0 * s * series;
 }
 
-/* x to the power of y where the result becomes float32: to 2^-38 of itself, four times as fast. */
+/* x to the power of y for results that become float32: relative error 2^-38, four times as fast. */
 static inline double short_power(double x, double y)
 {
     if (!(x >= 0x1p-1022 && x < INFINITY))
@@ -281,7 +282,7 @@ static const uint64_t TWO_OVER_PI[20] = {
     0x3d0739f78a5292eau, 0x6bfb5fb11f8d5d08u, 0x56033046fc7b6babu, 0xf0cfbc209af4361du,
 };
 
-/* 64 bits of 2 / pi from a bit on; zeros before the point. */
+/* 64 bits of 2 / pi, starting at a bit; bits before the point are 0. */
 static inline uint64_t bits_from(int64_t bit)
 {
     if (bit <= -64)
@@ -293,8 +294,8 @@ static inline uint64_t bits_from(int64_t bit)
     return shift ? first | TWO_OVER_PI[word + 1] >> (64 - shift) : first;
 }
 
-/* As below, for large angles: x = m 2^e, and of m (2 / pi) only the bits from 2^1 to 2^-190 after
-   multiplying by 2^e matter. */
+/* As below, for large angles: x = m 2^e. Of the product with 2 / pi, only the bits from 2^1 to
+   2^-190 matter. */
 static inline struct double_double reduce_large(double x, int64_t *quarter)
 {
     const uint64_t bits = bits_of(x);
@@ -308,7 +309,7 @@ static inline struct double_double reduce_large(double x, int64_t *quarter)
         carry = (uint64_t)(product >> 64);
     }
     int64_t n = (int64_t)(words[0] >> 62);
-    const bool above = words[0] >> 61 & 1; /* half of a quarter turn or more: count from the next */
+    const bool above = words[0] >> 61 & 1; /* an eighth turn or more: count from the next quarter */
     uint64_t part[3] = {
         words[0] << 2 | words[1] >> 62, words[1] << 2 | words[2] >> 62, words[2] << 2 | words[3] >> 62};
     if (above) {
@@ -316,7 +317,7 @@ static inline struct double_double reduce_large(double x, int64_t *quarter)
         for (int i = 0; i < 3; i++)
             part[i] = ~part[i];
     }
-    /* Leading zeros are shifted out, so that the two numbers hold 106 bits that count. */
+    /* Leading zeros are shifted out, so that the two numbers hold 106 significant bits. */
     int64_t shift = 0;
     while (shift < 128 && !(part[0] >> 63)) {
         part[0] = part[0] << 1 | part[1] >> 63;
@@ -338,7 +339,7 @@ static inline struct double_double reduce_large(double x, int64_t *quarter)
     return rest;
 }
 
-/* The angle less the nearest multiple of pi / 2, and that multiple modulo 4. */
+/* The angle minus the nearest multiple of pi / 2, and that multiple modulo 4. */
 static inline struct double_double reduce_angle(double x, int64_t *quarter)
 {
     if (fabs(x) >= 0x1p19)
@@ -449,7 +450,7 @@ static inline struct double_double first_octant_angle(
     return renormalized(sum.high, sum.low + (ARCTANGENTS[k].low + u.low + tail));
 }
 
-/* Angle of the point (x, y), where the signs of the high parts are those of the numbers. */
+/* Angle of the point (x, y); the high parts have the signs of the numbers. */
 static inline double angle_of(struct double_double y, struct double_double x)
 {
     const bool is_left = bits_of(x.high) >> 63, is_low = bits_of(y.high) >> 63;
@@ -483,7 +484,7 @@ static inline double portable_atan2(double y, double x)
         return x > 0.0 ? y / x : copysign(PORTABLE_PI.high, y);
     if (fabs(y) > 0x1p70 * fabs(x))
         return copysign(0.5 * PORTABLE_PI.high, y);
-    /* Far from where products overflow or lose bits. */
+    /* Scaled so that no product overflows or loses bits. */
     const double largest = fabs(x) > fabs(y) ? fabs(x) : fabs(y);
     if (largest > 0x1p500 || largest < 0x1p-500) {
         const double scale = largest > 1.0 ? 0x1p-600 : 0x1p600;
@@ -517,7 +518,7 @@ static inline double portable_acos(double x)
     return angle_of(other_leg(x), (struct double_double){x, 0.0});
 }
 
-/* sqrt(x x + y y), without overflow on the way. */
+/* sqrt(x x + y y), without overflow of the squares. */
 static inline double portable_hypot(double x, double y)
 {
     x = fabs(x);

@@ -1,8 +1,8 @@
 /* Exposing a picture: scaling its light, and rolling off what is brighter than white.
 
    Based on: Khronos Group, "Khronos PBR Neutral Tone Mapper", 2024, without its offset, which is for
-   light from all sides: light up to START is left as it is, and brighter light keeps its hue and
-   approaches white.
+   light from all sides. Light up to START is unchanged; brighter light keeps its hue and approaches
+   white.
 
    Called from texbake/rendering/exposure.py. */
 
@@ -31,7 +31,7 @@ void count_bright(
     }
 }
 
-/* Expose light in place; leaves light that needs nothing done bit-equal. */
+/* Expose light in place; return whether it changed. */
 static bool expose(double light[3], double exposure)
 {
     double peak = 0.0;
@@ -52,8 +52,9 @@ static bool expose(double light[3], double exposure)
     return true;
 }
 
-/* Expose what covers the pixels of rows [start, stop). `behind` is the one color that the rest of an
-   opaque pixel shows, and stays as it is; without it the light is not premultiplied. */
+/* Expose the surfaces in the pixels of rows [start, stop). `behind` is the background color that
+   opaque pixels show where surfaces do not cover them, and is not exposed; if it is NULL, the light
+   is not premultiplied. */
 void expose_pixels(
     int64_t height, int64_t width, float color[height][width][4],
     const float coverage[height][width], OPTIONAL const float behind[3], double exposure,

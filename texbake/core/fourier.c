@@ -12,14 +12,15 @@
 #include "elementary.h"
 #include "numbers.h"
 
-/* Rows of one length. `cosines` and `sines` are those of the first half turn in `size` steps; for a
-   length that is no power of two, chirps are exp(i pi k k / length) and `filter` is their transform. */
+/* Constants for rows of one length. `cosines` and `sines` cover the first half turn, with `size`
+   steps per turn. For a length that is not a power of two, chirps are exp(i pi k k / length), and
+   `filter` is their transform. */
 struct fourier_plan {
     int64_t length, size;
     double *cosines, *sines, *chirp_cosines, *chirp_sines, *filter_real, *filter_imaginary;
 };
 
-/* Transform `size` numbers in place; the exponents of the waves are negative. */
+/* Transform `size` numbers in place, with negative exponents. */
 static void transform_power_of_two(const struct fourier_plan *plan, double *real, double *imaginary)
 {
     const int64_t size = plan->size;
@@ -51,7 +52,7 @@ static void transform_power_of_two(const struct fourier_plan *plan, double *real
     }
 }
 
-/* Write the chirps, and the transform of the filter that they make. */
+/* Write the chirps and the transform of their filter. */
 static void plan_chirps(struct fourier_plan *plan)
 {
     const int64_t n = plan->length;
@@ -92,7 +93,8 @@ static void transform_by_chirps(
     }
 }
 
-/* Transform rows in place. The inverse is that of swapped parts, and is not divided by the length. */
+/* Transform rows in place. The inverse swaps the real and imaginary parts, and is not divided by
+   the length. */
 int64_t fourier_transform_rows(
     int64_t n, int64_t length, double real[n][length], double imaginary[n][length], bool inverse,
     int64_t start, int64_t stop)

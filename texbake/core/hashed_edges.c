@@ -1,8 +1,8 @@
-/* Whether a surface is closed and its faces agree, by sums of hashes.
+/* Whether a surface is closed and its faces are consistent, by sums of hashes.
 
-   Around a vertex of such a surface, the vertices that come next in its faces are those that come
-   before, and each of its edges is walked as often one way as the other. Sums of hashes tell the two
-   lists, or the two ways, apart, but for one chance in 2^64.
+   Around a vertex of such a surface, each vertex that comes next in one face comes before in another,
+   and each edge is walked as often one way as the other. Sums of hashes compare the two lists, or the
+   two ways, with one chance of error in 2^64.
 
    Called from texbake/mesh/decimate.py and texbake/mesh/topology.py. */
 
@@ -26,8 +26,7 @@ static inline uint64_t hash_of(int32_t id)
     return mixed(((uint64_t)(uint32_t)id + 1) * GOLDEN);
 }
 
-/* Count vertices of wedges at which the surface is open, or not consistently oriented; faces are rows
-   of wedges. */
+/* Count vertices at which the surface is open or not consistently oriented; faces are rows of wedges. */
 int64_t count_open_vertices(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const int32_t faces[n_faces][3])
@@ -50,8 +49,8 @@ int64_t count_open_vertices(
     return n_open;
 }
 
-/* A key for the place of each vertex, so that vertices split at a seam are one; 0.0 and -0.0 are
-   equal. */
+/* A key for the position of each vertex, so that vertices split at a seam count as one; 0.0 and
+   -0.0 are equal. */
 void hash_positions(
     int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
     int64_t start, int64_t stop)
@@ -73,8 +72,8 @@ static inline uint64_t edge(uint64_t from, uint64_t to)
     return mixed(from * 3 + to) - mixed(to * 3 + from);
 }
 
-/* Sum a hash of all edges of faces [start, stop), which is 0 if they are closed, and six times the
-   volume that they enclose with `origin`. */
+/* Sum a hash of all edges of faces [start, stop), which is 0 for a closed surface, and six times
+   the volume between the faces and `origin`. */
 void sum_sides(
     int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
     const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],

@@ -1,12 +1,12 @@
-/* Triangles sorted so that the boxes of a tree's nodes are compact.
+/* Sorting triangles so that the boxes of a tree's nodes are compact.
 
-   The triangles below a node are divided among its eight children in halves: at the median of their
-   middles along the axis in which the middles extend farthest, three times over. Each child but the
-   last is full, so that the tree has the same nodes as one over any other order.
+   The triangles below a node are halved three times to give its eight children: each time at the
+   median of their middles, along the axis in which the middles extend farthest. Each child but the
+   last is full, so that the tree has the same nodes as a tree over any other order.
 
    Based on: Bentley, "Multidimensional Binary Search Trees Used for Associative Searching",
-   Communications of the ACM 18(9), 1975; Hoare, "Algorithm 65: Find", Communications of the ACM 4(7),
-   1961, for the median.
+   Communications of the ACM 18(9), 1975; Hoare, "Algorithm 65: Find", Communications of the ACM
+   4(7), 1961, for the median.
 
    Called from texbake/raycast/morton_tree.py. */
 
@@ -14,7 +14,7 @@
 #include "morton_tree.h"
 #include "numbers.h"
 
-/* Triangles: the middles of their boxes, and what else moves with them. */
+/* Triangles: the middles of their boxes, and the values that are sorted with them. */
 struct triangles {
     int64_t n;
     float (*middles)[3];
@@ -69,7 +69,7 @@ static int longest_axis(struct triangles some)
     return longest;
 }
 
-/* Divide triangles among children of `unit` each, and those of each child again, down to `least`. */
+/* Divide triangles among children of `unit` each, then those of each child, down to `least`. */
 static void divide_among(struct triangles some, int64_t n_children, int64_t unit, int64_t least)
 {
     if (n_children == 1) {
@@ -89,8 +89,8 @@ static void divide_among(struct triangles some, int64_t n_children, int64_t unit
     divide_among(first, n_children / 2, unit, least);
 }
 
-/* Sort the triangles below one node, of eight children with `unit` triangles each, and below all nodes
-   under it whose children have `least` triangles or more. */
+/* Sort the triangles of a node among its eight children of `unit` triangles each, and then those of
+   all nodes below it whose children have `least` triangles or more. */
 void sort_into_nodes(
     int64_t n, float middles[n][3], uint64_t places[n], int64_t unit, int64_t least)
 {

@@ -1,14 +1,14 @@
 """Elementary functions and small linear algebra with the same bits on every processor.
 
-NumPy's `sin`, `exp`, `power` and the like, its products of matrices, and the functions of C and of
-`math` round as the processor and the library like. What reaches a file or decides something is
-computed by these functions, which are named as in NumPy. Addition, multiplication, division and
-square roots need no care: IEEE 754 prescribes their results. `tests/test_architecture.py` keeps the
-others out.
+The results of NumPy's `sin`, `exp`, `power` and the like, of its matrix products, and of the
+functions of C and of `math` depend on the processor and on the version of the library. Use the
+functions here, named as in NumPy, for everything that reaches a file or decides something.
+Addition, multiplication, division and square roots are safe: IEEE 754 prescribes their results.
+`tests/test_architecture.py` forbids the functions that are not portable.
 
-The elementary functions take numbers or arrays, broadcast, and return a float for numbers. They
-work in float64 and are off by less than 0.7 units in the last place; the result for float32 arrays
-is rounded to float32. Kernels: `core/elementary.c` and `core/small_matrices.c`.
+The elementary functions accept numbers or arrays, which are broadcast, and return a float for
+numbers. They compute in float64 with an error below 0.7 units in the last place; results for
+float32 arrays are rounded to float32. Kernels: `core/elementary.c` and `core/small_matrices.c`.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class _Binary:
 
 
 def _prepared(x: Any) -> tuple[npt.NDArray[np.float64], bool]:
-    """The values as contiguous float64, and whether they were float32."""
+    """The values as contiguous float64, and whether they were float32 before."""
     return np.ascontiguousarray(x, np.float64).reshape(np.shape(x)), _is_float32(x)
 
 
@@ -97,10 +97,10 @@ power = _Binary("array_power", "array_float_power")
 
 
 def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
-    """Sums of products along the last axis, added in its order; the other axes broadcast.
+    """Sums of products along the last axis, added in order; the other axes broadcast.
 
-    float32 vectors are multiplied in float64, and the sums are rounded to float32; so in all
-    products below.
+    As in all products below, float32 arrays are multiplied in float64, and the sums are rounded to
+    float32.
     """
     first, second = np.broadcast_arrays(a, b)
     out = np.empty(first.shape[:-1])
@@ -124,7 +124,7 @@ def matmul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
         product = np.empty((1, rows, columns))
         core.multiply_matrices(_listed(first[None], 2), _listed(second[None], 2), product)
         return _as_given(product[0], first, second)
-    if second.ndim == 2:  # as one long list of rows
+    if second.ndim == 2:  # multiply all rows of `first` as one matrix
         listed = matmul(first.reshape(math.prod(first.shape[:-1]), inner), second)
         return np.asarray(listed.reshape(*first.shape[:-1], columns))
     shape = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
@@ -146,7 +146,7 @@ def vecmat(vectors: npt.ArrayLike, matrices: npt.ArrayLike) -> Array:
 def norm(
     vectors: npt.ArrayLike, axis: int | tuple[int, int] | None = None, *, keepdims: bool = False
 ) -> Any:
-    """Lengths of vectors along an axis; without one, the root of the sum of all squares."""
+    """Lengths of vectors along an axis; without an axis, the root of the sum of all squares."""
     values = np.asarray(vectors)
     values = values if values.dtype == np.float32 else values.astype(np.float64, copy=False)
     return np.sqrt((values * values).sum(axis=axis, keepdims=keepdims))
@@ -199,7 +199,7 @@ def eigh(matrices: npt.ArrayLike) -> tuple[Array, Array]:
 def svd(matrix: npt.ArrayLike) -> tuple[Array, Array]:
     """Singular values of a matrix (m, n), descending, and all n right singular vectors as rows."""
     a = np.array(matrix, np.float64, order="C")[None]
-    _, exponent = np.frexp(np.abs(a).max(initial=0.0))  # so that no square is beyond float64
+    _, exponent = np.frexp(np.abs(a).max(initial=0.0))  # scaled so that no square overflows
     a = np.ldexp(a, -exponent)
     vectors = np.empty((1, a.shape[2], a.shape[2]))
     core.orthogonalize_columns(a, vectors)
@@ -224,14 +224,14 @@ def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple
 
 
 def _listed(values: Array, n_axes: int) -> npt.NDArray[np.float64]:
-    """Contiguous float64, with all axes but the last ones made one."""
+    """Contiguous float64, with all axes but the last `n_axes` joined into one."""
     kept = values.shape[values.ndim - n_axes :]
     shape = math.prod(values.shape[: values.ndim - n_axes]), *kept
     return np.ascontiguousarray(values, np.float64).reshape(shape)
 
 
 def _matrices(values: Array, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
-    """A list of matrices; one alone where it is the same for the whole list."""
+    """A list of matrices, or a single matrix that serves for the whole list."""
     if values.ndim > 2 and values.shape[:-2] != shape:
         values = np.broadcast_to(values, (*shape, *values.shape[-2:]))
     return _listed(values, 2)

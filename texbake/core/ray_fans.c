@@ -1,7 +1,7 @@
-/* Fans of rays from points of a surface, cast one direction of 16 fans after another.
+/* Fans of rays from points of a surface, cast one direction at a time for 16 fans.
 
-   The fans of neighboring texels follow each other, and so do their rays in one direction: what blocks
-   one of them often blocks the next.
+   The fans of neighboring texels follow each other, and so do their rays in one direction: a
+   triangle that blocks one ray often blocks the next.
 
    Based on: Duff et al., "Building an Orthonormal Basis, Revisited", 2017, for the frames.
 
@@ -30,7 +30,7 @@ static struct fan frame_fan(const float axis[3], const float plane[3])
         {plane[0], plane[1], plane[2]}};
 }
 
-/* Turn a direction into the frame of a fan. Below the plane, it is mirrored at it. */
+/* Turn a direction into the frame of a fan, mirrored at the plane if it points below. */
 static void turn_direction(const struct fan *fan, const float local[3], double direction[3])
 {
     double height = 0.0;
@@ -44,7 +44,7 @@ static void turn_direction(const struct fan *fan, const float local[3], double d
         direction[k] -= below * fan->plane[k];
 }
 
-/* A ray that starts by an offset above a plane (side 1) or below it (-1) and goes to that side. */
+/* A ray that starts an offset above a plane (side 1) or below it (-1) and goes to that side. */
 static struct single_ray ray_from(
     const double point[3], const double plane[3], double offset, const double direction[3],
     double side, double length)

@@ -1,6 +1,6 @@
 /* Where the line of a ray meets a triangle, with the exact side on which it passes each edge.
 
-   Space is sheared so that the ray is an axis; the signs of the three edges then tell whether it
+   Space is sheared so that the ray is an axis; the signs of the three edges then decide whether it
    meets the triangle. Triangles that share an edge agree on its sign, so that no ray passes between
    them.
 
@@ -13,7 +13,7 @@
 #include "elementary.h"
 #include "morton_tree.h"
 
-/* The line of a ray in coordinates x, y, z of which z is the one in which it goes farthest. */
+/* The line of a ray in coordinates x, y, z, where z is the axis along which it goes farthest. */
 struct ray_line {
     double x, y, z, slope_x, slope_y, along;
 };
@@ -28,13 +28,13 @@ struct crossing {
 static inline double exact_cross(double px, double py, double qx, double qy)
 {
     const double one = px * qy, two = py * qx, difference = one - two;
-    /* Each product is rounded by 2^-53 of itself: beyond 4 times that the sign is certain. */
+    /* Each product has a relative error of 2^-53: beyond 4 times that, the sign is certain. */
     if (fabs(difference) > 4.5e-16 * (fabs(one) + fabs(two)))
         return difference;
     return difference + (exact_product(px, qy).low - exact_product(py, qx).low);
 }
 
-/* Where a line meets triangle `k` of a leaf; `order` says which axes of space x, y, z are. */
+/* Where a line meets triangle `k` of a leaf; `order` holds the axes of space that x, y, z are. */
 static inline struct crossing intersect(
     const struct ray_line *line, const int order[3], const leaf corners, int64_t k)
 {

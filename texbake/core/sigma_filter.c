@@ -1,12 +1,12 @@
-/* A mean of neighboring texels that differ by no more than the noise of their rays.
+/* The mean of neighboring texels that differ by no more than the noise of their rays.
 
-   Of the 5 x 5 texels around each one, those of its chart count whose values are close to its own, the
-   less the more they differ, and not at all beyond a limit that follows from the noise. So noise is
-   averaged, and an edge or detail that is larger stays as it is.
+   Each texel is averaged with those of the 5 x 5 texels around it that are in the same chart. The
+   more a value differs, the less it counts, down to 0 at a limit that follows from the noise. This
+   averages noise and keeps larger edges and details.
 
-   Based on: Lee, "Digital Image Smoothing and the Sigma Filter", Computer Vision, Graphics, and Image
-   Processing 24(2), 1983. Departs from it: weights fall smoothly, as Tukey's biweight does, instead
-   of at the limit.
+   Based on: Lee, "Digital Image Smoothing and the Sigma Filter", Computer Vision, Graphics, and
+   Image Processing 24(2), 1983. Departs from it: weights fall smoothly, as in Tukey's biweight, and
+   not abruptly at the limit.
 
    Called from texbake/baking/finished_maps.py. */
 
@@ -15,8 +15,8 @@
 
 #define REACH 2 /* texels on each side */
 
-/* Write the filtered rows from `start` on. Two values with the mean m may differ by noise of up to
-   `of_shares` times sqrt(m (1 - m)), as shares of rays do, and of `relative` times m. */
+/* Write the filtered rows from `start` on. By noise, two values with the mean m may differ by up to
+   `of_shares` times sqrt(m (1 - m)), for shares of rays, and by up to `relative` times m. */
 void filter_by_noise(
     int64_t height, int64_t width, const float values[height][width],
     const int32_t charts[height][width], const bool has_data[height][width], double of_shares,
@@ -28,7 +28,7 @@ void filter_by_noise(
             filtered[row][column] = values[row][column];
             if (!has_data[row][column])
                 continue;
-            double sum = 0.0, weights = 1.0; /* of the differences, that to itself first */
+            double sum = 0.0, weights = 1.0; /* of differences; its own weight is 1 */
             for (int64_t y = max_i64(row - REACH, 0); y <= min_i64(row + REACH, height - 1); y++)
                 for (int64_t x = max_i64(column - REACH, 0);
                      x <= min_i64(column + REACH, width - 1); x++) {

@@ -1,12 +1,12 @@
-/* Rays against a tree of triangles, one by one: for rays that head everywhere.
+/* Rays against a tree of triangles, one by one: for rays with unrelated directions.
 
-   A ray is tested against the eight boxes of a node at a time, in float32, with boxes that are larger by
-   more than these tests can round; and against the eight triangles of a leaf, in float64, by the test
-   of ray_triangle.h. Both give the same on any processor, and what a ray hits is a function of the
-   ray and the triangles alone, whatever the tree or the order in which it is walked.
+   A ray is tested against the eight boxes of a node at a time, in float32; the boxes are enlarged
+   by more than the rounding error. Then it is tested against the eight triangles of a leaf, in
+   float64, as in ray_triangle.h. Both tests give the same results on any processor. The hit depends
+   only on the ray and the triangles, not on the tree or the order in which it is walked.
 
-   Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal using
-   Multi-branching BVHs", 2008.
+   Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
+   using Multi-branching BVHs", 2008.
 
    Called from ray_fans.c. */
 
@@ -19,20 +19,21 @@
 #endif
 
 #define STACK (MAX_LEVELS * WIDTH + 1)
-/* Of the size of the tree and the distance of the ray: what float32 may err in the tests of boxes, six
-   roundings of 2^-24, and more. */
+/* Error of the box tests in float32, relative to the size of the tree and the distance of the ray:
+   six roundings of 2^-24, with a margin. */
 #define SLACK 0x1p-20
-/* The greatest inverse of a direction: along an axis that the ray hardly follows it never leaves a box. */
+/* The greatest inverse of a direction. A larger one belongs to an axis along which the ray hardly
+   moves, so that it never leaves a box there. */
 #define MOST_INVERSE 1e18
 
-/* A ray as the tests of boxes and of triangles take it. */
+/* A ray, prepared for the tests of boxes and of triangles. */
 struct walk {
     int near[3], far[3]; /* rows of a node: the sides of the boxes that the ray meets first and last */
     float enters[3], leaves[3], inverse[3]; /* where it starts, moved by the slack */
     int order[3];        /* axes; along the last one the ray goes farthest */
     double origin[3], inverses[3];
     struct ray_line line;
-    double doubt;        /* an edge whose sign is uncertain is at most this */
+    double doubt;        /* an edge function above this has a certain sign */
 };
 
 struct place {
@@ -75,7 +76,7 @@ static void start_walk(
         walk->inverses[axis] = descends ? -inverse : inverse;
         walk->inverse[axis] = (float)walk->inverses[axis];
     }
-    /* Exchanged where z descends, which preserves the winding. */
+    /* x and y are swapped if z descends, which preserves the winding. */
     const int x = (z + 1 + (d[z] < 0.0)) % 3, y = (z + 2 - (d[z] < 0.0)) % 3;
     walk->order[0] = x, walk->order[1] = y, walk->order[2] = z;
     walk->line = (struct ray_line){o[x], o[y], o[z], d[x] / d[z], d[y] / d[z], d[z]};
@@ -103,7 +104,7 @@ static inline unsigned mask_of(const int32_t lanes[WIDTH])
 #endif
 }
 
-/* Which of the boxes of a node the ray meets, as bits, and where. */
+/* The boxes of a node that the ray meets, as bits, and the distances. */
 static inline unsigned meets(
     const struct walk *walk, const node boxes, float length, float nears[WIDTH])
 {
@@ -127,8 +128,8 @@ static inline unsigned meets(
     return mask_of(met);
 }
 
-/* A distance, moved to where the ray is in the box of a triangle. Seen edge-on, a triangle is met at a
-   distance that rounding decides; so no triangle is met before or beyond its box, which is skipped. */
+/* A distance, clamped to where the ray is in the box of a triangle. For a triangle seen edge-on,
+   rounding decides the distance; the clamp keeps the hit in its box, so boxes can be skipped. */
 static double held_to_box(const struct walk *walk, const leaf corners, int k, double distance)
 {
     double enters = -INFINITY, leaves = INFINITY;
@@ -176,7 +177,7 @@ static inline double leaf_distance(const struct walk *walk, const leaf corners, 
     return nearest;
 }
 
-/* Longer than a length by what the tests of boxes may err. */
+/* A length plus the error of the box tests. */
 static inline float lengthened(double length)
 {
     return (float)(length * (1.0 + 4.0 * SLACK));

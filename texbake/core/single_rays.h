@@ -1,4 +1,4 @@
-/* Rays against a tree of triangles, each by itself: whether one is blocked, or how far it goes. */
+/* Rays against a tree of triangles, one by one: whether a ray is blocked, or how far it goes. */
 
 #ifndef TEXBAKE_SINGLE_RAYS_H
 #define TEXBAKE_SINGLE_RAYS_H
@@ -8,7 +8,8 @@
 
 #include "morton_tree.h"
 
-/* The tree as rays walk it: a node is known by its level and its place there, a leaf by its place. */
+/* The tree that rays walk: a node is identified by its level and its index there, a leaf by its
+   index. */
 struct ray_tree {
     const leaf *leaves;
     const node *levels[MAX_LEVELS]; /* the nodes of each level, the lowest first */
@@ -25,8 +26,8 @@ struct ray_tree ray_tree_of(
     const leaf *leaves, const node *nodes, int64_t n_levels, const int64_t *starts,
     const double box[6]);
 
-/* Whether the ray hits a triangle within its length. `blocker` is a leaf that is tried first, or -1;
-   a leaf that blocks the ray is left there. */
+/* Whether the ray hits a triangle within its length. `blocker` is a leaf to test first, or -1; a
+   leaf that blocks the ray is written to it. */
 bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64_t *blocker);
 
 /* Distance of the first hit within the length of the ray; without a hit, the length. */

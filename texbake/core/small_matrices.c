@@ -1,6 +1,6 @@
 /* Products, inverses, eigenvectors and singular values of many small matrices, in a fixed order.
 
-   The order in which BLAS and LAPACK add depends on the processor, and so does their rounding.
+   BLAS and LAPACK add in an order that depends on the processor, and so does their rounding.
 
    Based on: Golub, Van Loan, "Matrix Computations", 4th edition, 2013: 3.4.1 (elimination with partial
    pivoting), 8.5 (Jacobi's method); Hestenes, "Inversion of Matrices by Biorthogonalization and Related
@@ -12,7 +12,7 @@
 
 #include "core.h"
 
-/* Rotations stop when no cosine between two columns exceeds this, or after so many rounds. */
+/* Rotations stop when no cosine between two columns exceeds this, or after this many rounds. */
 static const double ORTHOGONAL = 0x1p-53;
 static const int MOST_ROUNDS = 60;
 
@@ -28,7 +28,7 @@ void sum_row_products(
     }
 }
 
-/* Products of matrices; of one list there may be a single matrix for all of the other. */
+/* Products of matrices; either list may be a single matrix, used for all of the other list. */
 void multiply_matrices(
     int64_t n_a, int64_t n_b, int64_t n, int64_t rows, int64_t inner, int64_t columns,
     const double a[n_a][rows][inner], const double b[n_b][inner][columns],
@@ -109,7 +109,7 @@ static void rotate(
     }
 }
 
-/* Tangent of the rotation that makes two columns orthogonal: their squares, and their product. */
+/* Tangent of the rotation that makes two columns orthogonal, from their squares and product. */
 static double rotation_tangent(double p_square, double q_square, double product)
 {
     const double cotangent = (q_square - p_square) / (2.0 * product);
@@ -151,7 +151,7 @@ void orthogonalize_columns(
     }
 }
 
-/* Make symmetric matrices diagonal by rotations of rows and columns; write the rotations, whose
+/* Diagonalize symmetric matrices by rotations of rows and columns; write the rotations, whose
    columns are the eigenvectors. */
 void diagonalize(
     int64_t n, int64_t size, double matrices[n][size][size], double rotations[n][size][size])

@@ -813,7 +813,7 @@ static int64_t divide(int64_t n, int64_t *chosen, const int places[RAYS])
     return n_first;
 }
 
-/* Cast up to RAYS rays of one heading; those that diverge too much, in smaller bundles.
+/* Cast up to RAYS rays of one heading; rays that diverge too much are cast in smaller bundles.
    `bundle` is scratch memory. */
 static void cast_bundle(
     int64_t n, int64_t *chosen, int direction, const struct tree *tree, const struct rays *rays,

@@ -14,7 +14,7 @@
 
 #include "core.h"
 
-/* Widen the range of each channel, least and greatest, to the finite values of covered texels. */
+/* Widen the range of each channel, minimum and maximum, to the finite values of covered texels. */
 void measure_ranges(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     float ranges[n_channels][2], int64_t start, int64_t stop)

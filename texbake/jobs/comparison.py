@@ -185,7 +185,7 @@ def comparison_report(comparison: Comparison) -> dict[str, Any]:
 
 
 def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return a row of figures for each use of the maps, first as a GLB file shows them."""
+    """Return a row of figures for each use of the maps, starting with that of a GLB file."""
     bare = ("without maps", comparison.bare)
     return [(label, _figures(closeness)) for label, closeness in (*_uses(comparison), bare)]
 

@@ -52,7 +52,7 @@ class PreviewFiles(JobResult[Frame | None]):
     contributions : tuple of Contribution
         What each effect changes, if that was asked for.
     chosen : tuple of (str, str)
-        What was chosen for the picture because nothing said it: rows of `table`.
+        Rows of `table` about what was chosen because no option or file set it.
     """
 
     plan: Plan
@@ -65,7 +65,7 @@ class PreviewFiles(JobResult[Frame | None]):
         return None if self.report is None else self.report.costs
 
     def table(self) -> list[tuple[str, str]]:
-        """Return rows of what was chosen, and what adaptive samples and a budget have reached."""
+        """Return rows of what was chosen, and of what adaptive samples and a budget reached."""
         frame = self.report
         parts = () if frame is None else (frame.sampling, frame.budget, frame.texels)
         reached = [row for part in parts if part is not None for row in part.table()]
@@ -317,7 +317,7 @@ def write_turntable(
     with stages.stage("turn", total=n_views, unit="pictures") as advance:
         for file, camera in zip(turntable_files(path, n_views), cameras, strict=True):
             frame = draw_picture(prepared, camera)
-            if options.exposes:  # as the first, so that the light does not flicker
+            if options.exposes:  # the exposure of the first picture, so that light does not flicker
                 (frame,) = exposed([frame], options, exposure=exposure, threads=threads)
                 exposure = frame.exposure
             frame.write(file, threads=threads)

@@ -83,20 +83,20 @@ class RunResult:
     low : Mesh
         The low-poly mesh, with texture coordinates.
     orientation : OrientationReport
-        What was turned over of the high-poly mesh.
+        Which parts of the high-poly mesh were flipped.
     why_closed : tuple of str
-        Why the low-poly mesh was made from a closed surface around the high-poly one, if it was so
-        without being asked for.
+        Why the low-poly mesh was made from a closed surface around the high-poly one, if no option
+        asked for it.
     simplified : SimplifyReport
-        Of that surface, if there is one.
+        Report for that surface, if there is one.
     unwrapped : UnwrapReport
     baked : BakeResult
     comparison : Comparison, optional
         None if nothing was compared.
     stages : list of StageRecord
-        What the stages took, including writing their files.
+        Time and memory of the stages, including writing their files.
     missing : tuple of str
-        What of the high-poly file is not carried over, a sentence each.
+        Sentences on what the asset lacks of the high-poly file.
     """
 
     files: dict[str, Path]
@@ -182,7 +182,7 @@ def run(
     FileError
         The folder cannot be made or written to; raised before the work begins.
     UnwrapError
-        No atlas could be made, or a part of it is finer than the texels.
+        No atlas could be made, or its charts are too small for the texels.
     """
     high = as_mesh(high)
     options = options or RunOptions()
@@ -306,7 +306,7 @@ def _compared(
     options: RunOptions,
     progress: ProgressSink | None,
 ) -> Comparison:
-    """Compare with the maps as they were written, and write both pictures."""
+    """Compare with the written maps, and write both pictures."""
     full = options.compare == "full"
     comparison = compare(
         high,

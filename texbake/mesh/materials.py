@@ -246,7 +246,7 @@ class Materials:
         return [material.channels.get(channel) for material in self.materials]
 
     def notes(self) -> tuple[str, ...]:
-        """Return lines about what is missing; of many the first."""
+        """Return lines about what is missing: the first few, and how many more."""
         return first_few(line for _, line in self.missing)
 
     def of_faces(
@@ -321,7 +321,7 @@ _READERS = {
 def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     """Read the materials of a mesh file: of OBJ with its .mtl files, glTF, FBX and USD.
 
-    Images that are missing are warned of, and the materials keep the factors of their channels.
+    A warning names each missing image, and its material keeps the factors of its channels.
 
     Parameters
     ----------
@@ -356,10 +356,7 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
 
 
 def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Return the materials of a model file; the colors of its vertices where it has none.
-
-    None where it has neither.
-    """
+    """Return the materials of a model file, or else its vertex colors; None if it has neither."""
     found = read_materials(path, mesh)
     if found is not None and mesh.uvs is None and found.has_images:
         warn_of(path, "it has no texture coordinates; its images are left out")

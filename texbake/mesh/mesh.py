@@ -26,7 +26,7 @@ IntArray = npt.NDArray[np.int32]
 MAX_CORNERS = 2**31 - 1
 MAX_FACES = MAX_CORNERS // 3
 
-# What glTF calls the first set of texture coordinates.
+# glTF's name of the first set of texture coordinates.
 FIRST_UV_SET = "TEXCOORD_0"
 
 
@@ -134,7 +134,7 @@ class Mesh:
         low, high = self.bounds
         with np.errstate(over="ignore"):
             sides = high - low
-            _, exponent = np.frexp(sides.max())  # whose square float64 may not hold
+            _, exponent = np.frexp(sides.max())  # scaled, because its square may overflow float64
             return float(np.ldexp(pm.norm(np.ldexp(sides, -exponent)), exponent))
 
     def corner_uvs(self, uv_set: str | None = None) -> FloatArray:
@@ -153,9 +153,9 @@ class Mesh:
         return self.uvs[self.uv_faces]
 
     def uv_set(self, name: str) -> UvSet:
-        """Return a further set of texture coordinates; raise `UvError` where there is none.
+        """Return a further set of texture coordinates; raise `UvError` if there is none.
 
-        `TEXCOORD_0` is the first set where no further one has that name.
+        `TEXCOORD_0` is the first set, unless a further set has that name.
         """
         if name == FIRST_UV_SET and self.uvs is not None and self.uv_faces is not None:
             return self.uv_sets.get(name) or UvSet(self.uvs, self.uv_faces)

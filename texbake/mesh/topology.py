@@ -23,7 +23,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 # Faces or vertices per band.
 _BAND = 1 << 16
-# A volume below this share of the cube over the diagonal is that of a sheet with two sides.
+# A closed surface with less volume than this, relative to its diagonal cubed, is a two-sided sheet.
 _FLAT = 1e-9
 
 
@@ -269,8 +269,8 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
 def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     """Which side of a surface can be seen from outside: its front, its back, or both.
 
-    Vertices count by their places, so that seams of a file do not open a surface. One pass over the
-    faces, without finding edges.
+    Vertices at the same position count as one, so that seams in a file do not open a surface. Takes
+    one pass over the faces, without building edges.
 
     Returns
     -------

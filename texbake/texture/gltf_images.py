@@ -38,9 +38,9 @@ def gltf_images(materials: Materials, *, threads: int | None = None) -> Material
     Returns
     -------
     Materials
-        Channels that share a texture in glTF share an image. Images that cannot be decoded, or that
-        would share a texture but are placed or wrapped otherwise, are left out, and `missing` names
-        these alone; their channels keep their factors.
+        Channels that share a texture in glTF share an image. Images are left out if they cannot be
+        decoded, or if they would share a texture but are placed or wrapped in another way.
+        `missing` names only these; their channels keep their factors.
 
     Raises
     ------

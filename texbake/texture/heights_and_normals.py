@@ -40,7 +40,7 @@ from texbake.texture.height_options import (
 )
 from texbake.texture.image import Image
 
-_BAND = 1 << 18  # numbers that a thread transforms at a time
+_BAND = 1 << 18  # how many numbers a thread transforms at a time
 
 # Weights, in sixteenths, of the three texels that a derivative averages across its direction.
 _ACROSS = {"central": (0, 16, 0), "sobel": (4, 8, 4), "scharr": (3, 10, 3)}
@@ -252,8 +252,8 @@ def _mirrored(right: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArr
 def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[FloatArray, float]:
     """Return heights that tile, in units of a texel, and the root mean square of the residual.
 
-    Both slopes are transformed as one complex image, and so are both residuals. The arrays hold
-    real and imaginary parts.
+    Both slopes are transformed together as one complex image, and so are both residuals. The arrays
+    hold real and imaginary parts.
     """
     height, width = slopes[0].shape
     columns = _transfers(width, method)
@@ -269,7 +269,7 @@ def _integrated(slopes: tuple[FloatArray, FloatArray], method: str) -> tuple[Flo
         p, q = _product(mean_x, right), _product(mean_y, down)
         a, b = _product(_conjugate(step_x), p), _product(_conjugate(step_y), q)
         squares = np.square(step_x).sum(axis=0) + np.square(step_y).sum()
-        squares[squares == 0.0] = 1.0  # only for the mean, which becomes 0
+        squares[squares == 0.0] = 1.0  # true only of the mean, which becomes 0
         heights[:, row] = found = (a[0] + b[0]) / squares, (a[1] + b[1]) / squares
         off_x, off_y = (
             _product(step, found) - np.array(wanted) for step, wanted in ((step_x, p), (step_y, q))
@@ -303,7 +303,7 @@ def _conjugate(a: FloatArray) -> FloatArray:
 
 
 def _transfers(n: int, method: str) -> FloatArray:
-    """(2, 2, n): factors of waves for steps of heights and means of slopes, along one axis.
+    """(2, 2, n): factors of waves for differences of heights and means of slopes, along one axis.
 
     For Frankot and Chellappa, steps are derivatives and means are 1. With an even number of
     samples, their fastest wave alternates between +1 and -1 and has slope 0 at every sample.

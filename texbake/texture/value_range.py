@@ -26,7 +26,7 @@ _BAND = 1 << 19
 def channel_ranges(
     values: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return the least and the greatest finite value of each channel, over the covered texels.
+    """Return the minimum and maximum finite value of each channel over the covered texels.
 
     Parameters
     ----------

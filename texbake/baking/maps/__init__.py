@@ -55,7 +55,7 @@ def _kind_of(name: str) -> MapKind:
     return MAPS[name]
 
 
-# Kinds hold functions, so their names are pickled: every process has the same table.
+# Kinds hold functions, so they are pickled by name: every process has the same table.
 copyreg.pickle(MapKind, lambda kind: (_kind_of, (kind.name,)))
 
 

@@ -45,20 +45,20 @@ class MapKind:
     of_misses : bool
         Misses count among the values of a texel, and a texel without any hit has a value.
     hides_misses : bool
-        A texel without any hit takes the colors around it, instead of the neutral value.
+        A texel without any hit gets the colors around it instead of the neutral value.
     of_neighbors : bool
-        Made from the neighbors of the faces that were hit as well, beyond their normals.
+        Also made from the neighbors of the faces that were hit, beyond their normals.
     noise : (float, float)
-        Standard error of a texel's value v from one ray, in units of sqrt(v (1 - v)) and of v. It
-        falls with the 3/4th power of the number of rays.
+        Standard error of a texel's value v with one ray, as factors of sqrt(v (1 - v)) and of v. It
+        is divided by n^(3/4) for n rays.
     mid : float
         Level of 0 in integer files of `curvature`.
     bounds : callable, optional
-        inputs to the (2, 3) least and greatest coordinates that integer files hold.
+        inputs to the (2, 3) minimum and maximum coordinates that integer files can hold.
     legend : callable, optional
         inputs to the names that the ids from 1 on have.
     require : callable, optional
-        Called with the inputs before any ray is cast; raises where they lack what the map needs.
+        Called with the inputs before any ray is cast; raises if they lack what the map needs.
     """
 
     name: str

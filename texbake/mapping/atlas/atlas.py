@@ -50,7 +50,7 @@ class Atlas:
     charts : Charts
         The charts before packing, in model units.
     padding : int
-        Texels of room around each chart.
+        Texels of space around each chart.
     """
 
     corners: FloatArray

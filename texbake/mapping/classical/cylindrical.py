@@ -55,13 +55,13 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     -------
     Projected
         s is as in `wrap_angles`, and t = (height - a) / (b - a), or 0 if all corners have the same
-        height; flat faces across the axis thus have no area in the texture unless they are caps.
-        With `caps`, equal lengths along the axis, around it at the mean radius of the side, and on
-        the caps are equal in the texture: t of the side runs from 0 to its height divided by the
-        length of the arc, 1/pi for a height of two radii, and less where all would exceed the
-        square. Everything lies in the unit square, except faces across
-        the seam and what is outside a given `theta` or `height`. A face without area is not a cap.
-        The tallies count faces around the axis, faces touching it, and caps.
+        height; so flat faces across the axis have no area in the texture unless they are caps.
+        With `caps`, lengths have the same scale along the axis, around it at the mean radius of the
+        side, and on the caps: t of the side runs from 0 to height / arc length (1/pi for a height
+        of two radii), or to less if the caps would not fit into the square. Everything lies in the
+        unit square, except faces across the seam and faces outside a given `theta` or `height`. A
+        face without area is not a cap. The tallies count faces around the axis, faces touching it,
+        and caps.
     """
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_about_axis(mesh, options.center, frame), frame)

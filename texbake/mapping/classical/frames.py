@@ -258,7 +258,7 @@ def _centroid_turns(
     x, y = (
         points[faces[:, 0], i] + points[faces[:, 1], i] + points[faces[:, 2], i] for i in (0, 1)
     )
-    lost = np.flatnonzero(pm.hypot(x, y) <= 3.0 * rounding)  # sums of three corners
+    lost = np.flatnonzero(pm.hypot(x, y) <= 3.0 * rounding)  # rounding in a sum of three corners
     own = pm.arctan2(y, x) / (2.0 * np.pi)
     # Whichever corner of the face is its first.
     own[lost] = np.where(on_axis[lost], np.inf, turns[faces[lost]]).min(axis=1)

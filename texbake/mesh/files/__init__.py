@@ -82,7 +82,7 @@ def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
     FileFormatError
         The suffix is not known, or the file breaks the rules of its format.
     MeshError
-        There are no faces, a coordinate is not finite, or an index is out of range.
+        There are no faces, a coordinate of a face is not finite, or an index is out of range.
     DependencyError
         The format needs an optional package that is not installed: USD needs ``texbake[usd]``.
     """

@@ -24,8 +24,8 @@ from texbake.mesh.mesh import FloatArray
 _BLANK = re.compile(rb"(?:[\s,]|;[^\n]*)*+")
 _NAME = re.compile(rb"([A-Za-z_][\w| .\-]*?)[ \t]*:(?!:)")
 _NUMBERS = re.compile(rb"[-+.\d][-+.,\d\seE]*+")
-# As C libraries write numbers that are none: -inf, nan(ind), 1.#INF, -1.#QNAN0. A run of
-# numbers ends before the letters, and may hold what they begin with.
+# Infinities and NaN, as C libraries write them: -inf, nan(ind), 1.#INF, -1.#QNAN0. A run of
+# numbers ends before the letters, and may include the digits in front of them.
 _NOT_FINITE = re.compile(
     rb"[-+]?(?:\d+\.#)?#?(?:inf|nan|ind|qnan|snan)\w*+(?:\(\w*+\))?", re.IGNORECASE
 )
@@ -53,7 +53,7 @@ def read_ascii(path: PathLike, data: ByteArray) -> Node:
 
 
 def ascii_version(data: ByteArray) -> int:
-    """Return the version that an FBX text file names at its head, such as 7400; 0 without one."""
+    """Return the version in the header of an FBX text file, such as 7400; 0 if it has none."""
     head = data[:4096].tobytes()
     number = _VERSION_NUMBER.search(head)
     if number is not None:

@@ -44,7 +44,7 @@ def read_binary(path: PathLike, data: ByteArray) -> Node:
 
 
 def binary_version(data: ByteArray) -> int:
-    """Return the version that the header of a binary FBX file names, such as 7400."""
+    """Return the version in the header of a binary FBX file, such as 7400."""
     (version,) = struct.unpack_from(f"{_byte_order(data)}I", data.data, 23)
     return int(version)
 

@@ -245,7 +245,7 @@ class _Reader:
 
 def _floats(node: Node, name: str) -> FloatArray:
     """(n,) numbers of a child."""
-    with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+    with np.errstate(invalid="ignore"):  # a signaling NaN is read like any other NaN
         return node.numbers(name).astype(np.float64)
 
 

@@ -61,13 +61,13 @@ class FbxScene:
     version : int
         7400 is 7.4; 0 where the file does not say.
     creator : str
-        What the file says of the program that wrote it.
+        Name of the program that wrote the file.
     images : dict of str to bytes
-        Contents of images that have been read, by their names; many textures may name one.
+        Contents of images that have been read, by name; many textures may use the same image.
     named : dict of str to id
-        The first object of each name whose image has been read.
+        For each name, the first object whose image has been read.
     found : dict of id to (bytes or None, str)
-        What `first_image` has found for textures; many materials may share one.
+        Results of `first_image` for textures; many materials may share a texture.
     """
 
     path: PathLike

@@ -1,8 +1,8 @@
 """Compressed parts of glTF files: buffer views by meshoptimizer, and primitives by Draco.
 
 meshoptimizer codes vertices as differences between neighbors, byte by byte, and triangles by the
-edges that they share with those before. Both are lossless, except for the corner that a triangle
-begins with. Draco is only read.
+edges that they share with earlier triangles. Both are lossless, except that a triangle may begin
+with another of its corners. Draco is only read.
 
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams

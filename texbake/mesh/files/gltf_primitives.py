@@ -213,7 +213,7 @@ def _attribute(
         document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
     if count is not None and len(values) != count:
         document.fail(f"{name} counts {len(values)}, where there are {count} positions")
-    with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+    with np.errstate(invalid="ignore"):  # a signaling NaN is read like any other NaN
         values = values.astype(np.float64)
     if name == "POSITION":
         return values
@@ -223,7 +223,7 @@ def _attribute(
 
 
 def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:
-    """Return positions with one that is used in place of those that are not finite."""
+    """Return positions; a used position replaces unused ones that are not finite."""
     is_bad = rows_not_finite(positions)
     if not is_bad.any():
         return positions

@@ -5,19 +5,19 @@ manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
 
 Where the format leaves a choice, or files differ, this holds:
 
-- A polygon is fanned out from its first corner. Faces of fewer than three corners are left out.
-- A face belongs to its object and group, named ``object/group``, or by one name where only one is
-  set or both are equal; a new ``o`` ends the group before it. The rest of the line is the name,
-  with its spaces. Where a file has neither ``o`` nor ``g``, its materials are the groups. Faces
-  before the first of these are of the group ``default``.
-- Corners without ``vt`` in a file whose other corners have one get one more coordinate at (0, 0),
-  so that such faces cover no area of the texture; those without ``vn`` get a zero normal, in place
-  of which shading uses a computed one.
-- A fourth value of ``v`` is a weight and is dropped; a sixth and seventh make values 4 to 7 a
-  color. Colors that are all whole numbers with one above 1 are taken to go up to 255. Vertices
-  without a color in a file that has some are white.
+- A polygon is fanned out from its first corner. Faces with fewer than three corners are left out.
+- A face belongs to its object and group, named ``object/group``, or by one name if only one is set
+  or both are equal; a new ``o`` ends the group before it. The rest of the line is the name,
+  including spaces. If a file has neither ``o`` nor ``g``, its materials are the groups. Faces
+  before the first group belong to the group ``default``.
+- If only some corners have ``vt``, the others share one more coordinate at (0, 0), so that their
+  faces cover no area of the texture. If only some have ``vn``, the others get a zero normal, and
+  shading uses a computed one instead.
+- A fourth value of ``v`` is a weight and is dropped; with six or seven values, the values from the
+  fourth on are a color. If all colors are whole numbers and one is above 1, they are divided by
+  255. If only some vertices have a color, the others are white.
 - Lines, points, curves, smoothing groups and unknown statements are skipped.
-- Numbers with decimal commas are read where blanks separate them.
+- Numbers with decimal commas are read if spaces separate them.
 
 Kernel: `core/obj_rows.c`.
 """

@@ -36,7 +36,7 @@ def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
     """
     beside = uv_sets_path(path)
     if not mesh.uv_sets:
-        if is_file(beside):  # a name may be too long for a file
+        if is_file(beside):  # False if the name is too long for a file
             remove_file(beside)
         return
     arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces)}

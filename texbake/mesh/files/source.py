@@ -76,12 +76,12 @@ def parsed(path: PathLike, parse: Callable[[PathLike], Parsed]) -> Parsed:
 
 
 def text_of(path: PathLike, data: ByteArray, kind: str) -> ByteArray:
-    """Return text without a byte-order mark, and without the NULs that some programs end it with.
+    """Return text without a byte-order mark, and without NULs that some programs put at the end.
 
     Raises
     ------
     FileFormatError
-        Bytes that no text has show that the file is not of this kind.
+        The file has binary data, and so is not of this kind.
     """
     start = len(BYTE_ORDER_MARK) if data[:3].tobytes() == BYTE_ORDER_MARK else 0
     stop = len(data)

@@ -47,8 +47,8 @@ def read_stl(path: PathLike) -> Mesh:
     body = data[HEADER_SIZE + 4 :]
     n_more = len(body) - (n_triangles or 0) * RECORD.itemsize
     if n_triangles is not None and n_more >= 0 and (n_triangles > 0 or n_more == 0):
-        # Tested first, because many binary files begin with the word solid too. In text, these
-        # bytes would be hundreds of millions of triangles.
+        # Tested first, because many binary files begin with the word solid too. A text file would
+        # have hundreds of millions of triangles here, and fail the test.
         if n_more:
             warn_of(path, f"left out {n_more:,} bytes after the last triangle")
         records = np.ndarray(n_triangles, RECORD, buffer=body.data)

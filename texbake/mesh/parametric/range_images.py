@@ -169,11 +169,11 @@ def _joined(
 def _triangles(
     numbers: IntArray, distances: FloatArray, max_step: float | None
 ) -> tuple[IntArray, npt.NDArray[np.bool_]]:
-    """(2 S, 3) and (2 S,): two triangles of each square of neighbors, and which of them are kept.
+    """(2 S, 3) and (2 S,): two triangles for each square of neighbors, and which of them to keep.
 
-    `numbers` (H, W) are the corners, and `distances` those of each number. Triangles are
-    counter-clockwise. A square is divided from lower left to upper right, or by the other diagonal
-    where that keeps more triangles, as where one of these two corners has no distance.
+    `numbers` (H, W) are the corners, and `distances` has one entry per number. Triangles are
+    counter-clockwise. A square is divided from lower left to upper right, or along the other
+    diagonal if that keeps more triangles, such as when one of those two corners has no distance.
     """
     upper_left, upper_right = numbers[:-1, :-1].ravel(), numbers[:-1, 1:].ravel()
     lower_left, lower_right = numbers[1:, :-1].ravel(), numbers[1:, 1:].ravel()

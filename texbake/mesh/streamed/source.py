@@ -233,7 +233,7 @@ def _ply_attributes(
         "colors": ply.read_colors(path, rows, types),
     }
     normals = found["normals"]
-    if normals is not None and not np.isfinite(normals).all():  # of some vertices, so not counted
+    if normals is not None and not np.isfinite(normals).all():  # one chunk, so no count
         warn_of(path, "some normals are not finite; computed ones replace them")
         normals[~np.isfinite(normals).all(axis=1)] = 0.0
     return {name: values for name, values in found.items() if values is not None}
