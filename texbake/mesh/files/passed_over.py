@@ -104,12 +104,10 @@ def _counts_of_gltf(document: Document) -> dict[str, int]:
     extensions = document.mapping(document.content, "extensions")
     lights = document.mapping(extensions, _LIGHTS)
     counts["light"] = len(document.objects(lights, "lights"))
-    counts["shape key"] = sum(
-        len(document.objects(primitive, "targets"))
-        for mesh in document.items("meshes")
-        for primitive in document.objects(mesh, "primitives")
-        if "targets" in primitive
-    )
+    counts["shape key"] = 0
+    for mesh in document.items("meshes"):  # all primitives of one have the same
+        keys = [document.objects(each, "targets") for each in document.objects(mesh, "primitives")]
+        counts["shape key"] += max(map(len, keys), default=0)
     return counts
 
 
