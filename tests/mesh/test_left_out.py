@@ -136,11 +136,17 @@ def test_a_corner_that_is_not_finite_stays_an_error(tmp_path, name):
         read_mesh(tmp_path / name)
 
 
-def test_colors_and_tangents_that_are_not_finite(tmp_path):
-    (tmp_path / "a.obj").write_text("v 0 0 0 nan 0 0\nv 1 0 0 0 1 1\nv 1 1 0 0 1 1\nf 1 2 3")
+@pytest.mark.parametrize("most", [1, 255])
+def test_colors_that_are_not_finite(tmp_path, most):
+    (tmp_path / "a.obj").write_text(
+        f"v 0 0 0 nan 0 0\nv 1 0 0 0 {most} 0\nv 1 1 0 0 0 {most}\nf 1 2 3"
+    )
     mesh, lines = heard(tmp_path / "a.obj")
     assert lines == ["1 of 3 vertex colors are not finite; white replaces them"]
-    assert mesh.colors[0].tolist() == [1, 1, 1]
+    assert mesh.colors.tolist() == [[1, 1, 1], [0, 1, 0], [0, 0, 1]]
+
+
+def test_tangents_that_are_not_finite(tmp_path):
     arrays = {"POSITION": CORNERS, "NORMAL": [[0, 0, 1]] * 3, "TANGENT": [[1, 0, NAN, 1]] * 3}
     mesh, lines = heard(gltf(tmp_path / "a.gltf", arrays))
     assert mesh.tangents is None and "tangents are not finite" in lines[0]

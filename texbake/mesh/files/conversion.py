@@ -69,29 +69,31 @@ def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray
     return np.asarray(indices[np.stack([i, i + 1 + odd, i + 2 - odd], axis=1)])
 
 
-_INSTEAD = {
-    "normals": "computed ones replace them",
-    "texture coordinates": "(0, 0) replaces them",
-    "vertex colors": "white replaces them",
+# Fields of `Mesh`: in words, and what replaces rows that are not finite.
+_REPLACED = {
+    "normals": ("normals", "computed ones replace them"),
+    "uvs": ("texture coordinates", "(0, 0) replaces them"),
+    "colors": ("vertex colors", "white replaces them"),
 }
 
 
-def finite_rows(path: PathLike, rows: npt.NDArray[Any], what: str) -> npt.NDArray[Any]:
+def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArray[Any]:
     """Replace rows that are not finite with zeros, and warn with their number.
 
     Parameters
     ----------
     path
     rows : (n, k) floats
-    what
-        `normals`, `texture coordinates` or `vertex colors`; colors become ones, not zeros.
+    field
+        `normals`, `uvs` or `colors`; colors become ones, not zeros.
     """
     is_bad = rows_not_finite(rows)
     if not is_bad.any():
         return rows
-    warn_of(path, f"{_count(is_bad)} {what} are not finite; {_INSTEAD[what]}")
+    title, instead = _REPLACED[field]
+    warn_of(path, f"{_count(is_bad)} {title} are not finite; {instead}")
     rows = rows.copy()
-    rows[is_bad] = what == "vertex colors"
+    rows[is_bad] = field == "colors"
     return rows
 
 
@@ -136,10 +138,10 @@ def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
     If all are whole numbers and one is above 1, they are divided by 255; others are left as they
     are. White replaces colors that are not finite.
     """
-    colors = finite_rows(path, colors, "vertex colors")
-    if colors.max(initial=0.0) > 1.0 and (colors == np.round(colors)).all():
+    known = colors[~rows_not_finite(colors)]
+    if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
         colors = colors / 255.0
-    return colors.astype(np.float32)
+    return finite_rows(path, colors, "colors").astype(np.float32)
 
 
 # Distance from the origin, in diagonals, from which on float32 would lose more than 13 of its 24

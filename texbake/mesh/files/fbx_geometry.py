@@ -29,7 +29,7 @@ Indices = npt.NDArray[np.int64]
 # Values, the row of each corner, and whether there is one row for each corner.
 _Layer = tuple[FloatArray, Indices, bool]
 _MOST_UV_SETS = 8
-_TITLES = {"Normals": "normals", "UV": "texture coordinates", "Colors": "vertex colors"}
+_FIELDS = {"Normals": "normals", "UV": "uvs", "Colors": "colors"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ class _Reader:
             return None
         values = _floats(node, name)
         values = values[: len(values) // width * width].reshape(-1, width)
-        values = finite_rows(self.path, values, _TITLES[name])
+        values = finite_rows(self.path, values, _FIELDS[name])
         places = self._places(node)
         if places is None or len(values) == 0:
             return None

@@ -28,11 +28,7 @@ from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
-_TITLES = {
-    "NORMAL": "normals",
-    "TEXCOORD": "texture coordinates",
-    "COLOR": "vertex colors",
-}
+_FIELDS = {"NORMAL": "normals", "TEXCOORD": "uvs", "COLOR": "colors"}
 
 
 @dataclass(frozen=True)
@@ -219,7 +215,7 @@ def _attribute(
         return values
     if name == "TANGENT":
         return _finite_tangents(document, values)
-    return finite_rows(document.path, values, _TITLES[name.partition("_")[0]])
+    return finite_rows(document.path, values, _FIELDS[name.partition("_")[0]])
 
 
 def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:

@@ -49,7 +49,6 @@ from texbake.parallel import run_bands
 
 # Kinds of statements, each with its own list of lines; a mark is g, o or usemtl.
 V, VT, VN, F, MARK = range(5)
-_TITLES = {"uvs": "texture coordinates", "normals": "normals"}
 _OUT_OF_RANGE = -2  # written in the place of a position index
 
 
@@ -94,7 +93,7 @@ def read_obj(path: PathLike) -> Mesh:
             if (indices < 0).all():
                 continue
             array, _ = read_values(path, data, lines, part, width)
-            array = finite_rows(path, array, _TITLES[values])
+            array = finite_rows(path, array, values)
             fields[values], indices = _completed(array, indices)
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
     groups, names = _read_groups(data, lines)

@@ -76,7 +76,7 @@ def read_off(path: PathLike) -> Mesh:
         fields["colors"] = unit_colors(path, table[:, column : column + width])
         column += width
     if textured:
-        uvs = finite_rows(path, table[:, column : column + 2], "texture coordinates")
+        uvs = finite_rows(path, table[:, column : column + 2], "uvs")
         fields |= {"uvs": uvs, "uv_faces": faces}
     fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
         path, fields["positions"], faces, fields.get("colors")

@@ -38,7 +38,6 @@ NORMAL_NAMES = ("nx", "ny", "nz")
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 POLYGON_NAMES = ("vertex_indices", "vertex_index")
 _STRIPS = "tristrips"
-_TITLES = {"uvs": "texture coordinates", "normals": "normals"}
 # What corners of faces may have of their own.
 CORNER_LISTS = ("texcoord", "normals")
 
@@ -89,7 +88,7 @@ def read_ply(path: PathLike) -> Mesh:
         ("normals", "normal_faces", NORMAL_NAMES),
     ):
         if values not in fields and (stacked := stack_columns(vertices, names)) is not None:
-            fields |= {values: finite_rows(path, stacked, _TITLES[values]), corners: faces}
+            fields |= {values: finite_rows(path, stacked, values), corners: faces}
     positions, fields["faces"], colors = finite_vertices(
         path, positions, faces, read_colors(path, vertices, types)
     )
@@ -120,7 +119,7 @@ def read_colors(
     colors = stack_columns(vertices, names)
     if colors is None:
         return None
-    colors = finite_rows(path, colors, "vertex colors")
+    colors = finite_rows(path, colors, "colors")
     for axis, name in enumerate(names):
         if types[name][0] in "iu":
             colors[:, axis] /= 65535.0 if types[name] == "u2" else 255.0
@@ -140,7 +139,7 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
         lengths, numbers = _flattened(polygons[column])
         if (lengths != width * sizes).any():
             raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
-        numbers = finite_rows(path, numbers.reshape(-1, width), _TITLES[values])
+        numbers = finite_rows(path, numbers.reshape(-1, width), values)
         rows, ids = _joined(indices, numbers)
         fields |= {values: rows, corners: _triangles(sizes, ids)}
     return fields
