@@ -133,10 +133,11 @@ def _read_colors(
 ) -> npt.NDArray[np.float32]:
     """(V, 3), or (V, 4) with alpha: colors behind the positions, white where there is none."""
     width = 4 if n_words.max() >= 7 else 3
-    colors = read_values(path, data, lines, V, 3 + width)[0][:, 3:]
-    colors[n_words < 6] = 1.0
+    values = read_values(path, data, lines, V, 3 + width)[0]
+    colors, has_color = np.ones((len(values), width), np.float32), n_words >= 6
+    colors[has_color] = unit_colors(path, values[has_color, 3:])
     colors[n_words == 6, 3:] = 1.0
-    return unit_colors(path, colors)
+    return colors
 
 
 def _completed(values: FloatArray, corners: IntArray) -> tuple[FloatArray, IntArray]:
