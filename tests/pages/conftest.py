@@ -12,6 +12,7 @@ import subprocess
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -64,6 +65,7 @@ class Browser:
         ]
         for domain in "Page", "Runtime", "Network", "Log":
             self.call(f"{domain}.enable")
+        self.call("Emulation.setFocusEmulationEnabled", enabled=True)
 
     _session = None
 
@@ -78,7 +80,7 @@ class Browser:
         """Send a command and return its answer; events that come before are kept."""
         number = next(self._ids)
         message = {"id": number, "method": method, "params": params}
-        if self._session and not method.startswith("Target."):
+        if self._session and not method.startswith(("Target.", "Browser.")):
             message["sessionId"] = self._session
         data = json.dumps(message).encode() + b"\0"
         while data:
@@ -147,11 +149,11 @@ class Browser:
             "c.dispatchEvent(new Event('input', { bubbles: true })); })()"
         )
 
-    def changed_picture(self, selector: str, before: np.ndarray) -> np.ndarray:
-        """The picture of an element as soon as it is another one: a frame may come late."""
+    def picture_with(self, selector: str, law: Callable[[np.ndarray], bool]) -> np.ndarray:
+        """The picture of an element as soon as a law holds for it: a frame may come late."""
         end = time.monotonic() + TIMEOUT
-        while np.array_equal(shown := self.picture(selector), before):
-            assert time.monotonic() < end, f"{selector} did not change"
+        while not law(shown := self.picture(selector)):
+            assert time.monotonic() < end, f"{selector} does not show it"
         return shown
 
     def press(self, key: str, **more: object) -> None:

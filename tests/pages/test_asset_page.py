@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+import time
 
 import numpy as np
 import pytest
@@ -206,11 +207,13 @@ def test_the_map_is_shown_to_the_texel(opened, page) -> None:
     data = re.search(r'id="map-0"[^>]*base64,([^"]*)"', text)[1]
     codes = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
     opened.value("document.querySelector('#maps canvas').focus()")
-    fitted = opened.picture(MAP)
+
+    def is_to_the_texel(shown: np.ndarray) -> bool:
+        top, left = (shown.shape[0] - 96) // 2, (shown.shape[1] - 96) // 2
+        return np.array_equal(shown[top : top + 96, left : left + 96], codes)
+
     opened.press("1")
-    shown = opened.changed_picture(MAP, fitted)
-    top, left = (shown.shape[0] - 96) // 2, (shown.shape[1] - 96) // 2
-    np.testing.assert_array_equal(shown[top : top + 96, left : left + 96], codes)
+    shown = opened.picture_with(MAP, is_to_the_texel)
     assert "texel 48, 48" in opened.value("document.querySelector('.readout').textContent")
     for _ in range(14):
         opened.press("+")
@@ -219,6 +222,29 @@ def test_the_map_is_shown_to_the_texel(opened, page) -> None:
     assert len(np.unique(near.reshape(-1, 3), axis=0)) < 0.02 * near.shape[0] * near.shape[1]
     opened.press("0")
     assert differing(opened.picture(MAP), shown).any()
+
+
+def test_pictures_come_back_after_the_graphics_process_died(opened) -> None:
+    before = {selector: opened.picture(selector) for selector in (VIEW, MAP)}
+    opened.value(
+        "window.restored = new Set(); for (const canvas of document.querySelectorAll('canvas'))"
+        "for (const event of ['contextrestored', 'webglcontextrestored'])"
+        "canvas.addEventListener(event, () => window.restored.add(canvas))"
+    )
+    opened.call("Browser.crashGpuProcess")
+    opened.wait("window.restored.size === document.querySelectorAll('canvas').length")
+    time.sleep(1)  # until then the old picture may still stand there
+    for selector, picture in before.items():
+        assert not differing(opened.picture(selector), picture).any()
+
+
+def test_a_canvas_hidden_for_a_moment_keeps_its_zoom(opened) -> None:
+    opened.value("document.querySelector('#maps [name=one]').click()")
+    before = opened.picture(MAP)
+    for shown in "none", "":
+        opened.value(f"document.querySelector('#maps .stage').style.display = '{shown}'")
+        opened.settle()
+    assert not differing(opened.picture(MAP), before).any()
 
 
 def test_maps_change_places_and_lines_come_over_them(opened, baked) -> None:

@@ -53,11 +53,15 @@ var texbake = {
     return { width: width, height: height, places: places, isMissed: isMissed };
   },
 
-  // A canvas keeps as many pixels as it covers on the screen; calls back when that changes.
+  // A canvas keeps as many pixels as it covers on the screen; calls back when that changes, and
+  // when the browser has lost what was drawn.
   fitted: function (canvas, changed) {
-    new ResizeObserver(function () {
+    const fit = function () {
+      if (canvas.clientWidth === 0) return;  // hidden for now: what it shows stays as it is
       changed(canvas.clientWidth, canvas.clientHeight, Math.min(window.devicePixelRatio || 1, 2));
-    }).observe(canvas);
+    };
+    new ResizeObserver(fit).observe(canvas);
+    for (const name of ["contextrestored", "webglcontextrestored"]) canvas.addEventListener(name, fit);
   },
 
   // Drags of one or two fingers or the mouse: moved(dx, dy, {pans, x, y}), zoomed(factor, x, y).
