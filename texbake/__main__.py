@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def _use_command_line_of_checkout() -> None:
-    """Make `texbake_cli` the folder `cli` of a checkout, and not what is installed."""
+    """Make `texbake_cli` the folder `cli` of a checkout, not the installed package."""
     folder = Path(__file__).parents[1] / "cli"
     spec = util.spec_from_file_location("texbake_cli", folder / "__init__.py")
     assert spec and spec.loader

@@ -129,16 +129,16 @@ class MissError(TexbakeError):
 
 
 class ReadWarning(UserWarning):
-    """Something in a file was left out or read as something else, and the rest was read."""
+    """A reader left out or replaced something in a file, and read the rest."""
 
 
 _LISTENER: ContextVar[Callable[[str], None] | None] = ContextVar("reading warnings", default=None)
 
 
 def warn_of(path: object, what: str) -> None:
-    """Warn of what a reader leaves out of a file or reads as something else.
+    """Warn of something in a file that a reader leaves out or replaces.
 
-    The warning is a `ReadWarning` of Python's `warnings`, unless `heard_warnings` listens.
+    The warning is a `ReadWarning` of Python's `warnings`, unless `heard_warnings` receives it.
     """
     listener = _LISTENER.get()
     if listener is None:
@@ -149,7 +149,7 @@ def warn_of(path: object, what: str) -> None:
 
 @contextmanager
 def heard_warnings(listener: Callable[[str], None]) -> Iterator[None]:
-    """Give the warnings of readers in this block to a function, each line once.
+    """Pass the warnings of readers in this block to a function, each line once.
 
     >>> with heard_warnings(print):
     ...     for _ in range(2):

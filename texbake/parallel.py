@@ -30,9 +30,9 @@ def default_threads() -> int:
 
 
 def module_path() -> str:
-    """Return `PYTHONPATH` for child processes that are to import what this one does.
+    """Return `PYTHONPATH` for child processes that must import the same modules as this one.
 
-    The current folder is in it only if this very package was imported from there.
+    It has the current folder only if this package was imported from there.
     """
     own = str(Path(__file__).resolve().parents[1])
     folders = [folder for folder in sys.path if folder]

@@ -110,7 +110,7 @@ def build(
     try:
         with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
             result = _build(pipeline, site, options, listener, workers)
-    except LockError:  # such as in a folder that is read-only
+    except LockError:  # the folder may be read-only
         current = _current_result(pipeline, site, options, listener)
         if current is None:
             raise
@@ -241,7 +241,7 @@ def _build(
 def _current_result(
     pipeline: Pipeline, site: Site, options: BuildOptions, listener: BuildListener
 ) -> BuildResult | None:
-    """Return the result of a build that has nothing to do and writes nothing, or None."""
+    """Return the result of a build with nothing to do, which writes nothing, or None."""
     begun = _now()
     assets = find_assets(pipeline, options.only)
     states, steps = _planned_steps(pipeline, site, assets)
@@ -264,7 +264,7 @@ def _current_result(
 
 
 def _now() -> tuple[str, float]:
-    """Return the time of day, and a time to measure from."""
+    """Return the time of day, and a clock time to measure durations from."""
     return datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
 
 

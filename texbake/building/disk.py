@@ -24,7 +24,7 @@ _FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
 
 
 class LockError(FileError):
-    """A lock file cannot be made, or its file system has no locks."""
+    """A lock file cannot be created, or its file system has no locks."""
 
 
 @contextmanager

@@ -263,7 +263,7 @@ def _pictures(page: AssetPage) -> list[MapPicture]:
 
 
 def _still(page: AssetPage) -> str:
-    """Return a picture of the low-poly mesh for browsers that cannot draw it, as a data URI."""
+    """Return a picture of the low-poly mesh, as a data URI, for browsers that cannot draw it."""
     if page.comparison is not None:
         frame = page.comparison.mapped_frame
     else:

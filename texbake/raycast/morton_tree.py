@@ -1,7 +1,7 @@
 """A tree of boxes over triangles in the order of a Morton curve, for rays in bundles.
 
-It takes half the time of a tree made for single rays. A compact tree, for single rays, sorts the
-triangles once more. Kernels: `core/morton_tree.c`, `core/median_split.c`.
+This takes half the time of building a tree for single rays. A compact tree, for single rays, sorts
+the triangles once more. Kernels: `core/morton_tree.c`, `core/median_split.c`.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ class MortonTree:
     ) -> MortonTree:
         """Build the tree over some faces of a mesh, one after another; None: over all of them.
 
-        Of a stack of faces with the same corners, the first is kept, which is the one that is hit.
-        The ids of a chunk are those that its triangles have in the whole mesh. A compact tree takes
-        longer to build; rays that head everywhere walk it in two thirds of the time.
+        Of several faces with the same corners, only the first is kept, which is the one that is
+        hit. Triangles of a chunk keep their ids in the whole mesh. A compact tree takes longer to
+        build; rays in unrelated directions walk it in two thirds of the time.
         """
         faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)
@@ -134,7 +134,7 @@ def _sorted_places(mesh: Mesh | Chunk, faces: range, threads: int | None) -> npt
 def _sort_into_nodes(
     places: npt.NDArray[np.uint64], mesh: Mesh | Chunk, frame: LocalFrame, threads: int | None
 ) -> None:
-    """Sort the faces so that those below each node are close together, in place."""
+    """Sort the faces in place so that those below each node are close together."""
     middles = np.empty((len(places), 3), dtype=np.float32)
 
     def find(start: int, stop: int) -> None:
@@ -146,7 +146,7 @@ def _sort_into_nodes(
     while WIDTH * unit < len(places):
         unit *= WIDTH
     while unit >= WIDTH:
-        # Large nodes one level at a time, so that there are many of them for the threads.
+        # Large nodes are sorted one level at a time, so that all threads have some.
         least = unit if unit > _FACES_OF_LARGE_NODE else WIDTH
 
         def sort(start: int, stop: int, unit: int = unit, least: int = least) -> None:

@@ -4,7 +4,8 @@ Rays that start side by side and are nearly parallel go through the tree in bund
 no ray passes between two triangles that share an edge, and a hit does not depend on the number of
 threads, on the other rays of a call, or on whether the mesh is traced in chunks.
 
-Fans of secondary rays, whose directions differ, go through the same tree one by one, as exactly.
+Fans of secondary rays, whose directions differ, are cast one by one into the same tree, with the
+same exact test.
 
 Kernels: `core/tile_bundles.c`, `core/single_rays.c`.
 """
@@ -32,7 +33,7 @@ Float32Array = npt.NDArray[np.float32]
 
 BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
-_FANS_PER_BAND = 1 << 10  # a multiple of those that the kernel casts together
+_FANS_PER_BAND = 1 << 10  # a multiple of the number of fans that the kernel casts together
 # Rays without places: bundles are the smaller the fewer rays there are for each triangle, so that a
 # bundle of rays that are far apart does not visit many triangles for nothing.
 _MOST_TOGETHER = 64
@@ -85,7 +86,7 @@ class RayBands(NamedTuple):
 
 
 class RayScene:
-    """A mesh to cast rays into, as a context manager: leaving it frees the ray tree.
+    """A mesh to cast rays into, as a context manager that frees the ray tree at the end.
 
     Made by `RayScene.build`.
 
@@ -93,14 +94,14 @@ class RayScene:
     ----------
     source : Mesh or StreamedMesh
     frame : LocalFrame
-        Rays, and distances of hits, are in this frame.
+        The frame of rays and of hit distances.
     in_chunks : bool
         Whether each call builds the trees of chunks anew.
     compact : bool
         Whether the tree was built for fans.
     threads : int
     caster : str
-        Name of what casts the rays, for reports.
+        Name of the ray caster, for reports.
     """
 
     caster = "tile bundles"
@@ -141,11 +142,11 @@ class RayScene:
         ----------
         chunk_faces : int, optional
             For a mesh whose ray tree would not fit into memory: the most faces in a tree. Each call
-            then builds the trees of the chunks anew, one at a time. None: one tree over the whole
+            then rebuilds the trees of the chunks, one at a time. None: one tree over the whole
             mesh.
         compact : bool
-            For many fans or rays that head everywhere: the tree takes longer to build, and their
-            time is shorter. The hits are the same.
+            For many fans, or rays in unrelated directions: the tree takes longer to build, and
+            these rays are faster. The hits are the same.
         threads : int, optional
             None: every processor.
         """

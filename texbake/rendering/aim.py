@@ -21,7 +21,7 @@ _ROUNDING = 1e-6
 def lights_object(light: Light, item: SceneObject, camera: Camera | None = None) -> bool:
     """Whether the cone of a spot may meet the bounding sphere of an object.
 
-    `camera` is for a light that follows it.
+    `camera` is needed for a light that follows the camera.
     """
     corners = _corners(item)
     if corners is None:
@@ -47,10 +47,11 @@ def lights_object(light: Light, item: SceneObject, camera: Camera | None = None)
 
 
 def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
-    """Whether a projected picture, and as much around it, may meet an object's bounding box.
+    """Whether a projected picture, with a margin, may meet an object's bounding box.
 
-    The file of a picture whose aspect decides is opened only for objects before the projector and
-    level with it; a file that cannot be read counts as square.
+    The margin is the width and height of the picture on each side. If the result depends on the
+    aspect of a file, the file is opened only for objects in front of the projector and between the
+    upper and lower bounds; a file that cannot be read counts as square.
     """
     corners = _corners(item)
     if corners is None:
@@ -69,7 +70,7 @@ def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
 
 
 def _passes(matrix: FloatArray, points: FloatArray, *, across: bool) -> bool:
-    """Whether all points (4, n) lie behind a projector or on one side of its picture."""
+    """Whether all points (4, n) are behind a projector or beyond one side of its picture."""
     with np.errstate(over="ignore", invalid="ignore"):
         s, t, _, q = pm.matmul(matrix, points)
         beyond = [q <= 0.0, t < -q, t > 2.0 * q]

@@ -97,8 +97,7 @@ class Comparison:
     views : tuple of (azimuth, elevation)
         Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
-        Pictures from the view in the options, with one exposure; what is measured is the light
-        before it.
+        Pictures from the view in the options, with one exposure; errors are measured before it.
     displaced_frame : Frame, optional
     angles_deg : (H, W) float32
         Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
@@ -106,7 +105,7 @@ class Comparison:
     names : (str, str)
         Captions of the pictures of the high-poly and the low-poly mesh.
     maps : tuple of str
-        What `mapped` shows: `normal map`, `color map` or `displacement map`.
+        Maps that `mapped` shows: `normal map`, `color map` or `displacement map`.
     """
 
     mapped: Closeness
@@ -128,7 +127,7 @@ class Comparison:
     def side_by_side(self, *, difference: bool = True) -> FloatImage:
         """(H', W', 3) float32: the pictures with captions, in linear light, and their difference.
 
-        The difference is that of the high-poly mesh and the low-poly mesh with the maps in `maps`.
+        The difference is between the high-poly mesh and the low-poly mesh with the maps in `maps`.
         """
         shown: list[tuple[Frame, str, Closeness | None]] = [
             (self.high_frame, self.names[0], None),
@@ -179,13 +178,13 @@ def compare(
         with the base color of the options, except that the mapped mesh uses `albedo` if it is
         given.
     high_materials
-        Materials of the high-poly mesh, whose normal maps bend its normals. None for none.
+        Materials of the high-poly mesh, whose normal maps bend its normals; None if it has none.
     options
         Size and view of the pictures. Angles are measured at the centers of as many pixels.
     views
         Views (azimuth, elevation) in degrees for angles and silhouettes; None for six all around.
     quick
-        Draw nothing but the pictures: angles and silhouettes are those of the view in the options,
+        Draw only the pictures: angles and silhouettes are measured in the view of the options,
         with the normals of all samples of a pixel averaged, and SSIM is not measured.
     threads
         Number of threads; None uses every processor.
@@ -239,7 +238,7 @@ def compare(
             for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
         )
     mapped = min(1, len(others))
-    frames = exposed(frames, options, threads=threads)  # as they are shown, after measuring
+    frames = exposed(frames, options, threads=threads)  # for display; errors are measured before
     return Comparison(
         mapped=others[0] if others else bare,
         bare=bare,
@@ -258,7 +257,7 @@ def compare(
 def _drawn(
     models: Sequence[Prepared], meshes: tuple[Mesh, Mesh], options: RenderOptions
 ) -> tuple[list[Frame], list[_Errors]]:
-    """Draw the high-poly mesh and uses of the low-poly one, and measure the errors of these."""
+    """Draw the high-poly mesh and uses of the low-poly one, and measure the errors of the uses."""
     camera = Camera.framing(*meshes, options=options)
     frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
     tolerance = _SAME_PART * _joint_diagonal(*meshes)

@@ -10,7 +10,7 @@ functions:
 `prepare`   once per picture, for results that depend on the camera, such as an occlusion picture
 `shade`     for the fragments of one object in some rows of the picture, in the order of the list
 `dim`       for the light of one lamp that arrives at some fragments, before they reflect it
-`tint`      likewise, once all effects have dimmed it
+`tint`      for the same light, once all effects have dimmed it
 
 `load` and `prepare` are each a `Result`: a function that also serves as a typed key for its values
 in the `RenderState`. They run for each target of the effect: the index of an object, the index of a

@@ -1,12 +1,12 @@
-"""Exposing pictures in texbake's own light, so that white surfaces do not clip.
+"""Exposing pictures in texbake's built-in light, so that white surfaces do not clip.
 
-Lamps that show a gray mesh well are too bright for a white one. Here the light of a picture is
-scaled by its own histogram: where more than a quarter of the surface is brighter than white, the
-picture is darkened until a quarter is. It is never brightened, so that black stays black. Then
-highlights above 0.8 are compressed toward 1; darker light is left as it is.
+Lamps that show a gray mesh well are too bright for a white one. If more than a quarter of the
+surface is brighter than white, the picture is darkened until only a quarter is. It is never
+brightened, so that black stays black. Then highlights above 0.8 are compressed toward 1; darker
+light is unchanged.
 
-Both steps come after shading, on the linear light of the frame; the background stays as it is.
-Adaptive samples estimate the error of the light up to white, which this makes no larger.
+Both steps come after shading, in linear light; the background is unchanged. Adaptive samples
+estimate the error of light up to white, and exposure does not increase it.
 
 Based on: Khronos Group, "Khronos PBR Neutral Tone Mapper", 2024, without its offset.
 
@@ -49,7 +49,7 @@ def exposed(
     options
         Gives the background.
     exposure
-        Factor of the light; None: found from the histogram of all frames.
+        Factor of the light; None computes it from all frames.
     threads
         None for every processor. The result does not depend on it.
     """
@@ -88,7 +88,7 @@ def _exposed(frame: Frame, exposure: float, options: RenderOptions, threads: int
     color = frame.color.copy()
     behind, covered = None, frame.coverage
     if any(item.effect.behind is not None for item in frame.plan.passes):
-        # An environment that shows behind the surfaces is exposed with them.
+        # A visible environment behind the surfaces is exposed with them.
         covered = np.ones_like(covered)
     elif options.background is not None:
         behind = decode_srgb(options.background).astype(np.float32)

@@ -89,7 +89,7 @@ class Incident:
     radiance : (n or 1, 3) float32
         Light that a white surface facing the lamp reflects.
     on_slide : optional
-        Where the fragments lie on the lamp's slide, kept from `dim` for `tint`.
+        Positions of the fragments on the lamp's slide, which `dim` computes and `tint` uses.
     """
 
     directions: Floats

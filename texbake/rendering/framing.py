@@ -1,12 +1,12 @@
-"""Framing what is seen: a camera that fills the picture with surfaces from a given direction.
+"""Framing: a camera that fills the picture with surfaces, seen from a given direction.
 
-`Camera.framing` puts a sphere into the picture, which suits pictures from all around but leaves a
-long mesh small. Here the four sides of the picture touch the surfaces themselves: seen from a
-direction, each side gives one inequality for the place of the eye, and the tightest of each are the
-extremes of four linear functions of the vertices.
+`Camera.framing` fits a sphere into the picture, which suits pictures from all around but leaves a
+long mesh small. Here the four sides of the picture touch the surfaces themselves. For a direction,
+each vertex and side give one inequality for the position of the eye; the tightest for each side is
+the extreme of a linear function of the vertices.
 
-A few triangles far from everything else, and triangles without area, do not count: a mesh of which
-they are a stray part still fills the picture.
+A few triangles far from everything else, and triangles without area, are strays and ignored, so
+that the rest of the mesh fills the picture.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from texbake.rendering.options import RenderOptions
 
 # Share of the picture's width or height that the surfaces fill.
 _FILL = 0.9
-# The eye stays this many radii away from the middle, so that perspective does not exaggerate.
+# Least distance of the eye from the middle, in radii, so that perspective does not exaggerate.
 _AWAY = 2.2
-# Triangles are strays if they have at most this share of the area and lie far from most of it: a
-# box around that, with so little left over on each side, is so many times smaller than the whole.
+# Triangles are strays if they have at most _STRAY_AREA of the area and lie far from most of it: a
+# box that leaves out at most _LEFT_OVER of the area on each side is _STRAY_SIZE times smaller than
+# the box of the whole mesh.
 _STRAY_AREA = 1e-3
 _LEFT_OVER = 1e-2
 _STRAY_SIZE = 8.0
-# Triangles by which the box around most of the area is found.
+# How many triangles are sampled to find the box around most of the area.
 _SAMPLES = 1 << 13
 # Points per band.
 _BAND = 1 << 14
@@ -55,12 +56,12 @@ def framed(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
     meshes
         At least one, each with a face.
     options
-        Gives the angles of `view`, `up`, `fov` and the picture's shape. The distance is found.
+        Gives the angles of `view`, `up`, `fov` and the picture's shape. The distance is computed.
 
     Raises
     ------
     MeshError
-        The size of the meshes is beyond what float64 can square.
+        The meshes are so large that the square of their size overflows float64.
     """
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)
@@ -121,7 +122,7 @@ def _without_strays(meshes: Sequence[Mesh]) -> list[Mesh]:
     step = -(-sum(mesh.n_faces for mesh in meshes) // _SAMPLES)
     corners = np.concatenate([mesh.positions[mesh.faces[::step]] for mesh in meshes])
     areas = _areas(corners)
-    if step > 1:  # a stray that happens to be among the samples stands for no other
+    if step > 1:  # a stray among the samples may be the only one of its size
         areas = np.minimum(areas, 0.5 * _LEFT_OVER * areas.sum())
     box = _box_of_most(corners, areas)
     bounds = np.array([mesh.bounds for mesh in meshes])
@@ -141,7 +142,7 @@ def _without_strays(meshes: Sequence[Mesh]) -> list[Mesh]:
 
 
 def _box_of_most(corners: FloatArray, areas: FloatArray) -> FloatArray | None:
-    """(2, 3) box around the triangles that have most of the area; None if none has any."""
+    """(2, 3) box around the triangles with most of the area; None if all areas are 0."""
     middles = corners.mean(axis=1)
     inside = areas > 0.0
     for k in range(3):
@@ -160,7 +161,7 @@ def _box_of_most(corners: FloatArray, areas: FloatArray) -> FloatArray | None:
 
 
 def _areas(corners: FloatArray) -> FloatArray:
-    """(F,) float64: twice the area of each triangle; 0 where its corners do not lie apart."""
+    """(F,) float64: twice the area of each triangle."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     with np.errstate(over="ignore", invalid="ignore"):
         crossed = np.cross(a, b)

@@ -214,7 +214,7 @@ class RenderOptions(CheckedOptions):
 
     @property
     def exposes(self) -> bool:
-        """Whether the light of the picture is exposed; buffers and textures alone never are."""
+        """Whether the picture is exposed; pictures of buffers and of textures alone never are."""
         shows_light = self.buffer is None and self.mapping_order == "screen"
         return self.exposure == "auto" and shows_light
 

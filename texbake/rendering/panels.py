@@ -31,7 +31,7 @@ _RAMP = np.array(
         (0.988, 0.998, 0.645),
     ]
 )
-# Linear light of each code.
+# Linear light for each 8-bit code.
 _LEVELS = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
 # Background in sRGB, 0 to 255.
 _PAPER = (24, 26, 29)

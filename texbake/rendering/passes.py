@@ -149,7 +149,7 @@ def _is_for_pixels(state: RenderState, effect: Effect, target: int) -> bool:
     material = state.request.material(target)
     if material.shading_rate == "pixel" or material.shading == "unlit" or effect.rate != "vertex":
         return True
-    # Mirrors, buffers, and callers that keep them, need normals at pixels.
+    # Mirrors, buffers, and callers that keep the normals, need them at pixels.
     request = state.request
     is_kept = request.shows_buffer or "normals" in request.keep
     needs_normals = material.reflection or material.refraction or is_kept

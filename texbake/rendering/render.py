@@ -54,8 +54,8 @@ def render(
     progress
         Receives the stages.
     clock
-        When the time of `RenderOptions.time_budget` began, and what follows the picture; None: it
-        begins now, and nothing follows.
+        When the time of `RenderOptions.time_budget` began, and what follows the picture. None
+        starts it now, with nothing to follow.
 
     Returns
     -------
@@ -115,8 +115,8 @@ def render_scene(
     progress
         Receives the stages.
     clock
-        When the time of `RenderOptions.time_budget` began, and what follows the picture; None: it
-        begins now, and nothing follows.
+        When the time of `RenderOptions.time_budget` began, and what follows the picture. None
+        starts it now, with nothing to follow.
 
     Raises
     ------

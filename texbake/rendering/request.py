@@ -83,7 +83,7 @@ class RenderRequest:
 
     @cached_property
     def shining(self) -> tuple[int, ...]:
-        """Lights that are not dark; of spots that follow the camera, those that meet an object."""
+        """Lights that are not dark, without spots that follow the camera and meet no object."""
         return tuple(
             index
             for index, light in enumerate(self.scene.lighting.lights)

@@ -50,7 +50,7 @@ class Frame:
     budget : TimeBudget, optional
         Report on the time budget, if there was one.
     texels : TexelReport, optional
-        What became of the texels, in texture order.
+        Counts of the texels, for pictures in texture order.
     exposure : float, optional
         Factor of the light, if the picture was exposed; see `texbake.rendering.exposure`.
     """

@@ -150,11 +150,11 @@ def _carried(state: RenderState, target: int) -> Texels:
     of_texels = rasterize(world, _UNIT_SQUARE, width, height, modes=modes, threads=state.threads)
     rows, columns = np.nonzero(of_texels.face_ids >= 0)
     faces = of_texels.face_ids[rows, columns]
-    # (s, t, 1) is a sum of the corners' by the weights of a point of the triangle.
+    # (s, t, 1) of a point is the sum of those of the corners, weighted.
     on_texture = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
     singular = np.abs(pm.det(on_texture)) <= 0.0
     on_texture[singular] = np.eye(3)
-    weights = pm.inv(on_texture)  # (F, 3, 3): from (s, t, 1) to weights, as rows
+    weights = pm.inv(on_texture)  # (F, 3, 3): the row (s, t, 1) times this is the weights
     points = drawn.positions[drawn.faces]
     whole = np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=2)
     matrix = state.camera.clip_from_world(state.options.width / state.options.height)

@@ -21,7 +21,7 @@ CODES = 255  # steps from black to white in which the errors of pictures are cou
 
 
 def _chord(angle: float) -> float:
-    from texbake.core.portable_math import sin  # with NumPy, which options go without
+    from texbake.core.portable_math import sin  # imported here, because options load no NumPy
 
     return 2.0 * sin(min(angle, math.pi) / 2.0)
 

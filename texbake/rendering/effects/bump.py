@@ -10,19 +10,20 @@ compared to the radius of curvature; this gives (P_u x P_v) + d_u (N x P_v) - d_
 plane both forms agree. N is the shading normal of the mesh or of a normal map; a constant d leaves
 it unchanged.
 
-d_u and d_v are differences of the height: central, d(u + h/2) - d(u - h/2), whose error is of the
-order of h^2, or on one side, `forward` d(u + h) - d(u) or `backward` d(u) - d(u - h), which are of
-the order of h and show the relief half a step away. The step h is one texel or one pixel, whichever
-is larger: within a texel the height is linear, so shorter steps would show the texels as facets. A
-procedure in space has no texture coordinates; there u and v are lengths along the triangle, and the
-step is one pixel, or 1/1024 of an edge at the corners of triangles that are shaded per vertex.
+d_u and d_v are differences of the height: central, d(u + h/2) - d(u - h/2), with an error of the
+order of h^2, or one-sided, `forward` d(u + h) - d(u) or `backward` d(u) - d(u - h), with an error
+of the order of h, which shifts the relief by half a step. The step h is one texel or one pixel,
+whichever is larger: within a texel the height is linear, so shorter steps would show the texels as
+facets. A procedure in space has no texture coordinates; there u and v are lengths along the
+triangle, and the step is one pixel, or 1/1024 of an edge at the corners of triangles that are
+shaded per vertex.
 
 `emboss` leaves the normal unchanged. For each lamp it adds to the diffuse light, per unit of light,
 f(u - L_u, v - L_v) - f(u + L_u, v + L_v), where (L_u, L_v) is the direction to the light along the
-surface, scaled to half a step: the height away from the light minus the height toward it, since a
-slope that falls toward the light faces it. Divided by its length this is what the tilted normal
-would add to N·L, to first order. On a slope of 0.25 it is up to 0.03 too
-bright. `emboss-normalized` divides by the length of the bent normal N' = N - grad d:
+surface, scaled to half a step. This is the height away from the light minus the height toward it:
+a slope that falls toward the light faces it. Divided by the step, it is what the tilted normal
+would add to N·L, to first order. On a slope of 0.25 it is up to 0.03 too bright.
+`emboss-normalized` divides by the length of the bent normal N' = N - grad d:
 
     (N·L + f(u - L_u, v - L_v) - f(u + L_u, v + L_v)) / sqrt(N'·N'),
 
@@ -72,7 +73,7 @@ from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap
 from texbake.rendering.scene.textures import ImageTexture, uv_set_of
 
 _NAME = "bump_map.texture"
-# Step at a corner as a share of the triangle's first edge.
+# Step at a corner, as a share of the triangle's first edge.
 _OF_EDGE = 2.0**-10
 
 
@@ -158,7 +159,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
         core.measure_pixel_steps(
             surface.positions, surface.faces, fragments.faces, fragments.changes, steps
         )
-        # A corner is not a pixel wide: there, a small share of an edge.
+        # A corner has no pixel width, so its step is a small share of an edge.
         first, second = surface.positions[surface.faces[fragments.faces, :2].T]
         edges = _OF_EDGE * np.sqrt(((second - first) ** 2).sum(axis=1))
         return np.where(steps > 0.0, steps, edges[:, None])

@@ -122,7 +122,7 @@ def _of_unit_size(direction: npt.ArrayLike) -> FloatArray:
 def _cosines(light: Light) -> tuple[float, float]:
     """Cosines of the inner and outer cone of a spot."""
     if light.profile is not None and light.gate == "rectangle":
-        # Without an aspect the cone is that around a square, so that no file is opened for it.
+        # Without an aspect, the cone surrounds a square, so that no file is opened for it.
         extent = slide_extent(light if light.aspect is not None else replace(light, aspect=1.0))
         corner = _AROUND_CORNERS / float(pm.norm([1.0, *extent]))
         return corner, corner
@@ -203,7 +203,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
 
 
 def lights_any(fragments: Fragments, incident: Incident) -> bool:
-    """Whether light arrives at a fragment, at the side that is seen."""
+    """Whether light arrives at the visible side of a fragment."""
     assert fragments.normals is not None
     directions = np.broadcast_to(incident.directions, fragments.normals.shape)
     arrives = incident.radiance.any(axis=1) & (pm.vecdot(fragments.normals, directions) > 0.0)

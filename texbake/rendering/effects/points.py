@@ -27,7 +27,7 @@ from texbake.rendering.scene.scene import mapped, placed
 
 
 def textured_mesh(state: RenderState, target: Target) -> Mesh:
-    """Return the mesh of an object in world space, with the coordinates of its mapping."""
+    """Return the mesh of an object in world space, with the coordinates from its mapping."""
     found = state.get(MAPPED_MESHES, target)
     assert target is not None
     return state.drawn(target).mesh if found is None else found.placed
@@ -41,7 +41,7 @@ def mapping_effect(request: RenderRequest, target: Target) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class MappedMesh:
-    """A mesh with the coordinates of its mapping, in the object's space and in the world."""
+    """A mesh with the coordinates from its mapping, in object space and in world space."""
 
     mesh: Mesh
     placed: Mesh

@@ -245,7 +245,7 @@ def _on_slide(fragments: Fragments, state: RenderState, index: int) -> PicturePo
 
 
 def _leave_out(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    """Darken a lamp whose slide falls on no fragment, before its shadow map is drawn."""
+    """Set a lamp's light to 0 if its slide falls on no fragment, before drawing its shadow map."""
     incident.on_slide = _on_slide(fragments, state, index)
     covered = incident.radiance * incident.on_slide.coverage[:, None]
     if not lights_any(fragments, replace(incident, radiance=covered)):

@@ -72,8 +72,8 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
     Raises
     ------
     FileError
-        The file or a buffer beside it is missing or cannot be read. Images that are missing are
-        warned of, and their materials keep the factors of their channels.
+        The file or a buffer beside it is missing or cannot be read. If an image is missing, a
+        warning names it, and its material keeps the factors of its channels.
     FileFormatError
         It is not glTF 2.0, it is damaged, or it requires an extension that is not supported.
     MeshError
@@ -141,7 +141,7 @@ class _Reader:
         found = []
         for uri in uris:
             if isinstance(uri, str) and not uri.startswith("data:"):
-                with suppress(FileError):  # an image that counts as missing
+                with suppress(FileError):  # the image counts as missing
                     found.append(file_beside(document.path, unquote(uri)))
         return tuple(filter(is_file, found))
 

@@ -74,9 +74,9 @@ class MaterialReader:
     document: Document
     missing: list[str] = field(default_factory=list)
     _first_set: int = 0
-    _name: str = ""  # of the material that is read
+    _name: str = ""  # of the material that is being read
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
-    # Those that are missing as lines that say so.
+    # A missing image is a line that says why.
     _images: dict[tuple[str | int | None, bool], Path | Image | str] = field(default_factory=dict)
     _is_checked: bool = False  # how many pixels all images have together
 
@@ -148,7 +148,7 @@ class MaterialReader:
         channel: int | None = None,
         factor: Constant = 1.0,
     ) -> ImageTexture | None:
-        """Return a texture; None where there is none, or its image is missing."""
+        """Return a texture; None if there is none, or if its image is missing."""
         image = None if texture is None else self._image(texture.image, color)
         if texture is None or image is None:
             return None
@@ -173,7 +173,7 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image | None:
-        """Return the image of an index; None, and a line, where it is missing."""
+        """Return the image of an index; if it is missing, None, and add a line to `missing`."""
         if not self._is_checked:
             self._is_checked = True
             self._require_few_pixels()
@@ -203,7 +203,7 @@ class MaterialReader:
         return image_size(image_bytes(self.document, index), f"images[{index}]")
 
     def _opened(self, index: int | None, color: bool) -> Path | Image | str:
-        """Return the path of an image beside the file, the pixels of one in it, or why not."""
+        """Return an image's path beside the file, its pixels in the file, or why it is missing."""
         if index is None:
             return NO_IMAGE
         try:

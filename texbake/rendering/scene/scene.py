@@ -160,7 +160,7 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
 
 
 def mapped(item: SceneObject, *, threads: int | None = None) -> SceneObject:
-    """Return an object whose mesh has the coordinates of its mapping; itself without a mapping."""
+    """Return an object whose mesh has the coordinates from its mapping, if it has a mapping."""
     if item.mapping is None:
         return item
     # Imported here, since most scenes map nothing.

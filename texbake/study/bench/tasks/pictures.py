@@ -94,7 +94,7 @@ def lambert_picture(
     rays /= pm.norm(rays, axis=1, keepdims=True)
     frame = LocalFrame.around(case.high)
     origins = np.broadcast_to(frame.to_local(camera.eye[None]), rays.shape)
-    reach = pm.norm(origins[0]) + 2.0  # beyond the mesh, which is about one unit wide
+    reach = pm.norm(origins[0]) + 2.0  # behind the mesh, which is about one unit wide
     with RayScene.build(case.high, frame) as scene:
         hits = scene.cast(
             Rays(
