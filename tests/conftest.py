@@ -60,7 +60,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_terminal_summary(terminalreporter: Any) -> Iterator[None]:
-    """Count skipped tests by their reason, after all else but the last line."""
+    """Count skipped tests by their reason, just before the last line."""
     result = yield
     skipped = terminalreporter.stats.get("skipped", ())
     reasons = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
@@ -71,7 +71,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """Folder of the real meshes, for figures of certain files; the test is skipped without it."""
+    """Folder of the real meshes, for figures of certain files; without it, the test is skipped."""
     if not HAS_REAL:
         pytest.skip("needs certain real files; name their folder in TEXBAKE_DATA")
     return REAL

@@ -1,7 +1,7 @@
-"""Models that many tests share: own-made ones with the troubles of real meshes, and real ones.
+"""Models that many tests share: generated ones with the problems of real meshes, and real ones.
 
-The real ones are files of the folder that TEXBAKE_DATA names. Where it is missing, these tests run
-on the own-made models alone.
+The real models are files in the folder that TEXBAKE_DATA names. If it is missing, tests run only on
+the generated models.
 """
 
 import os
@@ -22,7 +22,7 @@ HAS_REAL = (REAL / "INDEX.md").is_file()
 
 
 def real(*names):
-    """Parameters of the real meshes of these names, where they are there."""
+    """Parameters of the real meshes with these names, if the folder exists."""
     return [pytest.param(name, marks=pytest.mark.realdata) for name in names if HAS_REAL]
 
 
@@ -43,13 +43,13 @@ def flipped(mesh):
 
 
 def soup_of(mesh):
-    """The mesh with vertices of its own for each face, as an STL file has them."""
+    """The mesh with separate vertices for each face, as in an STL file."""
     corners = np.arange(mesh.faces.size).reshape(-1, 3)
     return Mesh(positions=mesh.positions[mesh.faces].reshape(-1, 3), faces=corners)
 
 
 def creature(n, bump=0.0):
-    """A figure of genus 1, whose tail is a ring, from a field of n cells a side."""
+    """A figure of genus 1, whose tail is a ring, from a field of n cells per side."""
     ticks = np.linspace(-1.0, 1.0, n + 1)
     points = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1)
     x, y, z = np.moveaxis(points, -1, 0)
@@ -77,7 +77,7 @@ def creature(n, bump=0.0):
 
 
 def evened(mesh, n_rounds):
-    """The mesh with each vertex moved to the middle of its neighbors: no slivers are left."""
+    """The mesh with each vertex moved to the middle of its neighbors, which removes slivers."""
     start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
     positions, degrees = mesh.positions, np.bincount(start)[:, None]
     for _ in range(n_rounds):
@@ -87,7 +87,7 @@ def evened(mesh, n_rounds):
 
 
 def scan():
-    """The figure as a scanner has it: rough, with holes, and with specks about it."""
+    """The figure as from a scanner: rough, with holes, and with specks around it."""
     random = np.random.default_rng(1)
     mesh = evened(creature(64), 4)
     rough = mesh.positions + 0.003 * random.normal(size=mesh.positions.shape)
@@ -99,7 +99,7 @@ def scan():
 
 
 def of_cells(solid):
-    """Surface of the solid cells of a grid; it is not manifold where cells touch along an edge."""
+    """Surface of the solid cells of a grid, not manifold where cells touch only along an edge."""
     solid = np.pad(solid.astype(int), 1)
     shape = np.add(solid.shape, 1)
     ids = np.arange(shape.prod()).reshape(shape)
@@ -155,7 +155,7 @@ def bracket(n_x=4, n_y=3, n=32):
 
 
 def fused():
-    """Cells that touch along edges and at corners, with faces twice and faces without area."""
+    """Cells that touch along edges and at corners, with duplicate faces and faces without area."""
     mesh = of_cells(np.random.default_rng(2).random((6, 6, 6)) < 0.4)
     flat = mesh.faces[:5, [0, 1, 1]]
     return mesh.replace(faces=np.concatenate([mesh.faces, mesh.faces[:9], flat]))
@@ -169,7 +169,7 @@ def inverted():
 
 
 def organs():
-    """Parts through one another and within one another, cracked, torn, and one of them hollow."""
+    """Parts that intersect and contain one another, cracked and torn; one of them is hollow."""
     ball = icosphere(3)
     tube = flipped(moved(creature(24), scale=0.4, by=(0.9, 0.0, 0.0)))
     torn = soup_of(ball).replace(faces=soup_of(ball).faces[40:])
@@ -201,8 +201,8 @@ def model(name):
     return MADE[name]() if name in MADE else read_mesh(REAL / name)
 
 
-# By the names of their high-poly and low-poly meshes; the ray distance with which Blender baked the
-# normal map; and texels where Blender hit a back face, so that its normal points into the object.
+# Names of the high-poly and low-poly mesh, the normal map, the ray distance of Blender's bake of
+# it, and the number of texels where that bake hit a back face, so that the normal points inward.
 PAIRS = {
     "figure": ("bumpy figure", "figure with coordinates", CASES / "figure_normal.png", 0.06, 0),
 }

@@ -228,8 +228,8 @@ def test_tests_start_the_installed_package() -> None:
     ] == []
 
 
-# What rounds, or orders equal values, differently on other processors; texbake.core has
-# portable_math and elementary.h for the first.
+# Functions that round, or order equal values, differently on other processors. portable_math and
+# elementary.h of texbake.core replace those that round.
 _OF_MATH = (
     "sin|cos|tan|exp2?|expm1|log(2|10|1p)?|pow|atan2?|asin|acos|hypot|dist|cbrt|(sin|cos|tan)h"
 )
@@ -242,7 +242,7 @@ _OF_C = r"(?:sin|cos|tan|exp2?|log(?:2|10|1p)?|pow|a?(?:sin|cos|tan)h?|atan2|hyp
 
 
 def unportable(node: ast.AST) -> bool:
-    """Whether an expression may give other bits on another processor."""
+    """Whether an expression may give different bits on another processor."""
     if isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.MatMult):
             return True
@@ -258,15 +258,15 @@ def unportable(node: ast.AST) -> bool:
 
 
 @pytest.mark.parametrize("source", ["np.sin(x)", "a @ b", "x**0.4", "math.log(2)", "x.argsort()"])
-def test_the_reader_of_expressions_finds_what_is_not_portable(source: str) -> None:
+def test_unportable_expressions_are_found(source: str) -> None:
     assert any(map(unportable, ast.walk(ast.parse(source))))
 
 
-def test_what_depends_on_the_processor_is_computed_by_the_core() -> None:
+def test_packages_use_only_portable_functions() -> None:
     found = [
         f"{module}:{node.lineno}: {ast.unparse(node)}"
         for module in modules()
-        # Runners are started in the Python of other programs.
+        # Runners run in the Python of other programs.
         if not module.startswith(("texbake.study.bench.runners.", "texbake.core.portable_math"))
         for node in ast.walk(tree_of(module))
         if unportable(node)

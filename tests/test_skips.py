@@ -1,4 +1,4 @@
-"""What skips without the real meshes is counted, by its reason, in the last lines."""
+"""The last lines of pytest count the tests that skip without the real meshes, by reason."""
 
 import os
 import subprocess

@@ -38,17 +38,17 @@ def test_same_normals_as_blender(named_pair, cull):
     )
     result = bake(high, low, options)
     blender = decode_normals(image.pixels)
-    # Blender nudges coordinates by a thousandth of a texel, so some texels at borders only one
-    # covers; and its background is flat, as are some texels of the penguin.
+    # Blender nudges coordinates by a thousandth of a texel, so a few texels at borders are covered
+    # by only one of the two. Its background is flat, and so are some texels of the penguin.
     both = result.has_data & (np.abs(image.pixels - [0.5, 0.5, 1]).max(axis=2) > 1e-4)
     assert both.sum() > 0.99 * result.has_data.sum()
     chords = np.linalg.norm(result.maps["normal"].values - blender, axis=2)
     degrees = np.degrees(2 * np.arcsin(np.minimum(chords / 2, 1)))[both]
-    # Rays of texbake pass through back faces and hit the outer surface, unless none is culled.
+    # Rays of texbake pass through back faces and hit the outer surface, if back faces are culled.
     n_different = n_from_behind if cull else 0
     assert (degrees > 5).sum() <= n_different + 100
-    # The median is below one 16-bit step and float32 interpolation; spot's file carries normals,
-    # which Blender keeps in 16 bits.
+    # The median is below one 16-bit step and the error of float32 interpolation; spot's file has
+    # normals, which Blender stores in 16 bits.
     assert np.median(degrees) < 0.006
     assert degrees[degrees <= 5].mean() < 0.1
     if not n_different:

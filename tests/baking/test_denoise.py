@@ -21,7 +21,7 @@ CLEAN = dataclasses.replace(RAW, denoise=True)
 
 
 def field(values, *, charts=None, has_data=None, rays=64, name="ao", threads=None):
-    """A filtered picture of one channel."""
+    """A filtered map of one channel."""
     values = np.asarray(values, dtype=np.float32)
     charts = np.zeros(values.shape, np.int32) if charts is None else charts
     has_data = np.ones(values.shape, np.bool_) if has_data is None else has_data
@@ -30,11 +30,11 @@ def field(values, *, charts=None, has_data=None, rays=64, name="ao", threads=Non
 
 
 @pytest.mark.parametrize("rays", [64, 1024])
-def test_noise_falls_and_what_is_larger_stays(rays):
+def test_noise_falls_and_larger_edges_stay(rays):
     rng = np.random.default_rng(1)
     limit = 4.5 * 1.3 * rays**-0.75 * 0.5  # of two values with the mean 0.5
     noise = rng.normal(0.0, 0.1 * limit, (300, 70))
-    # 21 weights that fall to 4/9 of the first one average like 17 equal ones.
+    # 21 weights that fall to 4/9 of the first one reduce noise as much as 17 equal ones.
     assert field(0.5 + noise, rays=rays).std() < 0.3 * noise.std()
     edge = (0.5 + 0.505 * limit * np.where(np.arange(70) < 35, -1, 1)) * np.ones((300, 1))
     np.testing.assert_array_equal(field(edge, rays=rays), edge.astype(np.float32))
@@ -93,14 +93,14 @@ def test_the_foot_of_a_wall_is_the_closed_form(height):
         for options in (RAW, CLEAN)
     )
     assert np.sqrt(np.square(clean).mean()) < 0.75 * np.sqrt(np.square(raw).mean())
-    # The texels at the foot, where open falls by a third from one to the next with the low wall.
+    # The texels at the foot, where ao changes by a third from one to the next at the low wall.
     foot = slice(31, 33)
     # It is smoothed by less than the standard error of one texel.
     assert abs(clean[:, foot].mean()) < 0.5 * 1.3 * 64**-0.75
 
 
 def test_the_edge_of_a_step_stays_sharp():
-    """Above the step all is open, to the last texel; below it half is."""
+    """Above the step, ao is 1 up to the last texel; below, at the foot, it is 1/2."""
     corners = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 1, 0], [0, 1, 0]], dtype=float)
     shift = np.array([0.5, 0, 0.04])
     face = np.array([[0, 1, 2], [0, 2, 3]])
@@ -118,7 +118,7 @@ def test_the_edge_of_a_step_stays_sharp():
     assert abs(clean[8:-8, 31].mean() - expected) < 0.01
 
 
-def test_a_ball_has_less_noise_and_raw_ones_are_to_be_had():
+def test_a_ball_has_less_noise_than_its_raw_map():
     high = uv_sphere(96, 192, lambda t, p: 1 + 0.02 * np.sin(9 * t) * np.sin(11 * p))
     low = uv_sphere(16, 17)
     options = BakeOptions(size=256, maps=("ao",), padding=0, keep_hits=True)

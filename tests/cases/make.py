@@ -5,8 +5,8 @@ BLENDER_PYTHON names:
 
     BLENDER_PYTHON=... python tests/cases/make.py
 
-Blender's answers hold where the meshes of `tests/models.py` are those of today: after a change of
-`creature` or `fused`, run this again.
+Blender's results belong to the meshes of `tests/models.py`: after a change of `creature` or
+`fused`, run this again.
 """
 
 import os
@@ -32,12 +32,12 @@ def tangent_cases():
     mirrored[:, 0] = 0.5 - np.abs(mirrored[:, 0] - 0.5)
     yield "mirrored ball", ball.replace(uvs=mirrored)
     cells = models.model("fused cells")
-    # Corners of a coarse grid: whole faces are mirrored, turned, squeezed to a line or a point.
+    # Corners on a coarse grid: whole faces are mirrored, turned, or squeezed to a line or a point.
     random = np.random.default_rng(5)
     grid = np.stack(np.divmod(np.arange(16), 4), axis=1) / 4.0
     vertices = random.integers(0, 16, cells.n_vertices)[cells.faces]
     corners = np.where(random.random((cells.n_faces, 1)) < 0.3, 5, vertices)
-    # No normal is along x, where the default tangent of texbake is another one than Blender's.
+    # No normal is along x, where texbake's default tangent differs from Blender's.
     turn = np.array([[2.0, -2, 1], [1, 2, 2], [-2, -1, 2]]) / 3.0
     yield (
         "fused cells",

@@ -356,7 +356,7 @@ def test_counts_of_real_broken_meshes(data_dir: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["crossing figures", *real("broken/self_intersectA.obj", "broken/cycloidal.ply")]
 )
-def test_faces_through_one_another_are_those_that_meshlab_finds(name: str) -> None:
+def test_intersecting_faces_are_those_that_meshlab_finds(name: str) -> None:
     import pymeshlab
 
     mesh = model(name)
@@ -378,7 +378,7 @@ def test_pairs_fit_together(name: str) -> None:
     assert not any(finding.name.startswith(("differing", "far")) for finding in report.findings)
 
 
-def test_meshes_of_different_pairs_do_not() -> None:
+def test_meshes_of_different_pairs_do_not_fit() -> None:
     high, low = pair("figure")
     report = check(moved(high, scale=5.0), low)
     assert report.finding("differing-scale") is not None

@@ -89,7 +89,7 @@ def test_the_package_is_a_program(workplace: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
-def test_a_name_may_be_as_long_as_a_file_may_have(invoke, tmp_path, monkeypatch, suffix):
+def test_names_may_be_as_long_as_the_file_system_allows(invoke, tmp_path, monkeypatch, suffix):
     monkeypatch.chdir(tmp_path)
     write_mesh(uv_sphere(4, 8), "sphere.obj")
     name = "a" * (255 - len(suffix)) + suffix

@@ -82,7 +82,7 @@ def test_an_image_that_an_option_names_must_be_there(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["convert", "preview", "lighten"])
-def test_what_is_not_read_of_materials_is_named(tmp_path, monkeypatch, command):
+def test_unread_parts_of_materials_are_named(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     extensions = {
         "KHR_materials_iridescence": {"iridescenceFactor": 1.0},

@@ -1,4 +1,4 @@
-"""A checkout without a core: it takes the installed one, compiles its own, or says what helps."""
+"""A checkout without a core: it uses the installed one, compiles its own, or says what to do."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ from texbake.core.builds import find_builds, library_name, sources_checksum
 
 CHECKOUT = Path(__file__).parents[2]
 CALL = "from texbake.core import core; core.library; print(core.library._name)"
-# It compiles nothing, and links the library that was there all along.
+# A fake compiler: it compiles nothing, and "links" by copying an existing library.
 COMPILER = """#!/bin/sh
 for word; do made=$word; done
 case " $* " in
@@ -33,7 +33,7 @@ def checkout(tmp_path):
 
 @pytest.fixture
 def install(tmp_path, checkout):
-    """Function that puts a core of the checkout's sources of now where a package is installed."""
+    """Function that installs a core of the checkout's current sources."""
 
     def installed():
         folder = tmp_path / "installed" / "texbake" / "core"
@@ -48,7 +48,7 @@ def install(tmp_path, checkout):
 
 @pytest.fixture
 def compiler(tmp_path):
-    """A compiler that takes no time, and writes down what it links."""
+    """A compiler that takes no time, and logs what it links."""
     path = tmp_path / "compiler"
     library = str(max(find_builds().values()))
     log = str(tmp_path / "linked")
@@ -83,7 +83,7 @@ def start(tmp_path, checkout):
 
 
 def change(checkout):
-    """Make the sources other than those of any build."""
+    """Change the sources, so that no build fits them."""
     with (checkout / "texbake" / "core" / "quadtree.c").open("a") as file:
         file.write("/* changed */\n")
 
@@ -92,7 +92,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="its cache is elsewhe
 
 
 @linux
-def test_a_checkout_takes_the_installed_core_of_its_sources(start, install, checkout, tmp_path):
+def test_a_checkout_uses_the_installed_core_of_its_sources(start, install, checkout, tmp_path):
     folder = install()
     output, _ = start("-c", CALL, compiler="none").communicate()
     assert Path(output.strip()).parent == folder
@@ -103,7 +103,7 @@ def test_a_checkout_takes_the_installed_core_of_its_sources(start, install, chec
 
 
 @linux
-def test_a_core_of_other_sources_is_not_taken_and_one_is_compiled_once(
+def test_a_core_of_other_sources_is_not_used_and_one_is_compiled_once(
     start, install, checkout, compiler, tmp_path
 ):
     install()
@@ -117,7 +117,7 @@ def test_a_core_of_other_sources_is_not_taken_and_one_is_compiled_once(
 
 
 @linux
-def test_where_none_can_be_compiled_one_line_says_what_helps(start, checkout):
+def test_without_a_compiler_one_line_says_what_to_do(start, checkout):
     change(checkout)
     (checkout / "triangle.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     process = start("-m", "texbake", "info", "triangle.obj", compiler="no-compiler")
@@ -133,7 +133,7 @@ def test_where_none_can_be_compiled_one_line_says_what_helps(start, checkout):
 
 def test_without_any_compiler_the_error_is_one_line():
     script = CHECKOUT / "texbake" / "core" / "compile_core.py"
-    done = subprocess.run(  # -S: nothing that is installed is there either
+    done = subprocess.run(  # -S: no installed package is available
         [sys.executable, "-S", str(script)], env={"PATH": ""}, capture_output=True, text=True
     )
     assert done.returncode == 1
@@ -141,7 +141,7 @@ def test_without_any_compiler_the_error_is_one_line():
 
 
 @pytest.mark.parametrize("name", ["quadtree.c", "core.h", "checks.py", "compile_core.py"])
-def test_the_checksum_changes_with_everything_that_a_build_is_made_from(checkout, name):
+def test_the_checksum_changes_with_every_source_of_a_build(checkout, name):
     folder = checkout / "texbake" / "core"
     before = sources_checksum(folder)
     assert before == sources_checksum(CHECKOUT / "texbake" / "core")

@@ -11,7 +11,7 @@ import pytest
 
 from texbake.core import portable_math as pm
 
-# Documented; rounding alone gives 0.5.
+# The documented bound; rounding alone gives 0.5.
 MOST_ULPS = 0.7
 
 decimal.getcontext().prec = 60
@@ -86,7 +86,7 @@ TRUTHS: dict[str, Callable[..., Decimal]] = {
 
 
 def arguments(name: str) -> list[np.ndarray]:
-    """Some 300 arguments of a function, of all sizes and close to where it is hard."""
+    """Some 300 arguments of a function, of all sizes and near its difficult points."""
     random = np.random.Generator(np.random.PCG64(7))
 
     def sizes(low: float, high: float, n: int = 100) -> np.ndarray:
@@ -127,7 +127,7 @@ def test_results_are_off_by_less_than_a_unit_in_the_last_place(name: str) -> Non
     assert max(map(ulps_off, found, truths)) < MOST_ULPS
 
 
-def test_bits_are_those_of_every_processor() -> None:
+def test_bits_are_the_same_on_every_processor() -> None:
     digest = hashlib.sha256()
     for name in sorted(TRUTHS):
         digest.update(getattr(pm, name)(*arguments(name)).tobytes())

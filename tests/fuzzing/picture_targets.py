@@ -174,7 +174,7 @@ def preview(drawn: Drawn) -> None:
 
 
 def numbers(drawn: Drawn) -> None:
-    """Elementary functions and small matrices of any numbers."""
+    """Elementary functions and small matrices, with any numbers."""
     n = 1 + drawn.below(4)
     x, y = drawn.floats(n, n), drawn.floats(n, n)
     for function in (pm.sin, pm.cos, pm.tan, pm.arcsin, pm.arccos, pm.arctan, pm.exp, pm.log):

@@ -9,8 +9,8 @@ records it anew and says why. Meshes, images and traces count byte by byte. What
 people
 to read (pages, reports, tables, notes) counts by its name alone, because its words may change.
 
-The checksums hold on every processor. `lowered` prints variables that switch off what NumPy, its
-BLAS and the core choose by the processor: the files must be the same with them.
+The checksums hold on every processor. `lowered` prints environment variables that make NumPy, its
+BLAS and the core use only the instructions of an old one: the files must stay the same.
 """
 
 import contextlib

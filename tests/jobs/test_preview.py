@@ -1,4 +1,4 @@
-"""What a preview chooses by itself: light, sides, camera, materials; and what it says of them."""
+"""What a preview chooses by itself and reports: light, sides, camera and materials."""
 
 import json
 
@@ -32,7 +32,7 @@ def drawn(tmp_path):
 
 
 @pytest.mark.parametrize("mesh", [HALF, INSIDE_OUT], ids=["open", "inside out"])
-def test_backs_are_shown_and_told(drawn, mesh):
+def test_back_faces_are_shown_and_reported(drawn, mesh):
     done = drawn(mesh, view=(0.0, 0.0))
     assert (done.report.coverage > 0).mean() > 0.3
     (row,) = [text for label, text in done.table() if label == "back faces"]
@@ -40,14 +40,14 @@ def test_backs_are_shown_and_told(drawn, mesh):
     assert not done.warnings
 
 
-def test_a_front_is_shown_without_a_word(drawn):
+def test_front_faces_are_shown_without_a_report(drawn):
     assert drawn(HALF, view=(180.0, 0.0)).table() == []
     assert drawn(BALL).table() == []
 
 
 @pytest.mark.parametrize("mesh", [HALF, BALL], ids=["open", "closed"])
 @pytest.mark.parametrize("back_faces", ["cull", "show"])
-def test_sides_are_as_asked(drawn, mesh, back_faces):
+def test_options_choose_the_sides(drawn, mesh, back_faces):
     done = drawn(mesh, view=(0.0, 0.0), back_faces=back_faces)
     assert done.report.coverage.any() == (mesh is BALL or back_faces == "show")
     assert "back faces" not in dict(done.table())
@@ -58,7 +58,7 @@ def one_color(done):
     return line.split("one color: ")[1]
 
 
-def test_a_picture_of_one_color_is_told(drawn, tmp_path):
+def test_a_picture_of_one_color_is_a_warning(drawn, tmp_path):
     said = one_color(drawn(HALF, view=(0.0, 0.0), back_faces="cull"))
     assert said == "every triangle is seen from behind; draw them with --back-faces show"
     point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])

@@ -122,7 +122,7 @@ def test_the_report_agrees_with_the_result(result: RunResult) -> None:
 def test_the_table_is_for_a_person(result: RunResult) -> None:
     rows = dict(result.table())
     compared = list(rows)[list(rows).index("Compared with the high-poly mesh") + 1 :]
-    # First what the GLB file shows.
+    # The first row is for what the GLB file shows.
     uses = ["  with its normal map", "  displaced as well", "  without maps"]
     assert compared == [*uses, "  distance of the surfaces"]
     assert rows["Stages"] == ""
@@ -147,7 +147,7 @@ def test_the_comparison_can_be_short_or_left_out(
     else:
         assert made.comparison is not None and result.comparison is not None
         assert made.comparison.displaced is None and "displaced" not in report["compare"]
-        # The same picture as that of the full comparison.
+        # The same picture as in the full comparison.
         assert made.comparison.mapped.psnr_db == result.comparison.mapped.psnr_db
         assert "SSIM" not in rows["  with its normal map"]
 

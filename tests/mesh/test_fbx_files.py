@@ -73,7 +73,7 @@ def directed_edges(mesh):
 @pytest.mark.parametrize("form", ["binary", "ascii"])
 @pytest.mark.parametrize("version", [6100, 7100, 7400, 7500, 7700])
 def test_a_random_scene_shows_what_its_transforms_say(tmp_path, version, form):
-    """One geometry in models below one another, mirrored or not, in axes and units of the file."""
+    """One geometry in nested models, mirrored or not, in the axes and units of the file."""
     random = np.random.default_rng(version)
     up, coord = random.permutation(3)[:2]
     front = 3 - up - coord
@@ -119,7 +119,7 @@ def polygon_edges(path, positions):
 
 
 def shown_by(file, shown):
-    """Whether the polygons are those of the OBJ, wound the same way; diagonals may differ."""
+    """Whether the polygons equal those of the OBJ, with the same winding; diagonals may differ."""
     expected, mesh = read_mesh(shown), read_mesh(file)
     settings = read_scene(file).settings
     axes = scene_axes({key: settings[key] for key in settings if "Axis" in key or "Unit" in key})

@@ -531,7 +531,7 @@ def test_an_index_out_of_range_is_one_clear_line(asset, path):
 
 
 def write_by_trimesh(path):
-    """Meshes placed several times, under parents that turn, stretch and mirror them."""
+    """Meshes with several instances, under parents that turn, stretch and mirror them."""
     scene, random = trimesh.Scene(), np.random.default_rng(6)
     for i, name in enumerate(("organs", "bracket", "figure", "organs", "figure")):
         place = np.eye(4)
@@ -548,7 +548,7 @@ def write_by_trimesh(path):
      *real("gltf/NormalTangentMirrorTest.glb", "gltf/ToyCar/ToyCar.gltf", "meshes/VH_F_Skin.glb",
            "broken/VH_M_Blood_Vasculature_Heart.glb")],
 )  # fmt: skip
-def test_files_of_others_agree_with_another_reader(tmp_path, name):
+def test_files_of_other_programs_agree_with_another_reader(tmp_path, name):
     path = tmp_path / name if name.startswith("made") else REAL / name
     if name.startswith("made"):
         write_by_trimesh(path)

@@ -1,4 +1,4 @@
-"""Honest files with something amiss are read: what is left out is counted and warned of."""
+"""Files with minor errors are read, and a warning counts what is left out."""
 
 import base64
 import json
@@ -24,7 +24,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def heard(path):
-    """A mesh and the lines that its reader warns of, without the path."""
+    """A mesh and the warnings of its reader, without the path."""
     lines = []
     with heard_warnings(lines.append):
         mesh = read_mesh(path)
@@ -61,7 +61,7 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
 
 def not_finite(value, folder):
-    """Files with one such number among normals, coordinates, colors or unused vertices."""
+    """Files with one such number in the normals, coordinates, colors or unused vertices."""
     (folder / "a.obj").write_text(
         SQUARE + f"v 0 {value} 0\nvt 0 0\nvt {value} 0\nvn 0 0 1\nvn 0 0 {value}\n"
         "f 1/1/1 2/2/1 3/1/2\n"
@@ -177,7 +177,7 @@ def test_odd_obj_files(tmp_path, text, line):
 
 
 @pytest.mark.parametrize("row", ["v 1,2,3 0 0", "v 1. 2,3 1,2,3", "v 1,a 2 3", "v 1, 2, 3"])
-def test_commas_that_could_mean_two_things_stay_an_error(tmp_path, row):
+def test_ambiguous_commas_stay_an_error(tmp_path, row):
     (tmp_path / "a.obj").write_text(SQUARE + row + "\n" + TRIANGLE)
     with pytest.raises(FileFormatError, match=r"a\.obj: line 5: '.*' is not a number"):
         read_mesh(tmp_path / "a.obj")
@@ -216,7 +216,7 @@ def test_bytes_after_the_last_triangle_of_binary_stl(tmp_path, head):
 )
 @pytest.mark.parametrize("version", [6100, 7400])
 def test_fbx_text_with_words_for_numbers(tmp_path, word, version):
-    """Numbers before and behind such a word stay where they are, in short and long lists."""
+    """Numbers before and after such a word keep their places, in short and long lists."""
     layers = []
     for n in (11, 200):
         values = np.arange(3.0 * n)
@@ -245,7 +245,7 @@ def test_fbx_of_old_versions_is_named(tmp_path, version, name, form):
         read_mesh(tmp_path / "a.fbx")
 
 
-def test_what_changes_the_surface_of_fbx_is_named(tmp_path):
+def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
     nodes = scene(geometry=[
         ("Smoothness", [2], []), ("PreviewDivisionLevels", [2], []), *shape(),
     ])  # fmt: skip
@@ -338,7 +338,7 @@ def draco(path, mesh, attributes, data):
 
 @pytest.fixture(scope="module")
 def draco_ball():
-    """A sphere, its bytes, and the numbers of its positions and normals in them."""
+    """A sphere, its bytes, and the ids of its positions and normals in them."""
     import DracoPy
 
     ball = icosphere(1)
@@ -350,7 +350,7 @@ def draco_ball():
 
 @pytest.mark.parametrize("number", [9, -1, "a", [0], {}, None, True, 1.0])
 @pytest.mark.parametrize("name", ["POSITION", "NORMAL"])
-def test_an_attribute_that_draco_has_not_is_one_line(tmp_path, draco_ball, name, number):
+def test_a_missing_draco_attribute_is_one_line(tmp_path, draco_ball, name, number):
     ball, data, numbers = draco_ball
     assert heard(draco(tmp_path / "a.gltf", ball, numbers, data))[0].n_faces == ball.n_faces
     path = draco(tmp_path / "a.gltf", ball, {**numbers, name: number}, data)

@@ -12,12 +12,12 @@ def test_ends_of_lightness() -> None:
 
 
 def test_primaries_of_srgb() -> None:
-    # Lightness, chroma and hue of red, green and blue as Ottosson's own page has them.
+    # Lightness, chroma and hue of red, green and blue from Ottosson's page.
     lch = np.array(
         [[0.62796, 0.25768, 29.234], [0.86644, 0.29483, 142.495], [0.452, 0.313, 264.05]]
     )
     colors = linear_from_oklch(*lch.T)
-    assert np.allclose(colors, np.eye(3), atol=3e-3)  # the given digits leave that much
+    assert np.allclose(colors, np.eye(3), atol=3e-3)  # the rounding of these digits
 
 
 def test_a_scale_that_darkens_evenly_to_both_sides() -> None:

@@ -68,7 +68,7 @@ def test_holes_stay_and_large_steps_are_not_bridged() -> None:
     image[6, 6] = np.nan
     holed = make("depth-image", image=image)
     assert holed.n_vertices == 78
-    assert holed.n_faces == 2 * 7 * 9 - 2 * 4  # of each square around a hole, one triangle
+    assert holed.n_faces == 2 * 7 * 9 - 2 * 4  # each square around a hole keeps one
     image = np.full((8, 10), 0.5)
     image[:, 5:] = 0.8
     whole, parted = (make("depth-image", image=image, max_step=step) for step in (None, 0.1))

@@ -660,7 +660,7 @@ def test_report_is_plain_data():
 
 @BOTH
 @pytest.mark.parametrize("name", [*BROKEN, *real("mikktspace/rancid_geometry.obj")])
-def test_broken_meshes_come_down_too(name, quality):
+def test_broken_meshes_are_simplified(name, quality):
     mesh = model(name)
     low, report = simplify_with_report(mesh, 500, quality=quality)
     assert 0 < low.n_faces <= 500

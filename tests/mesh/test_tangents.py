@@ -15,7 +15,7 @@ from texbake.mesh.tangents import corner_tangents
 # Steps are rounded to float32: a few times 2^-24 = 6e-8 for well-shaped triangles.
 ROUNDING = 1e-6
 
-# What Blender's MikkTSpace gives for these meshes: see tests/cases/make.py.
+# Tangents of Blender's MikkTSpace for these meshes: see tests/cases/make.py.
 REFERENCES = [
     *(CASES / f"{name}_tangents.npz" for name in ("figure", "fused_cells", "mirrored_ball")),
     *sorted((REAL / "mikktspace").glob("*.npz")),

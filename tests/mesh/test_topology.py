@@ -159,8 +159,8 @@ def flipped(mesh):
 @pytest.mark.parametrize("scale", [1e-6, -1.0, 1.0, 1e6])
 @pytest.mark.parametrize("place", [0.0, 1e3])
 @pytest.mark.parametrize("mesh", [cube(), uv_sphere(8, 16), icosphere(2)])
-def test_the_side_that_is_seen(mesh, scale, place):
-    """A closed mesh has one, by its orientation; with a hole or a turned face it has both."""
+def test_the_visible_side(mesh, scale, place):
+    """A closed mesh shows one side, by its orientation; with a hole or a flipped face, both."""
     positions = scale * (mesh.positions + place)
     closed = Mesh(positions=positions, faces=mesh.faces)
     expected = ("front", "back") if scale > 0.0 else ("back", "front")

@@ -92,7 +92,7 @@ def test_every_vertex_edge_and_face_is_hit_from_outside(shape, scale, shift, cul
 
 @pytest.mark.parametrize("level", [3, 5])
 def test_no_secondary_ray_leaves_a_closed_mesh(level):
-    """Not from points near its vertices, and not aimed at a vertex to the last bit."""
+    """Neither from points near its vertices nor when aimed exactly at a vertex."""
     mesh = icosphere(level)
     mesh = mesh.replace(faces=mesh.faces[:, ::-1])  # seen from inside
     frame = LocalFrame.around(mesh)

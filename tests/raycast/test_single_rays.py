@@ -1,4 +1,4 @@
-"""Secondary rays: each ends where a test against every triangle says, on any build of the core."""
+"""Secondary rays: each hits what a test against every triangle finds, on any build of the core."""
 
 import hashlib
 import os
@@ -20,7 +20,7 @@ from texbake.raycast.scene import RayScene
 
 
 def soup(n):
-    """Triangles of all sizes, anywhere, some of them slivers, copies or without area."""
+    """Triangles of all sizes, anywhere, with slivers, copies and triangles without area."""
     rng = np.random.default_rng(2)
     corners = rng.normal(size=(n, 1, 3)) + rng.exponential(0.3, (n, 1, 1)) * rng.normal(
         size=(n, 3, 3)
@@ -31,7 +31,7 @@ def soup(n):
 
 
 def steps():
-    """Sheets at right angles to the axes, which many rays run along."""
+    """Sheets at right angles to the axes, along which many rays run."""
     whole = cube()
     moved = [
         whole.replace(positions=0.25 * whole.positions + np.array([i, j, (i * j) % 3]) / 4)
@@ -51,7 +51,7 @@ MESHES = {
 
 
 def single_rays(mesh, n, *, seed=1):
-    """Fans of one ray each, of any direction, some along axes and some at corners: points, sets."""
+    """Points and sets of fans of one ray each: any direction, some along axes or at corners."""
     rng = np.random.default_rng(seed)
     frame = LocalFrame.around(mesh)
     corners = frame.to_local(mesh.positions)
@@ -60,7 +60,7 @@ def single_rays(mesh, n, *, seed=1):
     directions[::5] = np.eye(3)[rng.integers(3, size=len(directions[::5]))]
     at = slice(1, None, 3)
     directions[at] = corners[rng.integers(len(corners), size=len(directions[at]))] - points[at]
-    # A fan about +z: in its frame, its only direction is the one it has in space.
+    # A fan about +z: its frame is the world's, so its direction is the same in both.
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     axes = np.tile(np.float32([0, 0, 1]), (n, 1))
     nowhere = np.zeros((n, 3), dtype=np.float32)  # a plane that mirrors nothing
@@ -70,10 +70,10 @@ def single_rays(mesh, n, *, seed=1):
 
 
 def nearest_of_all(corners, origins, directions):
-    """Distance of the first hit of each ray by the volumes of tetrahedra, and how sure it is.
+    """Distance of the first hit of each ray, from volumes of tetrahedra, and whether it is certain.
 
-    Sure are distances that hold whatever rounding has done to the volumes: infinite where one is
-    negative for certain, finite where all are positive for certain.
+    It is certain if rounding of the volumes cannot change it: a miss if a volume is certainly
+    negative, a hit if all are certainly positive.
     """
     p, q, r = (corners[np.newaxis, :, k] - origins[:, np.newaxis] for k in range(3))
     along = directions[:, np.newaxis]
@@ -128,7 +128,7 @@ def test_neither_the_tree_nor_the_neighbors_of_a_ray_change_what_it_hits(name):
 
 @pytest.mark.parametrize("level", [1, 4])
 def test_no_ray_leaves_a_closed_mesh_through_a_vertex(level):
-    """Aimed at every vertex and at the middle of every edge, to the last bit, from one point."""
+    """Aimed exactly at every vertex and the middle of every edge, from one point."""
     mesh = icosphere(level)
     frame = LocalFrame.around(mesh)
     corners = frame.to_local(mesh.positions)
@@ -168,7 +168,7 @@ def test_a_compact_tree_holds_the_same_triangles_in_smaller_boxes():
 
 
 def checksum():
-    """Of what the rays of all meshes meet, and of the positions of the fans of a bake."""
+    """Checksum of the hits of rays in all meshes, and of the positions of the fans of a bake."""
     digest = hashlib.sha256()
     for name in MESHES:
         mesh = MESHES[name]()

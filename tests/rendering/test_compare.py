@@ -132,7 +132,7 @@ def test_the_first_figure_is_that_of_a_glb_file_and_each_is_for_its_maps(quick):
     assert raised.mapped.silhouette_mismatch == both.displaced.silhouette_mismatch
     nothing = figures()
     assert (nothing.maps, nothing.mapped) == ((), nothing.bare)
-    # A panel for each picture, and the difference.
+    # A panel for each picture, and one for the difference.
     widths = {made: made.side_by_side().shape[1] for made in (nothing, alone, both)}
     assert widths[both] > widths[alone] > widths[nothing]
 
@@ -155,7 +155,7 @@ def test_a_quick_comparison_draws_each_picture_once_and_measures_it(monkeypatch)
     assert quick.views == (FRONT.view,)
     full = compare(plane(), low, normal_map=normal_map, options=FRONT, views=[FRONT.view])
     for name in "psnr_db", "silhouette_mismatch", "n_pixels":
-        # An edge along the centers of pixels adds a row or a column to one of the two.
+        # An edge along pixel centers may add a row or a column to one of the two.
         assert getattr(quick.mapped, name) == pytest.approx(getattr(full.mapped, name), rel=0.05)
 
 

@@ -119,7 +119,7 @@ def test_threads_change_nothing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(one, many)
 
 
-def test_what_cannot_be_drawn_is_refused_or_named(tmp_path: Path) -> None:
+def test_content_that_cannot_be_drawn_is_refused_or_named(tmp_path: Path) -> None:
     model = painted((0.5, 0.5, 0.5), tmp_path / "a.glb")
     with pytest.raises(OptionError, match="n_views"):
         compare_models(model, model, n_views=0)

@@ -69,7 +69,7 @@ def test_grays_keep_their_order():
 
 @pytest.mark.parametrize("exposure", [1.0, 0.7, 0.1])
 def test_differences_of_light_up_to_white_do_not_grow_in_codes(exposure):
-    """So the error of adaptive samples holds; and more light is never darker, however much."""
+    """So the error bound of adaptive samples holds. More light is never darker, however bright."""
     light = np.concatenate([np.linspace(0.0, 1.0, 4001), np.linspace(1.0, 100.0, 1000)])
     color = np.repeat(light.astype(np.float32)[None, :, None], 4, axis=2)
     before = encode_srgb(color[0, :, 0])

@@ -1,4 +1,4 @@
-"""Cameras that fill the picture with a surface, whatever strays there are."""
+"""Cameras that fill the picture with a surface and ignore strays."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_strays_do_not_count(mesh, triangle):
     np.testing.assert_array_equal(found.camera.eye, alone.camera.eye)
 
 
-def test_what_is_large_or_near_counts():
+def test_large_or_near_parts_are_no_strays():
     options = RenderOptions()
     for triangle in FAR * (1.0, 500.0, 1.0), FAR - (495.0, 0.0, 0.0):
         assert framed([with_stray(BALL, triangle)], options).n_strays == 0

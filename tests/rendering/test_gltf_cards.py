@@ -1,7 +1,7 @@
-"""Cards that glTF files place an image on, against images placed by the specification's formulas.
+"""Cards with images placed by glTF files, against images placed by the specification's formulas.
 
-The card has as many pixels as the second image has texels, so that both pictures are equal but for
-pixels on a border between texels.
+The card has as many pixels as the second image has texels, so that both pictures are equal except
+at pixels on a border between texels.
 """
 
 import math
@@ -76,7 +76,7 @@ def picture_of(folder, codes, slot, place, **fields):
 
 @pytest.fixture
 def codes():
-    """An image of few texels, none like its neighbor; as a normal map it leans every way."""
+    """A small image without equal neighbors; as a normal map, it leans in all directions."""
     values = np.random.default_rng(10).integers(60, 196, (6, 8, 3))
     values[..., 2] = 220
     return values.astype(np.uint8)
@@ -97,7 +97,7 @@ def test_a_card_shows_the_texels_of_the_specification(tmp_path, codes, slot, pla
 
 
 @pytest.mark.parametrize("cutoff", [0.25, None, 0.75])
-def test_texels_of_less_alpha_than_the_cutoff_are_not_there(tmp_path, codes, cutoff):
+def test_texels_with_less_alpha_than_the_cutoff_are_transparent(tmp_path, codes, cutoff):
     codes = np.dstack([codes, np.linspace(0, 255, codes[..., 0].size).reshape(6, 8)])
     texels = placed_texels(codes.astype(np.uint8))
     fields = {"alphaMode": "MASK", "emissiveFactor": [1, 1, 1]}

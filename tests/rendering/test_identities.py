@@ -391,7 +391,7 @@ def test_a_scene_without_such_parts_stays_the_same_object() -> None:
 
 @pytest.mark.parametrize("space", [None, "tangent", "object", "world"])
 def test_a_normal_map_of_strength_0_is_not_opened_whatever_its_space(space: str | None) -> None:
-    """Its space may be in the file alone, which is missing here."""
+    """Only the file may name its space, and it is missing here."""
     holder = NormalMap(texture=IMAGE, space=space, strength=0.0)
     scene, bare = (
         scene_of(Lighting(lights=(LIGHT,)), **LAMBERT, normal_map=item) for item in (holder, None)
@@ -403,7 +403,7 @@ def test_a_normal_map_of_strength_0_is_not_opened_whatever_its_space(space: str 
 
 FRONT = CameraView(position=(0.0, 0.0, 6.0), target=(0.0, 0.0, 0.0))
 BEHIND = Light(name="lamp", kind="spot", position=(0.0, 0.0, -5.0), direction=(0.0, 0.0, 1.0))
-# A band, below the ball, of a square that has the ball in it.
+# A lamp whose slide, a wide band, falls below the ball.
 BELOW = replace(BEHIND, position=(0.0, 0.0, 10.0), direction=(0.0, -3.0, -10.0), angle=40.0,
                 profile=ImageTexture(image=np.ones((8, 64, 3), np.float32)))  # fmt: skip
 RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(np.float32))
@@ -469,7 +469,7 @@ def test_a_slide_that_reaches_no_pixel_is_not_opened(damaged: ImageTexture, gate
 def test_a_projected_picture_that_hits_nothing_is_not_opened(
     damaged: ImageTexture, tmp_path: Path, keys: str, is_opened: bool
 ) -> None:
-    """Its aspect is that of the file, which cannot be read."""
+    """Its aspect comes from the file, which cannot be read."""
     ball = '[ambient]\ncolor = "#fff"\n[[objects]]\nshape = "sphere"\nresolution = [8, 4]\n'
     picture = f'projected = [{{texture = "damaged.png", position = [0, 0, 5], {keys}}}]'
     files = {"bare.toml": ball, "scene.toml": f"{ball}[objects.material]\n{picture}\n"}
@@ -498,8 +498,8 @@ METAL = {"shading": "metallic-roughness", "metalness": 1.0}
         (LAMBERT | {"metalness": 1.0}, True),
     ],
 )
-def test_the_irradiance_is_for_what_scatters_alone(fields: dict[str, Any], scatters: bool) -> None:
-    """An environment of one color: what a pure metal mirrors of it has a closed form elsewhere."""
+def test_only_surfaces_that_scatter_need_irradiance(fields: dict[str, Any], scatters: bool) -> None:
+    """In an environment of one color; other tests compare the mirrors of pure metals."""
     around = Environment(color=(0.2, 0.5, 0.9), lighting=True, background=False, size=8)
     scene = scene_of(Lighting(environment=around), **fields)
     camera = camera_of(scene, OPTIONS)

@@ -1,8 +1,8 @@
 """Every key of a scene file, where it has no effect: the same bytes, no file opened, nothing run.
 
 The keys are those of the JSON Schema, so that a new one fails here until it has a value. Each is
-put where it cannot count: in a strength of 0, on an object outside the picture, in a dark lamp.
-Every file that it names is damaged, so that opening one, even for its size, is an error.
+put where it has no effect: beside a strength of 0, on an object outside the picture, in a dark
+lamp. Every file that it names is damaged, so that opening one, even for its size, is an error.
 """
 
 import re
@@ -38,7 +38,7 @@ SUN = '[[lights]]\nname = "sun"\nkind = "directional"\ndirection = [-0.3, -0.6, 
 AMBIENT = "[ambient]\ncolor = [0.2, 0.3, 0.4]\n"
 BALL = '[[objects]]\nname = "ball"\nshape = "sphere"\nresolution = [12, 6]\n'
 LIT = f"{HEAD}{SUN}{AMBIENT}{BALL}"
-# Behind the camera, so that its material counts for nothing.
+# Behind the camera, so that its material has no effect.
 BEHIND = f'{LIT}[[objects]]\nshape = "cube"\ntranslate = [0, 0, 30]\n'
 
 
@@ -50,8 +50,8 @@ def masked(material: str) -> str:
     return lit(f'opacity = 0, alpha_mode = "mask"<<, {material}>>')
 
 
-# Where keys of a table count for nothing: a scene in which KEY stands for the key. What is between
-# << and >> is left out for the picture that it is compared with.
+# Scenes in which keys of a table have no effect; KEY stands for the key. The text between << and >>
+# is left out for the picture to compare with.
 PLACES: dict[str, list[str]] = {
     "[render]": [f"{HEAD}<<KEY\n>>{SUN}{BALL}"],
     "[ambient]": [f'{HEAD}{SUN}<<[ambient]\nKEY\n>>{BALL}material = {{shading = "unlit"}}\n'],
@@ -112,7 +112,7 @@ PLACES: dict[str, list[str]] = {
         for aim in ("target = [0, 0, 0], strength = 0", "target = [0, 0, 9]", "target = [9, 0, 5]")
     ],
 }  # fmt: skip
-# Keys that say what the picture is of and from where, or the surface itself.
+# Keys that always have an effect: they set the camera, the picture, or the surface itself.
 ALWAYS: dict[str, set[str]] = {
     "the file": set(TABLES["the file"].model_fields),
     "[camera]": set(TABLES["[camera]"].model_fields),
@@ -121,9 +121,9 @@ ALWAYS: dict[str, set[str]] = {
     "[[objects]]": {"mesh", "shape", "translate", "matrix", "level", "n_triangles",
                     *types_of_fields(MakeOptions)},
 }  # fmt: skip
-# Keys that cannot stand beside another.
+# Keys that exclude another key.
 CONFLICTS = {"target": "direction", "direction": "target", "matrix": "position", "faces": "image"}
-# Values of keys, by table where they differ.
+# Values of keys, with the table's name where tables need different ones.
 VALUES: dict[str, str] = {
     "alpha_cutoff": "0.3", "alpha_mode": '"blend"', "angle": "30", "aspect": "2", "axis": '"x"',
     "background": "false", "base_color": IMAGE, "blend": "0.5", "border": "0.5", "bump_map": IMAGE,
@@ -173,7 +173,7 @@ VALUES: dict[str, str] = {
 
 
 def method_of(key: str) -> str:
-    """A mapping that takes an option."""
+    """A mapping method that has an option."""
     if key in ("surface", "via", "eye"):
         return 'method = "two-part", via = "reflection", eye = [0, 0, 9]'
     if key in ("fov", "unseen"):
@@ -185,7 +185,7 @@ def method_of(key: str) -> str:
 
 
 def cases() -> Iterator[tuple[str, str, str, str]]:
-    """Table, key, the scene without what has no effect, and the scene with it."""
+    """Table, key, the scene without the key, and the scene with it."""
     for table, model in TABLES.items():
         for key in set(model.model_fields) - ALWAYS.get(table, set()):
             for place in PLACES[table]:

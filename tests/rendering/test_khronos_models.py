@@ -72,7 +72,7 @@ def test_texture_settings_look_like_the_samples_beside_them(data_dir):
         x, y, _ = placed(item).bounds[0]
         corner = np.array([x + 0.12, y + 0.12])
         other = corner + np.array([2.15, 0.0])
-        # Edges of the mark lie differently between the pixels.
+        # The edges of the mark fall differently between pixels.
         assert difference(picture, center, side, corner, other, 0.66) < 0.03, name
         test = cell(picture, center, side, corner, 0.66)
         # Green, not the red of a cell that fails.

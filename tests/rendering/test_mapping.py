@@ -81,7 +81,7 @@ def scene_of(*items: SceneObject) -> Scene:
 
 @pytest.fixture
 def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The names of meshes, each time one is mapped."""
+    """The name of a mesh for each time it is mapped."""
     found: list[str] = []
     work = unwrapping.unwrap
 
@@ -135,7 +135,7 @@ def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(
     assert not n_mapped
     (row,) = (row for row in plan_rows(frame.plan, frame.costs) if row.name == "mapping")
     assert row.skipped == "it reaches no pixel"
-    # Cameras that see it later share the one that is computed then.
+    # Cameras that see it later share one mapping, computed at the first.
     scene = scene_of(replace(BALL, mapping=None), hidden)
     prepared = prepare(scene, OPTIONS)
     around = replace(VIEW, position=(-3.0, -3.0, -9.0), target=(-0.5, -0.5, -3.0))

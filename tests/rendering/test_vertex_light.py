@@ -130,7 +130,7 @@ def test_a_normal_map_is_looked_up_at_the_corners() -> None:
 
 
 def test_solid_bumps_tilt_the_normals_of_corners() -> None:
-    """A ramp in space, whose slope is the same at corners and at pixels."""
+    """A ramp in space has the same slope at corners and at pixels."""
     ends = {"start": -1.0, "end": 2.0, "direction": (1.0, 0.0, 0.0)}
     ramp = ProcedureTexture(procedure="gradient", parameters=ends)
     sun = Lighting(lights=(Light(direction=(-0.6, 0.2, -1.0)),))

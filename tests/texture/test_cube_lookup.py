@@ -370,7 +370,7 @@ def test_sizes_of_panoramas():
 
 
 def test_a_sky_with_a_sun_keeps_its_light():
-    """A sun of thousands of times white in a few texels."""
+    """A sun thousands of times as bright as white, in a few texels."""
     y, x = np.mgrid[:512, :1024]
     image = (0.2 + 0.8 * np.sin(y / 163.0) * np.cos(x / 163.0) ** 2)[..., None].astype(np.float32)
     image[150:153, 400:404] = 6496.0

@@ -400,7 +400,7 @@ def test_groups_of_one_name_are_one_set():
 
 
 def test_pairs_baked_together_equal_each_baked_alone():
-    """Two models of one asset, as sets of maps of their own, to the last byte of padding."""
+    """Two models of one asset with separate sets of maps, to the last byte of padding."""
     meshes = {"figure": pair("figure"), "ball": (model("scan"), uv_sphere(16, 24))}
     pairs = {
         name: [mesh.replace(name=f"{name}_{end}.obj") for mesh, end in zip(both, ends, strict=True)]
