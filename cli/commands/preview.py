@@ -177,7 +177,7 @@ def _given(name: str) -> bool:
 
 
 def _take_targets(picture: dict[str, Any], choices: dict[str, Any], n_views: int | None) -> None:
-    """Move the options of adaptive sampling and of light over to those of the picture."""
+    """Move the options of adaptive sampling and exposure to the options of the picture."""
     picture |= {name: choices[name] for name in ("edges", "exposure") if _given(name)}
     targets = {name: choices[name] for name in _TARGETS if choices[name] is not None}
     if not targets:

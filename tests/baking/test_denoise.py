@@ -85,7 +85,7 @@ def wall(height):
 
 
 @pytest.mark.parametrize("height", [0.05, 0.4])
-def test_the_foot_of_a_wall_is_the_closed_form(height):
+def test_the_foot_of_a_wall_has_its_closed_form(height):
     x = np.abs((np.arange(64) + 0.5) / 64 - 0.5)
     expected = 0.5 + 0.5 * x / np.hypot(x, height) * np.ones((64, 1))
     raw, clean = (

@@ -80,7 +80,7 @@ def test_further_uv_sets_of_an_obj_file_count(
     assert run(path)[1] == []
 
 
-def test_what_a_reader_leaves_out_is_a_note_of_the_step(
+def test_warnings_of_readers_are_notes_of_the_step(
     tmp_path: Path, write: Any, run: Callable[..., Any]
 ) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n")

@@ -94,7 +94,7 @@ def test_the_output_may_also_be_the_last_argument(line: str) -> None:
     # Before the options that follow it, and after all of them.
     for at in place, len(words):
         assert parsed(" ".join([*words[:at], name, *words[at:]])) == expected
-    several = words[0] in ("unwrap", "pack-textures")  # then the name is that of one more input
+    several = words[0] in ("unwrap", "pack-textures")  # here one more name is one more input
     if not several:
         with pytest.raises(click.UsageError, match=f"two outputs are named: {name} and other"):
             parsed(f"{line} other")

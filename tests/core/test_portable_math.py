@@ -150,7 +150,7 @@ def test_bits_are_the_same_on_every_processor() -> None:
         ("sin", (-0.0,), -0.0),
     ],
 )  # fmt: skip
-def test_special_values_are_those_of_c(name: str, given: tuple[float, ...], result: float) -> None:
+def test_special_values_are_as_in_c(name: str, given: tuple[float, ...], result: float) -> None:
     np.testing.assert_equal(getattr(pm, name)(*given), result)
 
 

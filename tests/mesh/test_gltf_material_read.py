@@ -139,7 +139,7 @@ def test_a_primitive_of_a_material_that_is_not_there(tmp_path):
 
 
 @pytest.mark.parametrize("texture", [{"source": 0}, {}])
-def test_a_missing_image_is_warned_of_alike_for_scenes_and_meshes(tmp_path, texture):
+def test_scenes_and_meshes_warn_alike_of_a_missing_image(tmp_path, texture):
     material = {"name": "skin", "normalTexture": {"index": 0}}
     path = gltf_with(tmp_path, material, images=[{"uri": "none.png"}], textures=[texture])
     found = read_materials(path, read_mesh(path))

@@ -112,7 +112,7 @@ def test_facts_that_models_have_by_construction(name, facts):
 
 
 @pytest.mark.parametrize("name", ["inverted figure", *real("broken/inverted_triangles.obj")])
-def test_misoriented_edges_are_those_that_both_faces_wind_the_same_way(name):
+def test_edges_that_both_faces_wind_the_same_way_are_misoriented(name):
     mesh = model(name)
     edges = Counter(zip(mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel(), strict=True))
     twice = sum(count == 2 for count in edges.values())

@@ -275,7 +275,7 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
         skins=[{"joints": [0]}],
     )
     document = json.loads(path.read_text())
-    document["meshes"][0]["primitives"] *= 2  # which share the shape keys of their mesh
+    document["meshes"][0]["primitives"] *= 2  # the primitives of a mesh share its shape keys
     path.write_text(json.dumps(document))
     line = "left out 1 skin and 1 shape key; the mesh is read in the pose it is stored in"
     assert heard(path)[1] == [line]

@@ -92,7 +92,7 @@ def nearest_of_all(corners, origins, directions):
 
 @pytest.mark.parametrize("compact", [False, True], ids=["plain", "compact"])
 @pytest.mark.parametrize("name", MESHES)
-def test_hits_are_those_of_all_triangles_one_by_one(name, compact):
+def test_hits_are_as_with_each_triangle_tested(name, compact):
     mesh = MESHES[name]()
     frame, fans, sets = single_rays(mesh, 512)
     corners = frame.to_local(mesh.positions)[mesh.faces]

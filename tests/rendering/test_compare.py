@@ -112,7 +112,7 @@ def test_displacement_brings_a_mesh_closer():
 
 
 @pytest.mark.parametrize("quick", [False, True])
-def test_the_first_figure_is_that_of_a_glb_file_and_each_is_for_its_maps(quick):
+def test_the_first_figure_is_for_a_glb_file_and_each_for_its_maps(quick):
     low = uv_sphere(8, 16)
     high = uv_sphere(48, 96).replace(positions=uv_sphere(48, 96).positions * 1.05)
     normals = np.full((4, 4, 3), (0.0, 0.6, 0.8), np.float32)
@@ -191,7 +191,7 @@ def test_colors_of_angles_grow_brighter_to_the_end_of_the_scale():
 
 # Where Blender hit back faces, its normals point into the object.
 @pytest.mark.parametrize("name", [name for name, pair in PAIRS.items() if pair[-1] < 1000])
-def test_a_normal_map_of_another_baker_halves_the_error(name):
+def test_a_normal_map_from_another_baker_halves_the_error(name):
     options = RenderOptions(width=320, height=240)
     comparison = compare(*pair(name), normal_map=PAIRS[name][2], options=options)
     assert comparison.mapped.mean_deg < comparison.bare.mean_deg / 2

@@ -87,7 +87,7 @@ def test_pictures_share_one_exposure():
     assert exposure_of(frames[:1]) > exposure_of(frames[1:])
 
 
-def test_a_quarter_of_the_surface_is_above_white_at_most():
+def test_at_most_a_quarter_of_the_surface_is_above_white():
     frame = render_scene(scene(1.0, brightness=5.0), PLAIN)
     peaks = frame.color[frame.coverage == 1.0][:, :3].max(axis=1)
     above = (exposure_of([frame]) * peaks > 1.0).mean()

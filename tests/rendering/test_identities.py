@@ -422,7 +422,7 @@ RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(
         (replace(BELOW, aspect=1.0), LAMBERT, 1),
     ],
 )  # fmt: skip
-def test_a_shadow_map_is_drawn_for_a_lamp_that_reaches_a_visible_pixel_alone(
+def test_only_lamps_that_reach_a_visible_pixel_get_a_shadow_map(
     light: Light, material: dict[str, Any], n_maps: int
 ) -> None:
     light = replace(light, shadow=Shadow(size=64))
@@ -508,7 +508,7 @@ def test_only_surfaces_that_scatter_need_irradiance(fields: dict[str, Any], scat
     assert ("irradiance" in frame.costs.by_name) == scatters
     lit = frame.color[frame.coverage == 1, :3]
     assert len(lit) > 0 and (lit > 0.0).all()
-    if not scatters:  # as it is beside an object that needs the irradiance
+    if not scatters:  # compared with the same object beside one that needs irradiance
         other = replace(scene.objects[0], material=Material(shading="lambert"), name="other")
         both = replace(scene, objects=(*scene.objects, other))
         np.testing.assert_array_equal(draw(prepare(both, OPTIONS), camera).color, frame.color)

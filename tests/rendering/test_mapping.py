@@ -94,7 +94,7 @@ def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_the_picture_is_that_of_a_mesh_with_these_coordinates(
+def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     name: str, n_mapped: list[str]
 ) -> None:
     item = replace(BALL, material=Material(**READERS[name]))

@@ -147,7 +147,7 @@ def test_solid_bumps_tilt_the_normals_of_corners() -> None:
     np.testing.assert_allclose(corners[middle], pixels[middle], atol=2e-3)
 
 
-def test_light_alike_from_all_sides_is_computed_at_pixels() -> None:
+def test_light_that_is_the_same_from_all_sides_is_computed_at_pixels() -> None:
     even = Lighting(ambient=Ambient(color=(0.2, 0.4, 0.6)))
     item = SceneObject(mesh=plane(), material=Material(shading="lambert", shading_rate="vertex"))
     plan = plan_of(prepare(Scene(objects=(item,), lighting=even), OPTIONS), CAMERA)

@@ -13,7 +13,7 @@
 #define START 0.8
 #define DESATURATION 0.15
 
-/* Count covered pixels of rows [start, stop), and those of them with a channel above 1. */
+/* Count covered pixels of rows [start, stop), and covered pixels with a channel above 1. */
 void count_bright(
     int64_t height, int64_t width, const float color[height][width][4],
     const float coverage[height][width], int64_t counts[height][2], int64_t start, int64_t stop)

@@ -8,9 +8,9 @@
    a triangle the function gives the few columns and rows of texels whose rays can meet it. All these
    bounds only skip what no ray can hit.
 
-   The test of a ray and a triangle is that of ray_triangle.h. The nearest hit counts, and of equally
-   near ones that on the lowest face. A hit is thus a function of the ray and the triangle alone,
-   whatever the bundle, the tree or the threads.
+   A ray is tested against a triangle as in ray_triangle.h. The nearest hit counts; of equally near
+   hits, the one on the lowest face. So a hit depends only on the ray and the triangles, not on the
+   bundle, the tree or the threads.
 
    Based on: Reshetov, Soupikov, Hurley, "Multi-Level Ray Tracing Algorithm", 2005, for walking a tree
    with a beam; Möller, Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997, for the
@@ -139,7 +139,7 @@ static struct line line_through(const double planes[2], double first, double sec
     return (struct line){first - slope * planes[0], slope};
 }
 
-/* Where the line of the ray at a place meets a triangle. */
+/* Where the line of the ray at a place of the bundle meets a triangle. */
 static struct crossing intersect_slot(
     const struct bundle *bundle, int place, const struct tree *tree, int64_t slot)
 {

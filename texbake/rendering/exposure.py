@@ -74,7 +74,7 @@ def exposure_of(frames: Sequence[Frame], *, threads: int | None = None) -> float
 
 
 def _counts(frame: Frame, threads: int | None) -> IntArray:
-    """(2,) int64: pixels that surfaces cover entirely, and those of them that are above white."""
+    """(2,) int64: pixels that surfaces cover entirely, and how many of them are above white."""
     counts = np.empty((frame.height, 2), np.int64)
 
     def work(start: int, stop: int) -> None:

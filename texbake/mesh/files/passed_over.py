@@ -105,7 +105,7 @@ def _counts_of_gltf(document: Document) -> dict[str, int]:
     lights = document.mapping(extensions, _LIGHTS)
     counts["light"] = len(document.objects(lights, "lights"))
     counts["shape key"] = 0
-    for mesh in document.items("meshes"):  # all primitives of one have the same
+    for mesh in document.items("meshes"):  # all its primitives have the same keys
         keys = [document.objects(each, "targets") for each in document.objects(mesh, "primitives")]
         counts["shape key"] += max(map(len, keys), default=0)
     return counts

@@ -57,7 +57,7 @@ var texbake = {
   // when the browser has lost what was drawn.
   fitted: function (canvas, changed) {
     const fit = function () {
-      if (canvas.clientWidth === 0) return;  // hidden for now: what it shows stays as it is
+      if (canvas.clientWidth === 0) return;  // hidden for now: the picture stays as it is
       changed(canvas.clientWidth, canvas.clientHeight, Math.min(window.devicePixelRatio || 1, 2));
     };
     new ResizeObserver(fit).observe(canvas);
