@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -206,3 +207,6 @@ def test_pictures_share_one_exposure_and_white_does_not_clip():
     assert len({frame.exposure for frame in frames}) == 1
     for frame in frames:
         assert (frame.color[frame.coverage == 1.0][:, :3] < 1.0).all()
+    plain = replace(options, exposure="none")
+    found = compare(uv_sphere(24, 48), uv_sphere(8, 16), options=plain, views=[(0.0, 0.0)])
+    assert found.high_frame.exposure is None and found.high_frame.color.max() > 1.0

@@ -238,7 +238,8 @@ def compare(
             for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
         )
     mapped = min(1, len(others))
-    frames = exposed(frames, options, threads=threads)  # for display; errors are measured before
+    if options.exposure != "none":  # for display; errors are measured before
+        frames = exposed(frames, options, threads=threads)
     return Comparison(
         mapped=others[0] if others else bare,
         bare=bare,

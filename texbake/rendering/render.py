@@ -46,7 +46,7 @@ def render(
     albedo : path, Image or (H, W, 3) float32, optional
         An array holds linear colors.
     options
-        None uses the defaults.
+        None uses the defaults. Light is exposed only if `exposure` is `auto`.
     camera
         None frames the mesh (before displacement) by `options`.
     threads
