@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.models import joined
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
@@ -22,14 +23,6 @@ def turned(mesh: Mesh, scale=(1.0, 1.0, 1.0)) -> Mesh:
     axes, _ = np.linalg.qr(np.random.default_rng(8).normal(size=(3, 3)))
     axes[0] *= np.linalg.det(axes)
     return Mesh(positions=mesh.positions * scale @ axes.T, faces=mesh.faces)
-
-
-def both(*meshes: Mesh) -> Mesh:
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    return Mesh(
-        positions=np.concatenate([mesh.positions for mesh in meshes]),
-        faces=np.concatenate([m.faces + s for m, s in zip(meshes, starts, strict=False)]),
-    )
 
 
 def sharp(mesh: Mesh, **options) -> Mesh:
@@ -95,11 +88,11 @@ def test_what_has_no_sharp_edges_stays():
 @pytest.mark.parametrize(
     "mesh",
     [
-        both(BOX, turned(cube(), (0.3, 0.9, 0.3))),
+        joined(BOX, turned(cube(), (0.3, 0.9, 0.3))),
         BOX.replace(faces=BOX.faces[:, ::-1]),
         BOX.replace(faces=BOX.faces[1:]),
         BOX.replace(faces=np.where(np.arange(12)[:, None] % 3, BOX.faces, BOX.faces[:, ::-1])),
-        both(BOX, BOX),
+        joined(BOX, BOX),
         turned(plane(3, 3)),
         turned(cube(), (1.0, 1.0, 0.01)),
         Mesh(

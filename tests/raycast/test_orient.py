@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.models import joined
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.mesh.turn import turned_over
 from texbake.raycast.orient import oriented
-
-
-def joined(*meshes):
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
-    return Mesh(
-        positions=np.concatenate([mesh.positions for mesh in meshes]),
-        faces=np.concatenate([mesh.faces + n for mesh, n in zip(meshes, starts, strict=False)]),
-    )
 
 
 def placed(mesh, scale=1.0, move=(0.0, 0.0, 0.0)):

@@ -5,13 +5,14 @@ A table beside the picture reports what was chosen, and warnings say if nothing 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from texbake.files import PathLike
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import Camera
@@ -103,7 +104,7 @@ def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> Defaul
             for mesh, item in zip(meshes, scene.objects, strict=True)
             if item.material.double_sided is None
         ]
-        side = surface_side(_joined(asking)) if asking else "front"
+        side = surface_side(join_meshes(asking)) if asking else "front"
         options = replace(options, back_faces="cull" if side == "front" else "show")
     if scene.view is not None or options.distance is not None:
         return DefaultView(path, scene, options, side=side)
@@ -114,16 +115,6 @@ def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> Defaul
     ]
     found = framed(seen or meshes, options)
     return DefaultView(path, scene, options, found.camera, found.n_strays, side)
-
-
-def _joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return one mesh of all faces: a surface with several materials is split into objects."""
-    if len(meshes) == 1:
-        return meshes[0]
-    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    positions = np.concatenate([mesh.positions for mesh in meshes])
-    return Mesh(positions=positions, faces=np.concatenate(faces))
 
 
 def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
