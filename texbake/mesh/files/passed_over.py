@@ -18,12 +18,13 @@ from texbake.mesh.files.fbx_scene import (
 )
 from texbake.mesh.files.gltf_document import Document, read_document
 
+_NURBS = "NURBS surface"
 # Objects of FBX by the name of their node and their class.
 _OF_FBX = {
     ("AnimationStack", ""): "animation",
     ("Deformer", "Skin"): "skin",
     ("Deformer", "BlendShapeChannel"): "shape key",
-    ("Geometry", "NurbsSurface"): "NURBS surface",
+    ("Geometry", "NurbsSurface"): _NURBS,
     ("Model", "Camera"): "camera",
     ("Model", "Light"): "light",
 }
@@ -35,7 +36,7 @@ _POSES = ("skin", "shape key")
 def passed_over(path: PathLike) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
-    Empty for other formats.
+    Those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other formats.
 
     Raises
     ------
@@ -44,10 +45,12 @@ def passed_over(path: PathLike) -> tuple[str, ...]:
     FileFormatError
         It is damaged.
     """
-    suffix = Path(path).suffix.lower()
+    suffix, counts = Path(path).suffix.lower(), {}
     if suffix in (".gltf", ".glb"):
-        return passed_over_in_gltf(read_document(path))
-    return passed_over_in_fbx(read_scene(path)) if suffix == ".fbx" else ()
+        counts = _counts_of_gltf(read_document(path))
+    elif suffix == ".fbx":
+        counts = _counts_of_fbx(read_scene(path))
+    return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
 
 
 def passed_over_in_gltf(document: Document) -> tuple[str, ...]:
@@ -74,8 +77,8 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
     counts = _counts_of_fbx(scene)
     if (note := _pose_note(counts)) is not None:
         warn_of(scene.path, note)
-    if (n := counts["NURBS surface"]) > 0:
-        warn_of(scene.path, f"left out {_counted(n, 'NURBS surface')}; only polygons are read")
+    if (n := counts[_NURBS]) > 0:
+        warn_of(scene.path, f"left out {_counted(n, _NURBS)}; only polygons are read")
     meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
     cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
     if cages:
