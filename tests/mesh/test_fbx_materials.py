@@ -61,6 +61,21 @@ def test_factors_and_images_in_the_file(read):
     assert found.sources("base-color")[1].image.data == b"picture"
 
 
+def test_animated_colors_are_no_images(tmp_path):
+    nodes = rich_scene(7400)
+    objects, connections = nodes[1][2], nodes[2][2]
+    objects.append(("AnimationCurveNode", [60, "DiffuseColor\0\1AnimCurveNode", ""], []))
+    objects.append(("Texture", [61, "paint\0\1Texture", ""], [("Content", [b"picture"], [])]))
+    connections += [("C", ["OP", key, 51, "DiffuseColor"], []) for key in (60, 61)]
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes))
+    found = read_materials(path, read_mesh(path))
+    assert [each.image and each.image.data for each in found.sources("base-color") if each] == [
+        b"picture"
+    ]
+    assert not found.missing
+
+
 def test_images_of_one_name_are_two(tmp_path):
     nodes = rich_scene(7400)
     objects, connections = nodes[1][2], nodes[2][2]
@@ -104,6 +119,22 @@ def test_opacity(tmp_path, values, alpha):
     assert material.alpha_mode == ("opaque" if alpha is None else "blend")
     found = material.channels.get("alpha")
     assert found is None if alpha is None else found.factor == pytest.approx((alpha,))
+
+
+@pytest.mark.parametrize("default, alpha", [(0.0, None), (0.5, 0.5)])
+def test_a_color_of_transparency_is_multiplied_by_the_factor_of_the_defaults(
+    tmp_path, default, alpha
+):
+    nodes = scene(materials=("red",))
+    nodes[1][2][-1][2].append(properties(7400, {"TransparentColor": [1.0] * 3}))
+    values = properties(7400, {"TransparencyFactor": [default]})
+    template = ("PropertyTemplate", ["FbxSurfacePhong"], [values])
+    nodes.append(("Definitions", [], [("ObjectType", ["Material"], [template])]))
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes))
+    (material,) = read_materials(path, read_mesh(path)).materials
+    found = material.channels.get("alpha")
+    assert found is None if alpha is None else found.factor == (alpha,)
 
 
 @pytest.mark.parametrize("content, component", [(RGBA, 3), (RGB, 0)])

@@ -56,5 +56,9 @@ def test_fbx_animations_and_skins_are_counted(tmp_path):
     objects.append(("Deformer", [71, "\0\1Deformer", "Skin"], []))
     path = tmp_path / "a.fbx"
     path.write_bytes(binary(nodes))
+    assert passed_over(path) == ()  # the animation moves nothing
+    assert read_contents(path).passed_over == ("1 skin",)
+    objects.append(("AnimationCurve", [72, "\0\1AnimCurve", ""], []))
+    path.write_bytes(binary(nodes))
     assert passed_over(path) == ("1 animation",)
     assert read_contents(path).passed_over == ("1 animation", "1 skin")

@@ -253,7 +253,7 @@ def _fbx_channels(
     channels: dict[str, str | None] = {
         channel: None for name, channel in _FBX_CHANNELS.items() if name in material.properties
     }
-    for name, member in scene.property_members(material.key).items():
+    for name, member in scene.textures_of(material.key).items():
         texture = base_layer(scene, member)
         data, found = first_image(scene, texture)
         named = texture.node.child_text("RelativeFilename").replace("\\", "/")

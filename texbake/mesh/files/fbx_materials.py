@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -177,10 +178,10 @@ class _MaterialReader:
         color = _color(material)
         if color is not None:
             channels["base-color"] = ChannelSource(color)
-        alpha = _opacity(material)
+        alpha = _opacity(material, self.scene.defaults["Material"])
         if alpha < 1.0:
             channels["alpha"] = ChannelSource((alpha,))
-        for name, texture in self.scene.property_members(material.key).items():
+        for name, texture in self.scene.textures_of(material.key).items():
             channel = _TEXTURED.get(name)
             if channel is None:
                 continue
@@ -214,14 +215,14 @@ class _MaterialReader:
         )
 
 
-def _opacity(material: FbxObject) -> float:
+def _opacity(material: FbxObject, defaults: dict[str, list[Any]]) -> float:
     """Return the opacity of a material; 1 where it says nothing.
 
-    Programs write it as a number, or as a color that is let through, times a factor.
+    Programs write it as a number, or as a color that is let through, times a factor. Blender 2.79
+    writes opaque materials with a color of 1 and leaves their factor to the file's default, 0.
     """
-    properties = material.properties
 
-    def numbers(name: str) -> list[float]:
+    def numbers(name: str, properties: dict[str, list[Any]] = material.properties) -> list[float]:
         values = properties.get(name, [])
         is_sound = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
         return values if is_sound else []
@@ -230,7 +231,8 @@ def _opacity(material: FbxObject) -> float:
     if len(opacity) == 1:
         alpha = opacity[0]
     elif len(color) >= 3 or len(factor) == 1:
-        alpha = 1.0 - (sum(color[:3]) / 3.0 if len(color) >= 3 else 1.0) * (factor or [1.0])[0]
+        factor = factor or numbers("TransparencyFactor", defaults) or [1.0]
+        alpha = 1.0 - (sum(color[:3]) / 3.0 if len(color) >= 3 else 1.0) * factor[0]
     else:
         alpha = 1.0
     return float(min(max(alpha, 0.0), 1.0))

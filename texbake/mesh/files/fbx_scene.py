@@ -24,6 +24,7 @@ from texbake.mesh.files.source import decode_name, parsed, read_array, short_nam
 from texbake.mesh.mesh import FloatArray
 
 Id = int | str
+_TEXTURES = ("Texture", "LayeredTexture")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class FbxScene:
     settings : dict
         The global settings.
     defaults : dict
-        Properties of models by default.
+        Properties of models and of materials by default.
     n_bytes : int
         Size of the file.
     version : int
@@ -74,7 +75,7 @@ class FbxScene:
     objects: dict[Id, FbxObject]
     members: dict[Id, list[tuple[Id, str]]]
     settings: dict[str, list[Any]]
-    defaults: dict[str, list[Any]]
+    defaults: dict[str, dict[str, list[Any]]]
     n_bytes: int
     version: int = 0
     creator: str = ""
@@ -96,12 +97,13 @@ class FbxScene:
             ]
         return self._members[key, node_name]
 
-    def property_members(self, key: Id) -> dict[str, FbxObject]:
-        """Objects connected to properties of an object, the first for each property."""
+    def textures_of(self, key: Id) -> dict[str, FbxObject]:
+        """Textures connected to properties of an object, the first for each property."""
         found: dict[str, FbxObject] = {}
         for member, name in self.members.get(key, ()):
-            if name and member in self.objects:
-                found.setdefault(name, self.objects[member])
+            item = self.objects.get(member)
+            if name and item is not None and item.node.name in _TEXTURES:
+                found.setdefault(name, item)
         return found
 
 
@@ -133,7 +135,7 @@ def _read_scene(path: PathLike) -> FbxScene:
         objects=objects,
         members=_members(root),
         settings=read_properties(settings),
-        defaults=_model_defaults(root),
+        defaults={kind: _defaults(root, kind) for kind in ("Model", "Material")},
         n_bytes=len(data),
         version=binary_version(data) if is_binary else ascii_version(data),
         creator=root.child_text("Creator"),
@@ -191,10 +193,10 @@ def read_properties(node: Node) -> dict[str, list[Any]]:
     return found
 
 
-def _model_defaults(root: Node) -> dict[str, list[Any]]:
+def _defaults(root: Node, name: str) -> dict[str, list[Any]]:
     for kind in (root.child("Definitions") or Node("")).named("ObjectType"):
         template = kind.child("PropertyTemplate")
-        if kind.text() == "Model" and template is not None:
+        if kind.text() == name and template is not None:
             return read_properties(template)
     return {}
 
@@ -233,7 +235,7 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
         key, parent, is_shown = pending.pop()
         n_placed += 1
         model = models[key]
-        properties = _numbers({**scene.defaults, **model.properties})
+        properties = _numbers({**scene.defaults["Model"], **model.properties})
         with np.errstate(over="ignore", invalid="ignore"):
             here = place(parent, properties)
             matrix = pm.matmul(pm.matmul(axes, here.matrix), geometric(properties))

@@ -123,6 +123,8 @@ def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
             counts[found] += 1
         if has_polygons(item):  # before version 7, a mesh holds its shape keys itself
             counts["shape key"] += len(item.node.named("Shape"))
+    if all(item.node.name != "AnimationCurve" for item in scene.objects.values()):
+        counts["animation"] = 0  # Maya writes an empty one into every file
     return counts
 
 
