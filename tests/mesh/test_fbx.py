@@ -18,7 +18,7 @@ from tests.hard_cases.fbx_writer import (
     shape,
     written,
 )
-from texbake.errors import FileFormatError, MeshError, TexbakeError
+from texbake.errors import FileFormatError, MeshError, TexbakeError, heard_warnings
 from texbake.mesh.files import read_mesh
 
 FORMS = [(v, form) for v in (6100, 7100, 7400, 7500, 7700) for form in ("binary", "ascii")]
@@ -125,8 +125,14 @@ def test_corners_without_a_coordinate_get_zeros(read):
 
 def test_holes_and_bad_polygons_are_left_out(read):
     polygons = np.array([0, 1, 4, -4, 0, -2, -7, 0, 1, -100, 1, 2, 5, -5, 3, 4], np.int32)
-    mesh = read(scene(geometry=shape(polygons=polygons)))
+    lines = []
+    with heard_warnings(lines.append):
+        mesh = read(scene(geometry=shape(polygons=polygons)))
     np.testing.assert_array_equal(mesh.faces, FACES[:4])
+    assert [line.partition("geometry 'wall mesh': ")[2] for line in lines] == [
+        "left out 2 faces with fewer than three corners",
+        "left out 1 face with corners that are no vertices",
+    ]
     holes = layer("LayerElementHole", ("Hole", np.array([0, 1, 0], np.int32)), "ByPolygon")
     np.testing.assert_array_equal(read(scene(layers=[holes])).faces, FACES[[0, 1, 4]])
 

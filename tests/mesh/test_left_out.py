@@ -285,6 +285,25 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
         assert result.stderr.count(line) == 1, result.stderr
 
 
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("a.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n2 0 1\n"),
+        (
+            "a.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+            "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+            "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n2 0 1\n",
+        ),
+    ],
+)
+def test_faces_of_two_corners_are_counted_in_every_format(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    mesh, lines = heard(tmp_path / name)
+    assert mesh.n_faces == 1
+    assert lines == ["left out 1 face with fewer than three corners"]
+
+
 def test_scripts_get_a_warning_and_commands_a_line(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text(SQUARE + TRIANGLE + "f 3 4\n")

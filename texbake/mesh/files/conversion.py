@@ -46,6 +46,13 @@ def fan_corners(sizes: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
     return np.stack([first_corners, seconds, seconds + 1], axis=1), polygons
 
 
+def warn_of_short_faces(path: PathLike, sizes: npt.NDArray[Any]) -> None:
+    """Warn of the polygons of (P,) numbers of corners that give no triangle."""
+    if n_short := int(np.count_nonzero(sizes < 3)):
+        noun = "face" if n_short == 1 else "faces"
+        warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
+
+
 def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray[Any]:
     """(F, 3) corners of triangle strips, all wound like the first of their strip.
 

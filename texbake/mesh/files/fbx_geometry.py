@@ -17,9 +17,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError, quoted
+from texbake.errors import FileFormatError, MeshError, quoted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import fan_corners, finite_rows, rows_not_finite
+from texbake.mesh.files.conversion import (
+    fan_corners,
+    finite_rows,
+    rows_not_finite,
+    warn_of_short_faces,
+)
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_smoothing import Polygons, edge_mapping, smoothed_normals
 from texbake.mesh.mesh import FloatArray
@@ -93,12 +98,17 @@ class _Reader:
 
     def _triangles(self) -> tuple[Indices, Indices]:
         """Corners and polygons of the triangles that are kept."""
+        where = f"{self.path}: geometry {quoted(self.name)}"
+        warn_of_short_faces(where, self.sizes)
         slots, polygons = fan_corners(self.sizes)
         is_bad = self.vertices >= len(self.positions)
         bad = np.zeros(len(self.sizes), np.bool_)
         if is_bad.any():
             polygon_of = np.repeat(np.arange(len(self.sizes)), self.sizes)
             bad[polygon_of[is_bad]] = True
+            n_bad = int(np.count_nonzero(bad))
+            noun = "face" if n_bad == 1 else "faces"
+            warn_of(where, f"left out {n_bad:,} {noun} with corners that are no vertices")
         layer = self.node.child("LayerElementHole")
         if layer is not None:
             holes = _integers(layer.numbers("Hole"))[: len(bad)]

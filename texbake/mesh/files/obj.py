@@ -40,6 +40,7 @@ from texbake.mesh.files.conversion import (
     finite_rows,
     finite_vertices,
     unit_colors,
+    warn_of_short_faces,
 )
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
@@ -75,10 +76,7 @@ def read_obj(path: PathLike) -> Mesh:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     positions, n_words = read_values(path, data, lines, V, 3)
     sizes, corners = read_corners(path, data, lines)
-    n_short = int(np.count_nonzero(sizes < 3))
-    if n_short:
-        noun = "face" if n_short == 1 else "faces"
-        warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
+    warn_of_short_faces(path, sizes)
     fields: dict[str, Any] = {"positions": positions, "name": Path(path).name}
     if n_words.max() >= 6:
         fields["colors"] = _read_colors(path, data, lines, n_words)

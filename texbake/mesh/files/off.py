@@ -21,7 +21,13 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import fan_corners, finite_rows, finite_vertices, unit_colors
+from texbake.mesh.files.conversion import (
+    fan_corners,
+    finite_rows,
+    finite_vertices,
+    unit_colors,
+    warn_of_short_faces,
+)
 from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
 from texbake.mesh.files.source import read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -113,6 +119,7 @@ def _faces(path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]) -> I
     if not ((sizes >= 0) & (sizes == np.floor(sizes)) & (sizes < np.diff(rows))).all():
         raise FileFormatError(f"{path}: a face has fewer indices than it says; it is damaged")
     sizes = sizes.astype(np.int64)
+    warn_of_short_faces(path, sizes)
     slots, polygons = fan_corners(sizes)
     # Slots count corners only; on the lines they lie apart.
     corners = values[slots + (starts + 1 - (np.cumsum(sizes) - sizes))[polygons][:, None]]

@@ -26,7 +26,13 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import fan_corners, finite_rows, finite_vertices, strip_triangles
+from texbake.mesh.files.conversion import (
+    fan_corners,
+    finite_rows,
+    finite_vertices,
+    strip_triangles,
+    warn_of_short_faces,
+)
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
 from texbake.mesh.files.source import read_array
@@ -130,6 +136,7 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
     """Faces, and the texture coordinates and normals that corners have by themselves."""
     sizes, indices = _flattened(polygons[name])
     indices = _as_indices(path, indices)
+    warn_of_short_faces(path, sizes)
     fields: dict[str, Any] = {"faces": _triangles(sizes, indices)}
     for column, values, corners, width in zip(
         CORNER_LISTS, ("uvs", "normals"), ("uv_faces", "normal_faces"), (2, 3), strict=True
