@@ -381,12 +381,12 @@ def test_the_first_perspective_camera_is_the_view(asset, tmp_path):
 def test_extensions(asset, tmp_path):
     asset.json["extensionsUsed"] = ["KHR_materials_unlit", "KHR_materials_clearcoat"]
     assert asset.read(tmp_path).notes == (
-        "it uses KHR_materials_clearcoat, which is not supported",
+        "it uses KHR_materials_clearcoat, which the renderer does not support",
     )
     asset.json["extensionsRequired"] = ["KHR_materials_clearcoat", "EXT_materials_wax"]
     assert asset.read(tmp_path).notes == (
-        "it uses KHR_materials_clearcoat, which is not supported",
-        "it uses EXT_materials_wax, which is not supported",
+        "it uses KHR_materials_clearcoat, which the renderer does not support",
+        "it uses EXT_materials_wax, which the renderer does not support",
     )
     asset.json["extensionsRequired"] = ["KHR_meshopt_compression"]
     with pytest.raises(FileFormatError, match="it needs KHR_meshopt_compression"):

@@ -100,7 +100,7 @@ class _Reader:
         self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
         warn_of_gltf(document)
         self.notes = [
-            f"it uses {shortened(name)}, which is not supported"
+            f"it uses {shortened(name)}, which the renderer does not support"
             for name in dict.fromkeys(
                 [*document.texts("extensionsUsed"), *document.texts("extensionsRequired")]
             )
