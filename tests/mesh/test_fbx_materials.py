@@ -76,6 +76,17 @@ def test_animated_colors_are_no_images(tmp_path):
     assert not found.missing
 
 
+def test_textures_of_models_are_warned_of(tmp_path):
+    nodes = scene(6100, materials=("red",))
+    nodes[1][2].append(("Texture", ["paint\0\1Texture", ""], [("Content", [b"picture"], [])]))
+    nodes[2][2].append(("Connect", ["OO", "paint\0\1Texture", "wall\0\1Model"], []))
+    path = tmp_path / "a.fbx"
+    path.write_bytes(binary(nodes, 6100))
+    found = read_materials(path, read_mesh(path))
+    line = "textures of models are not read, only those of materials"
+    assert found.missing == (("base-color", line),)
+
+
 def test_images_of_one_name_are_two(tmp_path):
     nodes = rich_scene(7400)
     objects, connections = nodes[1][2], nodes[2][2]

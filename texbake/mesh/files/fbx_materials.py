@@ -78,6 +78,8 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         return None
     reader = _MaterialReader(scene, _uv_numbers(parts))
     materials = tuple(reader.material(item) for item in found)
+    if scene.version < 7000 and any(scene.members_of(part.model.key, "Texture") for part in parts):
+        reader.missing.add("base-color", "textures of models are not read, only those of materials")
     uv_sets = _uv_sets(parts, mesh, reader.uv_numbers)
     materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in materials)
     return Materials(
