@@ -117,6 +117,17 @@ def test_a_core_of_other_sources_is_not_used_and_one_is_compiled_once(
 
 
 @linux
+def test_an_interrupted_build_leaves_no_level_in_the_cache(start, checkout, compiler, tmp_path):
+    """A lone build of the lowest level would be taken from then on."""
+    change(checkout)
+    last = f"*core-{max(find_builds())}*) kill $PPID ;;"
+    compiler.write_text(compiler.read_text().replace("*) cp", f"{last}\n*) cp"))
+    _, messages = start("-c", CALL, compiler=compiler).communicate()
+    assert "no compiled core" in messages
+    assert not list((tmp_path / "cache").rglob("core-*"))
+
+
+@linux
 def test_without_a_compiler_one_line_says_what_to_do(start, checkout):
     change(checkout)
     (checkout / "triangle.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

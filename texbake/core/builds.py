@@ -17,6 +17,7 @@ import sys
 import zlib
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 FOLDER = Path(__file__).resolve().parent
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -101,13 +102,16 @@ def _cached_builds(folder: Path, checksum: str) -> dict[str, Path]:
 
 def _compile(folder: Path) -> None:
     print(f"texbake: compiling the core for {FOLDER.parents[1]}, once", file=sys.stderr)
-    command = [sys.executable, str(FOLDER / "compile_core.py"), "--folder", str(folder)]
-    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    if done.returncode:
-        first, _, more = done.stderr.strip().partition("\n")
-        if more:
-            print(more, file=sys.stderr)
-        raise BuildError(first.removeprefix("texbake: "))
+    with TemporaryDirectory(dir=folder) as unfinished:  # all levels appear together
+        command = [sys.executable, str(FOLDER / "compile_core.py"), "--folder", unfinished]
+        done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        if done.returncode:
+            first, _, more = done.stderr.strip().partition("\n")
+            if more:
+                print(more, file=sys.stderr)
+            raise BuildError(first.removeprefix("texbake: "))
+        for path in Path(unfinished).iterdir():
+            path.replace(folder / path.name)
 
 
 def _remove_oldest(folder: Path) -> None:
