@@ -104,7 +104,9 @@ def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     """
     first, second = np.broadcast_arrays(a, b)
     out = np.empty(first.shape[:-1])
-    core.sum_row_products(_listed(first, 1), _listed(second, 1), out.reshape(-1))
+    rows = _listed(first, 1)
+    others = rows if a is b else _listed(second, 1)
+    core.sum_row_products(rows, others, out.reshape(-1))
     return _as_given(out, first, second)
 
 
