@@ -317,7 +317,7 @@ def test_without_webgl_the_rest_is_there(browser, page) -> None:
         browser.open(page)
         browser.wait(f"document.querySelector('#view').dataset.state === 'failed' && {MAPS_READY}")
         assert browser.value("document.querySelector('.failure').checkVisibility()")
-        assert "cannot draw in three dimensions" in browser.value("document.body.innerText")
+        assert "cannot show the 3D view" in browser.value("document.body.innerText")
         assert shows_a_still(browser)
     finally:
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
