@@ -72,6 +72,17 @@ def test_thickness_is_filtered_in_proportion_to_itself():
     assert small.std() < 0.3 * 0.5 * noise.std()
 
 
+@pytest.mark.parametrize("rays", [1, 4, 16, 64])
+@pytest.mark.parametrize("share", [0.004, 0.996])
+def test_rare_hits_are_averaged_with_neighbors_that_have_none(rays, share):
+    """The neighbors are equal, all 0 or all 1, where the noise of shares is 0."""
+    values = np.random.default_rng(6).binomial(rays, share, (200, 200)) / rays
+    filtered = field(values, rays=rays)
+    rare = min(share, 1.0 - share)
+    assert 0.7 * rare < np.abs(filtered - np.round(share)).mean() < 1.1 * rare
+    assert filtered.std() < 0.7 * values.std()
+
+
 def test_bands_change_nothing():
     values = np.random.default_rng(5).normal(0.5, 0.01, (400, 30))
     assert field(values, threads=1).tobytes() == field(values, threads=3).tobytes()

@@ -40,11 +40,11 @@ void filter_by_noise(
                     const double difference = values[y][x] - value, mean = value + 0.5 * difference;
                     const double limit = of_shares * of_shares * mean * (1.0 - mean) +
                                          relative * relative * mean * mean; /* squared */
-                    if (!(difference * difference < limit))
+                    const double share = difference == 0.0 ? 0.0 : difference * difference / limit;
+                    if (!(share < 1.0)) /* the limit is 0 where all rays are open, or none */
                         continue;
                     const double near = 1.0 - (double)square / ((REACH + 1) * (REACH + 1));
-                    const double alike = 1.0 - difference * difference / limit;
-                    const double weight = near * alike * alike;
+                    const double weight = near * (1.0 - share) * (1.0 - share);
                     sum += weight * difference;
                     weights += weight;
                 }
