@@ -62,7 +62,10 @@ def test_a_picture_of_one_color_is_a_warning(drawn, tmp_path):
     said = one_color(drawn(HALF, view=(0.0, 0.0), back_faces="cull"))
     assert said == "every triangle is seen from behind; draw them with --back-faces show"
     point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
-    assert one_color(drawn(point)) == "no triangle has an area"
+    edge_on = Mesh(positions=[[0, 0, 0], [0, 0, 1], [1, 0, 0]], faces=[[0, 1, 2]])
+    for mesh in (point, edge_on):
+        said = one_color(drawn(mesh, view=(0.0, 0.0)))
+        assert said.startswith("every triangle is seen edge-on or has no area")
     assert "another --view" in one_color(drawn(BALL, view=(0.0, 0.0, 1e9)))
     gltf_ball(tmp_path, extensions={"KHR_materials_unlit": {}},
               pbrMetallicRoughness={"baseColorFactor": [0, 0, 0, 1]})  # fmt: skip

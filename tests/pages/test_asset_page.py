@@ -319,6 +319,7 @@ def test_without_webgl_the_rest_is_there(browser, page) -> None:
         assert browser.value("document.querySelector('.failure').checkVisibility()")
         assert "cannot show the 3D view" in browser.value("document.body.innerText")
         assert shows_a_still(browser)
+        assert not browser.value("document.querySelector('#view .controls').checkVisibility()")
     finally:
         browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
 

@@ -134,7 +134,7 @@ def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
 
 
 def _facing(mesh: Mesh, faces: IntArray | slice, camera: Camera) -> FloatArray:
-    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 without area."""
+    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 edge-on."""
     corners = mesh.positions[mesh.faces[faces]] - camera.eye
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(-(normals * corners[:, 0]).sum(axis=1))
@@ -169,7 +169,7 @@ def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
         return "all objects are hidden or fully transparent"
     facing = [_facing(outline(item), slice(None), camera) for item in shown]
     if not any(side.any() for side in facing):
-        return "no triangle has an area"
+        return "every triangle is seen edge-on or has no area; choose another --view"
     culls = [
         item.material.double_sided is False
         or (item.material.double_sided is None and options.back_faces != "show")
