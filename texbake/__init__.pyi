@@ -70,7 +70,6 @@ from .errors import (
     is_out_of_memory as is_out_of_memory,
 )
 from .jobs.cages import cage_file as cage_file
-from .jobs.channel_options import PackChannelsOptions as PackChannelsOptions
 from .jobs.channels import (
     ChannelsReport as ChannelsReport,
     pack_channel_files as pack_channel_files,
@@ -127,6 +126,7 @@ from .jobs.meshes import (
 from .jobs.options import (
     DEMO_FOLDER as DEMO_FOLDER,
     DemoOptions as DemoOptions,
+    PackChannelsOptions as PackChannelsOptions,
     RunOptions as RunOptions,
 )
 from .jobs.outputs import JobResult as JobResult
@@ -208,6 +208,7 @@ from .mesh.materials import (
 )
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import vertex_curvatures as vertex_curvatures
+from .mesh.options import RepairOptions as RepairOptions, TransformOptions as TransformOptions
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import SHAPES as SHAPES, MakeOptions as MakeOptions
 from .mesh.remesh import (
@@ -220,7 +221,6 @@ from .mesh.repair import (
     RepairReport as RepairReport,
     repair as repair,
 )
-from .mesh.repair_options import RepairOptions as RepairOptions
 from .mesh.simplify import (
     SimplifyReport as SimplifyReport,
     simplify as simplify,
@@ -229,7 +229,6 @@ from .mesh.simplify import (
 from .mesh.simplify_options import SimplifyOptions as SimplifyOptions
 from .mesh.tangents import corner_tangents as corner_tangents
 from .mesh.transform import transform as transform
-from .mesh.transform_options import TransformOptions as TransformOptions
 from .pages.asset_page import write_bake_page as write_bake_page
 from .pages.slider_page import write_slider_page as write_slider_page
 from .progress import ProgressSink as ProgressSink

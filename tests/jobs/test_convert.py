@@ -17,9 +17,8 @@ from texbake.mesh.materials import (
     read_materials,
 )
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.repair_options import RepairOptions
+from texbake.mesh.options import RepairOptions, TransformOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.mesh.transform_options import TransformOptions
 from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.image import write_image
 

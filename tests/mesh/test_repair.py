@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.options import RepairOptions
 from texbake.mesh.parametric.make import make
 from texbake.mesh.repair import repair
-from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.topology import find_edges
 

@@ -5,9 +5,9 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mesh.normals import face_normals
+from texbake.mesh.options import TransformOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.transform import transform
-from texbake.mesh.transform_options import TransformOptions
 
 BALL = uv_sphere(5, 7)
 POINTS = BALL.positions

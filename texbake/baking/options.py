@@ -20,7 +20,7 @@ from texbake.durations import parse_seconds
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
+from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
 from texbake.schema import Option
 

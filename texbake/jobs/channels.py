@@ -14,7 +14,7 @@ import numpy as np
 
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, check_folder, check_writable
-from texbake.jobs.channel_options import PackChannelsOptions
+from texbake.jobs.options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
 from texbake.texture.image import FloatImage, Image, read_image, write_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images

@@ -11,10 +11,9 @@ from texbake.jobs.written import SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.options import RepairOptions, TransformOptions
 from texbake.mesh.repair import RepairReport, repair
-from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.transform import transform
-from texbake.mesh.transform_options import TransformOptions
 from texbake.progress import ProgressSink
 
 

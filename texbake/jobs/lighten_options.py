@@ -8,7 +8,7 @@ from typing import Annotated
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
-from texbake.mesh.orientation_options import ORIENTATION_OPTION
+from texbake.mesh.options import ORIENTATION_OPTION
 from texbake.mesh.remesh_options import REMESH_OPTION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option

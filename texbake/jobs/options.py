@@ -1,4 +1,4 @@
-"""Every option of the whole job and of the demo, with its default."""
+"""Every option of `run`, the demo and `pack_channels`, with its default."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from texbake.baking.options import (
+    BITS_OPTION,
     CONVENTIONS,
     PADDING_OPTION,
     THREADS_OPTION,
@@ -14,7 +15,7 @@ from texbake.baking.options import (
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
+from texbake.mesh.options import DEFAULT_ORIENTATION
 from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions, check_target
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
@@ -154,3 +155,10 @@ class DemoOptions(CheckedOptions):
             compare="full",
             threads=self.threads,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PackChannelsOptions(CheckedOptions):
+    """How `pack_channel_files` writes its image."""
+
+    bits: Annotated[int | None, replace(BITS_OPTION, default="those of the images")] = None

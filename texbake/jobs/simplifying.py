@@ -17,7 +17,7 @@ from texbake.jobs.outputs import (
 from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
+from texbake.mesh.options import DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
 from texbake.progress import ProgressSink

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from texbake.mesh.length_options import length_of
+from texbake.mesh.options import length_of
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
 

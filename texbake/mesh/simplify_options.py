@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal, get_args
 
 from texbake.errors import OptionError
-from texbake.mesh.length_options import length_of
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
+from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION, length_of
 from texbake.schema import CheckedOptions, Option
 
 Quality = Literal["fast", "best"]

@@ -9,7 +9,7 @@ from texbake.errors import OptionError
 from texbake.mesh.compose import transformed
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.transform_options import UNITS, TransformOptions
+from texbake.mesh.options import UNITS, TransformOptions
 from texbake.mesh.turn import turned_over
 
 # Takes a mesh whose z axis points up to one whose y axis does.

@@ -24,10 +24,9 @@ from texbake.building.step import (
 )
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.orientation_options import DEFAULT_ORIENTATION
+from texbake.mesh.options import DEFAULT_ORIENTATION, RepairOptions, TransformOptions
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.remesh_options import RemeshOptions
-from texbake.mesh.repair_options import RepairOptions
 from texbake.mesh.simplify_options import (
     DEFAULT_QUALITY,
     DEFAULT_SEAMS,
@@ -36,7 +35,6 @@ from texbake.mesh.simplify_options import (
     SimplifyOptions,
     error_limit,
 )
-from texbake.mesh.transform_options import TransformOptions
 from texbake.schema import CheckedOptions, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 

@@ -1,0 +1,120 @@
+"""Options of `repair` and `transform`, and those that several verbs share; without NumPy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from texbake.errors import OptionError, quoted
+from texbake.schema import CheckedOptions, Option
+
+ORIENTATIONS: Final = ("auto", "keep")
+DEFAULT_ORIENTATION: Final = "auto"
+
+ORIENTATION_OPTION = Option(
+    "Turn over parts of the high-poly mesh that face inwards (auto), or leave all as they are "
+    "(keep).",
+    choices=ORIENTATIONS,
+)
+
+# Meters in a unit of length.
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+UPS = ("y", "z")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairOptions(CheckedOptions):
+    """Which repairs `repair` makes.
+
+    If new texture coordinates are made later, `simplify` mostly comes closer to the surface
+    without the seams of the old ones.
+    """
+
+    merge: Annotated[bool, Option("Join vertices at one position.", flag="--merge/--no-merge")] = (
+        True
+    )
+    degenerate: Annotated[
+        bool, Option("Remove faces without area.", flag="--degenerate/--no-degenerate")
+    ] = True
+    duplicates: Annotated[
+        bool, Option("Remove faces that are there twice.", flag="--duplicates/--no-duplicates")
+    ] = True
+    winding: Annotated[
+        bool,
+        Option(
+            "Turn faces over so that neighbors agree and closed parts face outwards.",
+            flag="--winding/--no-winding",
+        ),
+    ] = True
+    coordinates: Annotated[
+        bool, Option("Keep texture coordinates.", flag="--coordinates/--no-coordinates")
+    ] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransformOptions(CheckedOptions):
+    """How `transform` moves a mesh: it is scaled and turned upright, then rotated, then moved."""
+
+    scale: Annotated[float, Option("Factor of all lengths.", above=0)] = 1.0
+    units: Annotated[
+        str | None,
+        Option(
+            "Unit of the lengths of the mesh, which become meters.",
+            choices=tuple(UNITS),
+            default="lengths stay as they are",
+        ),
+    ] = None
+    up: Annotated[
+        str, Option("Axis of the mesh that points up; z is turned to y.", choices=UPS)
+    ] = "y"
+    rotate: Annotated[
+        tuple[float, float, float],
+        Option(
+            "Angles about the x, y and z axis through the origin, in this order.",
+            metavar="X,Y,Z",
+            unit="degrees",
+        ),
+    ] = (0.0, 0.0, 0.0)
+    move: Annotated[
+        tuple[float, float, float],
+        Option("Vector that is added to all positions.", metavar="X,Y,Z", unit="model units"),
+    ] = (0.0, 0.0, 0.0)
+    flip: Annotated[bool, Option("Turn all faces over, and their normals with them.")] = False
+
+
+def length_of(name: str, what: str, value: str | float, diagonal: float) -> float:
+    """Return the length that an option gives, in the units of the diagonal.
+
+    Parameters
+    ----------
+    name
+        Of the option, for the error.
+    what
+        What its value is, such as "a width".
+    value
+        Such as `0.02`, or `1%` of the diagonal.
+    diagonal
+        Of the bounding box.
+
+    Raises
+    ------
+    OptionError
+        The value is neither, or negative.
+
+    Examples
+    --------
+    >>> length_of("close", "a width", "2%", 50.0)
+    1.0
+    """
+    word = str(value).strip()
+    try:
+        number = float(word.removesuffix("%"))
+    except ValueError:
+        number = math.nan
+    if not 0.0 <= number < math.inf:
+        raise OptionError(
+            f"{name}: {quoted(value)} is not {what}; give a length such as 0.02, or a share of the "
+            "diagonal such as 1%"
+        )
+    return 0.01 * number * diagonal if word.endswith("%") else number
