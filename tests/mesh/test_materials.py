@@ -153,6 +153,13 @@ def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):
     assert "none.png" in found.notes()[0]
 
 
+@pytest.mark.parametrize("statement", ["map_Bump -bm 0.5", "bump", "map_Ks", "disp", "refl"])
+def test_images_of_obj_materials_that_are_left_out_are_named(tmp_path, statement):
+    path = obj_with(tmp_path, "a.mtl", f"newmtl wood\nKd 1 0 0\n{statement} grain.png\n")
+    (note,) = read_materials(path, read_mesh(path)).notes()
+    assert note == f"wood: left out {statement.split()[0]} 'grain.png'"
+
+
 def test_files_without_materials_have_none(tmp_path):
     for suffix in "obj", "ply", "stl", "glb":
         path = tmp_path / f"cube.{suffix}"

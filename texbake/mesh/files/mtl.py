@@ -54,6 +54,11 @@ IMAGES = {
     "map_kd": "base-color", "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness",
     "map_pm": "metallic", "norm": "normal",
 }  # fmt: skip
+# Statements of images that change what is seen and are left out, by the channels nearest to them.
+_LEFT_OUT = {
+    "map_bump": "normal", "bump": "normal", "map_ks": "specular", "map_ns": "roughness",
+    "disp": "displacement", "refl": "environment", "decal": "base-color",
+}  # fmt: skip
 _RED = (0,)
 # Options of a map, by how many words follow them at most.
 _OPTION_WORDS = {
@@ -167,6 +172,10 @@ def _read_library(path: Path, missing: MissingParts, images: Images) -> dict[str
         elif statement.lower() in VALUES or statement.lower() in IMAGES:
             before = known.get(name, MeshMaterial(name=name))
             known[name] = _with_statement(before, path, statement, words, missing, images)
+        elif statement.lower() in _LEFT_OUT:
+            image = quoted(Path(map_name(words)[0]).name)
+            line = f"{shortened(name)}: left out {statement} {image}"
+            missing.add(_LEFT_OUT[statement.lower()], line)
     return known
 
 
