@@ -21,9 +21,9 @@ def read(tmp_path):
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
-def test_polygon_is_a_fan_in_the_order_of_the_file(read):
+def test_triangles_of_polygons_are_in_the_order_of_the_file(read):
     mesh = read(SQUARE + "v 0.5 2 0\nf 1 2 3 5 4\nf 1 2 3\n")
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 4], [0, 4, 3], [0, 1, 2]]
+    assert mesh.faces.tolist() == [[0, 1, 3], [2, 4, 3], [3, 1, 2], [0, 1, 2]]
     assert mesh.uvs is None
     assert mesh.normals is None
     assert mesh.face_groups is None

@@ -28,13 +28,13 @@ def test_heads_comments_and_polygons(read, head, end):
     text = head + "# vertices\n" + VERTICES + "\n" + FACES.replace("2\n", "2 # red\n", 1)
     mesh = read(text.replace("\n", end))
     assert mesh.positions.tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]]
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 1, 3], [1, 2, 3]]
 
 
 def test_colors_of_faces_are_skipped_and_points_and_lines_give_no_triangle(read):
     faces = "3 0 1 2 255 0 0\n1 3\n3 0 2 3 0.5 0.5 0.5 1.0\n2 0 1\n0\n4 0 1 2 3 17\n"
     mesh = read("OFF\n4 6 0\n" + VERTICES + faces)
-    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3]]
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]
 
 
 def with_columns(columns):

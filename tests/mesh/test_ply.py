@@ -75,7 +75,7 @@ def test_polygons_with_every_type_of_count_and_index(read, order, count, index):
     polygon = [(count, index, "vertex_index")]
     faces = [([0, 1, 2, 3],), ([3, 2, 1],), ([0, 1],), ([],), ([1, 2, 3, 0],)]
     mesh = read(ply(order, [("vertex", XYZ, POINTS), ("face", polygon, faces)]))
-    expected = [[0, 1, 2], [0, 2, 3], [3, 2, 1], [1, 2, 3], [1, 3, 0]]
+    expected = [[0, 1, 3], [1, 2, 3], [3, 2, 1], [1, 2, 3], [1, 3, 0]]
     assert mesh.faces.tolist() == expected
     quads = read(ply(order, [("vertex", XYZ, POINTS), ("face", polygon, faces[:1] * 2)]))
     assert quads.faces.tolist() == expected[:2] * 2

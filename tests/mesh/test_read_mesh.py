@@ -281,8 +281,9 @@ def test_a_file_of_trimesh_has_the_triangles_that_trimesh_reads(tmp_path, name, 
 
 @pytest.mark.realdata
 def test_real_files_have_the_triangles_that_trimesh_reads(data_dir):
-    few = (name for name, count in FACES.items() if count < 20_000)
-    others = ("spot_control_mesh.obj", "fish_control_mesh.obj", "busted.STL", "featuretype.STL")
+    # Without that of quadrilaterals, which have two ways to be cut.
+    few = (name for name, count in FACES.items() if count < 20_000 and "Perry" not in name)
+    others = ("busted.STL", "featuretype.STL")
     for name in (*few, "meshes/sword.obj", *(f"meshes/{name}" for name in others)):
         same_triangles(data_dir / name)
 

@@ -328,6 +328,14 @@ void copy_texels(
     const int64_t targets[n], const int32_t sources[n], const float neutral[n_channels],
     int64_t start, int64_t stop);
 
+/* ear_clipping.c */
+int64_t triangulate_polygons(
+    int64_t n_vertices, int64_t n_corners, int64_t n_polygons, int64_t n_triangles,
+    const double positions[n_vertices][3], const int32_t vertices[n_corners],
+    const int64_t first_corners[n_polygons], const int64_t sizes[n_polygons],
+    const int64_t first_triangles[n_polygons], int64_t triangles[n_triangles][3],
+    bool is_crossed[n_polygons], int64_t first, int64_t stop);
+
 /* edge_functions.c */
 void bin_faces(
     int64_t n_faces, int64_t n_listed, const int64_t corners[n_faces][3][2], int64_t n_rows,

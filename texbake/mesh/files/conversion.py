@@ -16,43 +16,6 @@ from texbake.metadata import CONVENTION, SPACE, from_description
 from texbake.png import SIGNATURE, png_description
 
 
-def fan_corners(sizes: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Corners of the triangles that fan out from each polygon's first corner.
-
-    Parameters
-    ----------
-    sizes : (P,) integers
-        Corners of each polygon, whose corners are numbered on from those of the one before.
-
-    Returns
-    -------
-    corners : (F, 3) int64
-        Corner numbers. A polygon of n corners gives n - 2 triangles in the order of its corners;
-        one of fewer than three gives none.
-    polygons : (F,) int64
-        The polygon of each triangle.
-
-    Examples
-    --------
-    >>> fan_corners(np.array([3, 4]))[0].tolist()
-    [[0, 1, 2], [3, 4, 5], [3, 5, 6]]
-    """
-    sizes = sizes.astype(np.int64)
-    n_triangles = np.maximum(sizes - 2, 0)
-    polygons = np.repeat(np.arange(len(sizes)), n_triangles)
-    first_corners = (np.cumsum(sizes) - sizes)[polygons]
-    first_triangles = (np.cumsum(n_triangles) - n_triangles)[polygons]
-    seconds = first_corners + np.arange(len(polygons)) - first_triangles + 1
-    return np.stack([first_corners, seconds, seconds + 1], axis=1), polygons
-
-
-def warn_of_short_faces(path: PathLike, sizes: npt.NDArray[Any]) -> None:
-    """Warn of the polygons of (P,) numbers of corners that give no triangle."""
-    if n_short := int(np.count_nonzero(sizes < 3)):
-        noun = "face" if n_short == 1 else "faces"
-        warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
-
-
 def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray[Any]:
     """(F, 3) corners of triangle strips, all wound like the first of their strip.
 

@@ -7,11 +7,11 @@ twice. Differences between files are removed, as the reader of USD does:
 - Lengths become meters; a unit is a centimeter where the file does not say.
 
 Each model is a group with its name; if it has several materials, each of them is a group named
-``model/material``. Polygons are fanned out. A subdivision surface is read as its control mesh, and
-a mesh with bones or shapes in the pose it is stored in, without animation. Hidden models, NURBS,
-curves, lights and cameras are left out. A warning names omissions that change the surface. Of
-several sets of texture coordinates or colors, the first is that of the mesh. Corners without one
-get zeros.
+``model/material``. For polygons see `texbake.mesh.polygons`. A subdivision surface is read as its
+control mesh, and a mesh with bones or shapes in the pose it is stored in, without animation. Hidden
+models, NURBS, curves, lights and cameras are left out. A warning names omissions that change the
+surface. Of several sets of texture coordinates or colors, the first is that of the mesh. Corners
+without one get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.

@@ -19,15 +19,11 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, quoted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import (
-    fan_corners,
-    finite_rows,
-    rows_not_finite,
-    warn_of_short_faces,
-)
+from texbake.mesh.files.conversion import finite_rows, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_smoothing import Polygons, edge_mapping, smoothed_normals
 from texbake.mesh.mesh import FloatArray
+from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import weld_rows
 
 Indices = npt.NDArray[np.int64]
@@ -99,8 +95,7 @@ class _Reader:
     def _triangles(self) -> tuple[Indices, Indices]:
         """Corners and polygons of the triangles that are kept."""
         where = f"{self.path}: geometry {quoted(self.name)}"
-        warn_of_short_faces(where, self.sizes)
-        slots, polygons = fan_corners(self.sizes)
+        slots, polygons = triangulated(where, self.positions, self.vertices, self.sizes)
         is_bad = self.vertices >= len(self.positions)
         bad = np.zeros(len(self.sizes), np.bool_)
         if is_bad.any():

@@ -26,7 +26,6 @@ from texbake.mesh.files.obj import (
     MARK,
     F,
     find_lines,
-    polygon_fans,
     polygon_sizes,
     read_obj_text,
 )
@@ -40,6 +39,7 @@ from texbake.mesh.materials import (
     MissingParts,
 )
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.polygons import polygon_of_triangles
 
 _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
@@ -104,8 +104,7 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     for (name, start), stop in zip(uses, [*stops, n_polygons], strict=True):
         if stop > start:
             polygons[start:stop] = ids.setdefault(name, len(ids))
-    fans = polygon_fans(polygon_sizes(data, lines))
-    faces = polygons if fans is None else polygons[fans[1]]
+    faces = polygons[polygon_of_triangles(polygon_sizes(data, lines))]
     missing = MissingParts()
     known = _read_libraries(Path(path), data.data, missing)
     return Materials(

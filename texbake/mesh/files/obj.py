@@ -5,7 +5,7 @@ manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
 
 Where the format leaves a choice, or files differ, this holds:
 
-- A polygon is fanned out from its first corner. Faces with fewer than three corners are left out.
+- For polygons see `texbake.mesh.polygons`. Faces with fewer than three corners are left out.
 - A face belongs to its object and group, named ``object/group``, or by one name if only one is set
   or both are equal; a new ``o`` ends the group before it. The rest of the line is the name,
   including spaces. If a file has neither ``o`` nor ``g``, its materials are the groups. Faces
@@ -36,16 +36,15 @@ from texbake.core import core
 from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike, appearing_together, replacing
 from texbake.mesh.files.conversion import (
-    fan_corners,
     finite_rows,
     finite_vertices,
     unit_colors,
-    warn_of_short_faces,
 )
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
 from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
 
 # Kinds of statements, each with its own list of lines; a mark is g, o or usemtl.
@@ -76,13 +75,13 @@ def read_obj(path: PathLike) -> Mesh:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     positions, n_words = read_values(path, data, lines, V, 3)
     sizes, corners = read_corners(path, data, lines)
-    warn_of_short_faces(path, sizes)
     fields: dict[str, Any] = {"positions": positions, "name": Path(path).name}
     if n_words.max() >= 6:
         fields["colors"] = _read_colors(path, data, lines, n_words)
 
-    fans = polygon_fans(sizes)
-    slots, polygons = (None, None) if fans is None else fans
+    slots, polygons = (
+        triangulated(path, positions, corners[0], sizes) if (sizes != 3).any() else (None, None)
+    )
     for part, (values, corner_name, width) in enumerate(
         (("positions", "faces", 3), ("uvs", "uv_faces", 2), ("normals", "normal_faces", 3))
     ):
@@ -111,11 +110,6 @@ def read_obj(path: PathLike) -> Mesh:
 def read_obj_text(path: PathLike) -> ByteArray:
     """Read the text of an OBJ file; raises what `text_of` and `read_array` raise."""
     return text_of(path, read_array(path), "an OBJ file")
-
-
-def polygon_fans(sizes: IntArray) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
-    """Corners and polygon of each triangle, as `fan_corners`; None if all are triangles already."""
-    return fan_corners(sizes) if (sizes != 3).any() else None
 
 
 def _require_finite(path: PathLike, data: ByteArray, lines: Lines, positions: FloatArray) -> None:

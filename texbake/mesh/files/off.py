@@ -6,8 +6,8 @@ The first word says what each vertex has: [ST][C][N][4][n]OFF, for texture coord
 normals, a fourth coordinate, and n dimensions; files with the last two are refused. The word may be
 missing.
 Everything from ``#`` to the end of a line is a comment. Each vertex and each face has a line of its
-own; what follows the indices of a face, its color, is skipped. A polygon is fanned out from its
-first corner; one of fewer than three corners gives no triangle.
+own; what follows the indices of a face, its color, is skipped. For polygons see
+`texbake.mesh.polygons`; one of fewer than three corners gives no triangle.
 """
 
 from __future__ import annotations
@@ -21,16 +21,11 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import (
-    fan_corners,
-    finite_rows,
-    finite_vertices,
-    unit_colors,
-    warn_of_short_faces,
-)
+from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
 from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
 from texbake.mesh.files.source import read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.polygons import triangulated
 
 # Comments and blank lines before the first word are skipped, and never divided in another way.
 _FIRST_WORD = re.compile(rb"\A(?:\s|#[^\r\n]*+)*+(ST)?(C)?(N)?(4)?(n)?OFF\b")
@@ -66,12 +61,14 @@ def read_off(path: PathLike) -> Mesh:
             f"{len(rows) - 2} lines for them; it is truncated or no OFF file"
         )
     vertex_rows, face_rows = rows[1 : n_vertices + 2], rows[n_vertices + 1 :][: n_faces + 1]
-    faces = _faces(path, numbers.values, face_rows)
-    if len(faces) == 0:
+    sizes, corners = _polygons(path, numbers.values, face_rows)
+    if not (sizes > 2).any():
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     needed = 3 + (3 if shaded else 0) + (3 if colored else 0) + (2 if textured else 0)
     table = _vertex_table(path, numbers.values, vertex_rows, needed)
-    fields: dict[str, Any] = {"positions": table[:, :3], "faces": faces, "name": Path(path).name}
+    positions = np.ascontiguousarray(table[:, :3])
+    faces = corners[triangulated(path, positions, corners, sizes)[0]]
+    fields: dict[str, Any] = {"positions": positions, "faces": faces, "name": Path(path).name}
     column = 3
     if shaded:
         normals = finite_rows(path, table[:, 3:6], "normals")
@@ -112,23 +109,24 @@ def _vertex_table(
     return table
 
 
-def _faces(path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]) -> IntArray:
-    """(F, 3) triangles of the face lines: a count, so many indices, and what follows them."""
+def _polygons(
+    path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], IntArray]:
+    """Sizes and corners of the face lines: a count, so many indices, and what follows them."""
     starts = rows[:-1]
-    sizes = values[starts]
-    if not ((sizes >= 0) & (sizes == np.floor(sizes)) & (sizes < np.diff(rows))).all():
+    counts = values[starts]
+    if not ((counts >= 0) & (counts == np.floor(counts)) & (counts < np.diff(rows))).all():
         raise FileFormatError(f"{path}: a face has fewer indices than it says; it is damaged")
-    sizes = sizes.astype(np.int64)
-    warn_of_short_faces(path, sizes)
-    slots, polygons = fan_corners(sizes)
-    # Slots count corners only; on the lines they lie apart.
-    corners = values[slots + (starts + 1 - (np.cumsum(sizes) - sizes))[polygons][:, None]]
+    sizes = counts.astype(np.int64)
+    # Corners are counted without the numbers between them.
+    before = np.repeat(starts + 1 - (np.cumsum(sizes) - sizes), sizes)
+    corners = values[np.arange(len(before)) + before]
     if not (np.abs(corners) < 2.0**31).all():
         raise MeshError(f"{path}: a position index is out of range")
-    faces: IntArray = corners.astype(np.int32)
-    if (faces != corners).any():
+    vertices: IntArray = corners.astype(np.int32)
+    if (vertices != corners).any():
         raise FileFormatError(f"{path}: a position index is not a whole number")
-    return faces
+    return sizes, vertices
 
 
 def write_off(mesh: Mesh, path: PathLike) -> None:

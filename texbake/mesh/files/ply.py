@@ -10,7 +10,7 @@ Read are vertex positions (x, y, z), normals (nx, ny, nz), texture coordinates (
 texture_u, texture_v) and colors (red, green, blue, alpha; integers are divided by the greatest
 value of their type), and of faces the polygons (vertex_indices or vertex_index), texture
 coordinates (texcoord) and normals (normals, which only texbake writes) of their corners. All else
-is skipped. A polygon is fanned out from its first corner; one of fewer than three corners gives no
+is skipped. For polygons see `texbake.mesh.polygons`; one of fewer than three corners gives no
 triangle. A file without faces may have triangle strips (tristrips) instead, in which -1 begins a
 new strip; triangles with a repeated vertex, which only turn a strip around, are dropped.
 """
@@ -26,17 +26,12 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import (
-    fan_corners,
-    finite_rows,
-    finite_vertices,
-    strip_triangles,
-    warn_of_short_faces,
-)
+from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import weld_rows
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
@@ -85,7 +80,7 @@ def read_ply(path: PathLike) -> Mesh:
         for prop in element.properties
     }
     if "face" in tables:
-        fields = _corner_fields(path, polygons, name)
+        fields = _corner_fields(path, positions, polygons, name)
     else:
         fields = {"faces": _strip_faces(path, polygons[name])}
     faces = fields["faces"]
@@ -132,12 +127,13 @@ def read_colors(
     return colors.astype(np.float32)
 
 
-def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, Any]:
+def _corner_fields(
+    path: PathLike, positions: FloatArray, polygons: Columns, name: str
+) -> dict[str, Any]:
     """Faces, and the texture coordinates and normals that corners have by themselves."""
-    sizes, indices = _flattened(polygons[name])
-    indices = _as_indices(path, indices)
-    warn_of_short_faces(path, sizes)
-    fields: dict[str, Any] = {"faces": _triangles(sizes, indices)}
+    sizes, indices = read_polygons(path, polygons, name)
+    slots = triangulated(path, positions, indices, sizes)[0]
+    fields: dict[str, Any] = {"faces": indices[slots]}
     for column, values, corners, width in zip(
         CORNER_LISTS, ("uvs", "normals"), ("uv_faces", "normal_faces"), (2, 3), strict=True
     ):
@@ -148,22 +144,16 @@ def _corner_fields(path: PathLike, polygons: Columns, name: str) -> dict[str, An
             raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
         numbers = finite_rows(path, numbers.reshape(-1, width), values)
         rows, ids = _joined(indices, numbers)
-        fields |= {values: rows, corners: _triangles(sizes, ids)}
+        fields |= {values: rows, corners: ids[slots]}
     return fields
 
 
-def read_triangles(path: PathLike, polygons: Columns, name: str) -> IntArray:
-    """(F, 3) int32 triangles of polygons, a column of which has the vertices of their corners."""
+def read_polygons(
+    path: PathLike, polygons: Columns, name: str
+) -> tuple[npt.NDArray[np.int64], IntArray]:
+    """(P,) sizes of polygons, and (C,) int32 the vertices of their corners, from a column."""
     sizes, indices = _flattened(polygons[name])
-    return _triangles(sizes, _as_indices(path, indices))
-
-
-def _triangles(sizes: npt.NDArray[np.int64], corners: IntArray) -> IntArray:
-    """Fan out polygons of some numbers of corners; (F, 3) of what they have at these."""
-    if (sizes == 3).all():
-        return corners.reshape(-1, 3)
-    triangles: IntArray = corners[fan_corners(sizes)[0]]
-    return triangles
+    return sizes, _as_indices(path, indices)
 
 
 def _strip_faces(path: PathLike, column: npt.NDArray[Any] | Ragged) -> IntArray:

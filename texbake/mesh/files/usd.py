@@ -7,10 +7,10 @@ between stages are removed:
 - Lengths become meters where the stage says how many a unit has; else they stay as they are.
 - Left-handed meshes list their corners the other way round.
 
-Polygons are fanned out; a subdivision surface is read as its control mesh. Each mesh is a
-group of its name, and where it has subsets of faces, each of those; in a stage of several meshes
-subsets are named ``mesh/subset``. Prims that are invisible, inactive, or there for guides or as
-proxies are left out, and so are point instancers, curves and points.
+For polygons see `texbake.mesh.polygons`; a subdivision surface is read as its control mesh. Each
+mesh is a group of its name, and where it has subsets of faces, each of those; in a stage of several
+meshes subsets are named ``mesh/subset``. Prims that are invisible, inactive, or there for guides or
+as proxies are left out, and so are point instancers, curves and points.
 
 Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
 """
@@ -29,7 +29,6 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
-from texbake.mesh.files.conversion import fan_corners
 from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.files.usd_stage import (
     UsdCorners,
@@ -40,6 +39,7 @@ from texbake.mesh.files.usd_stage import (
     reporting_damage,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
+from texbake.mesh.polygons import triangulated
 from texbake.mesh.uv_sets import UvSet
 
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -169,7 +169,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
         _fail(path, prim, f"its faces count {counts.sum()} corners, and {len(point_of)} are there")
     if point_of.size and (point_of.min() < 0 or point_of.max() >= len(points)):
         _fail(path, prim, f"a corner is none of its {len(points)} points")
-    slots, polygons = fan_corners(counts)
+    slots, polygons = triangulated(path, points, point_of, counts)
     holes = _integers(path, usd_mesh.GetHoleIndicesAttr().Get(time))
     kept = ~np.isin(polygons, holes)
     slots, polygons = slots[kept], polygons[kept]

@@ -27,6 +27,7 @@ from texbake.mesh.files.ply_tables import (
     require_rows,
 )
 from texbake.mesh.mesh import IntArray
+from texbake.mesh.polygons import triangulated
 from texbake.mesh.streamed.mapped_file import MappedFile, map_file
 from texbake.mesh.streamed.vertices import FileVertices
 from texbake.parallel import run_bands
@@ -162,7 +163,10 @@ def _ply_blocks(
             polygons, start = read_element(
                 path, vertices.data, start, rows, header.order, first_row=first
             )
-            faces = np.ascontiguousarray(ply.read_triangles(path, polygons, name))
+            sizes, corners = ply.read_polygons(path, polygons, name)
+            used, local = np.unique(np.clip(corners, 0, vertices.n - 1), return_inverse=True)
+            positions = vertices.read(used, threads)
+            faces = corners[triangulated(path, positions, local, sizes)[0]]
             _check_indices(path, faces, n_before, vertices.n)
         n_before += len(faces)
         yield faces

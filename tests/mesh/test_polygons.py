@@ -1,0 +1,166 @@
+"""Triangles of polygons: they fill the polygon, whatever corner comes first, in every format."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from tests.hard_cases.fbx_writer import scene, shape, written
+from texbake.errors import ReadWarning
+from texbake.mesh.files import read_mesh
+from texbake.mesh.polygons import triangulated
+
+# The floor of an L: three squares.
+L_SHAPE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+
+
+def areas(points, triangles):
+    """(F,) areas of triangles of points (n, 2) of whole numbers, exact."""
+    a, b, c = np.asarray(points)[triangles].transpose(1, 2, 0)
+    return ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2
+
+
+def area(points):
+    """Area of a polygon (n, 2) of whole numbers."""
+    x, y = np.asarray(points).T
+    return (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
+
+
+def cut(points, *, first=0, axis=2):
+    """Triangles of a polygon that begins with another corner, as numbers of its points."""
+    flat = np.insert(np.asarray(points, float), 2, 0.0, axis=1)
+    corners = np.roll(np.arange(len(flat)), -first)
+    places = np.ascontiguousarray(np.roll(flat, axis - 2, axis=1))
+    triangles, polygons = triangulated("it", places, corners, np.array([len(flat)]))
+    assert triangles[0, :2].tolist() == [0, 1]
+    assert polygons.tolist() == [0] * (len(flat) - 2)
+    return corners[triangles]
+
+
+def star(rng, n, size):
+    """A polygon of whole numbers around a point, counter-clockwise; many corners are straight."""
+    points = np.unique(rng.integers(-size, size + 1, (n, 2)), axis=0)
+    points = points[(points != 0).any(axis=1)]
+    turns = np.arctan2(points[:, 1], points[:, 0]).round(9)
+    points = points[np.unique(turns, return_index=True)[1]]
+    gaps = np.diff(np.sort(turns), append=turns.min() + 2 * np.pi)
+    return points if len(points) > 3 and gaps.max() < 3 else star(rng, n, size)
+
+
+@pytest.mark.parametrize("size", [2, 5, 1000, 2**25])
+def test_triangles_fill_a_polygon_whatever_corner_comes_first(size):
+    rng = np.random.default_rng(size)
+    for _ in range(100):
+        points = star(rng, int(rng.integers(6, 40)), size)
+        first = int(rng.integers(len(points)))
+        triangles = cut(points, axis=int(rng.integers(3)))
+        assert areas(points, triangles).min() > 0
+        assert areas(points, triangles).sum() == area(points)
+        same = cut(points, first=first)
+        assert {tuple(sorted(t)) for t in same.tolist()} == {
+            tuple(sorted(t)) for t in cut(points).tolist()
+        }
+
+
+def test_a_corridor_and_a_hole_with_a_bridge():
+    steps = np.arange(300)
+    comb = [(299, 0), *zip(steps[::-1], 1 + 50 * (steps % 2), strict=True), (0, 0)]
+    spiral = [(r, a) for r in (1, 2) for a in range(40)]
+    turned = [
+        (round(1e6 * (r + a / 9) * np.cos(a)), round(1e6 * (r + a / 9) * np.sin(a)))
+        for r, a in [*spiral[40:], *spiral[:40][::-1]]
+    ]
+    hole = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
+    for points in (comb, turned, hole):
+        for first in (0, 3, len(points) - 1):
+            triangles = cut(points, first=first)
+            assert areas(points, triangles).min() > 0
+            assert areas(points, triangles).sum() == area(points)
+
+
+def test_quadrilaterals_are_cut_along_the_shorter_diagonal_that_lies_inside():
+    long = [(0, 0), (3, 0), (4, 2), (1, 2)]
+    arrow = [(0, 0), (4, 1), (1, 1), (1, 4)]
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    for points, diagonal in ((long, {1, 3}), (arrow, {0, 2}), (square, {0, 2})):
+        for first in range(4):
+            one, other = cut(points, first=first).tolist()
+            assert set(one) & set(other) == diagonal
+
+
+@pytest.mark.parametrize("n", [4, 5, 7])
+def test_polygons_that_cross_themselves_are_counted(n):
+    turns = 2 * np.pi * 2 * np.arange(n) / n if n % 2 else np.array([0, 2, 1, 3]) * np.pi / 2
+    star = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    with pytest.warns(ReadWarning, match="2 faces cross themselves"):
+        triangulated("it", star, np.tile(np.arange(n), 2), np.array([n, n]))
+
+
+def test_polygons_without_area_have_triangles_too():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for points in ([(i, 0) for i in range(6)], [(0, 0)] * 7, [(0, 0), (1, 0)] * 2):
+            assert len(cut(points)) == len(points) - 2
+
+
+def test_a_polygon_of_many_corners_is_cut_at_once():
+    turns = 2 * np.pi * np.arange(100_000) / 100_000
+    radii = np.random.default_rng(0).uniform(1, 2, len(turns))
+    points = (radii * np.stack([np.cos(turns), np.sin(turns)])).T
+    triangles = cut(points)
+    assert areas(points, triangles).sum() == pytest.approx(area(points), rel=1e-12)
+    assert areas(points, triangles).min() > 0
+
+
+def l_prism():
+    """Points and polygons of an L-shaped prism of height 1: area 14, volume 3."""
+    points = [(x, y, z) for z in (0, 1) for x, y in L_SHAPE]
+    sides = [[i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(6)]
+    return points, [[2, 1, 0, 5, 4, 3], [9, 10, 11, 6, 7, 8], *sides]
+
+
+def _obj(points, polygons):
+    lines = [f"v {x} {y} {z}" for x, y, z in points]
+    return "\n".join([*lines, *("f " + " ".join(str(i + 1) for i in p) for p in polygons)])
+
+
+def _off(points, polygons):
+    lines = [f"{x} {y} {z}" for x, y, z in points]
+    lines += [" ".join(map(str, [len(p), *p])) for p in polygons]
+    return "\n".join([f"OFF\n{len(points)} {len(polygons)} 0", *lines])
+
+
+def _ply(points, polygons):
+    body = _off(points, polygons).split("\n", 2)[2]
+    axes = "".join(f"property double {axis}\n" for axis in "xyz")
+    return (
+        f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n{axes}element face "
+        f"{len(polygons)}\nproperty list uchar int vertex_indices\nend_header\n{body}\n"
+    )
+
+
+def _usda(points, polygons):
+    corners = [i for p in polygons for i in p]
+    return (
+        f'#usda 1.0\ndef Mesh "L" {{\npoint3f[] points = {points}\n'
+        f"int[] faceVertexCounts = {[len(p) for p in polygons]}\n"
+        f"int[] faceVertexIndices = {corners}\n}}\n"
+    )
+
+
+def _fbx(points, polygons):
+    ends = [i for p in polygons for i in (*p[:-1], ~p[-1])]
+    geometry = shape(points=100 * np.array(points, float), polygons=np.array(ends, np.int32))
+    return written(scene(geometry=geometry), 7400, "binary")
+
+
+@pytest.mark.parametrize("write", [_obj, _off, _ply, _usda, _fbx], ids=lambda w: w.__name__[1:])
+def test_a_concave_prism_has_its_area_in_every_format(write, tmp_path):
+    data = write(*l_prism())
+    path = tmp_path / f"prism.{write.__name__[1:]}"
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    mesh = read_mesh(path)
+    a, b, c = mesh.positions[mesh.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(14)
+    assert (a * normals).sum() / 6 == pytest.approx(3)
