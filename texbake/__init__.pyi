@@ -332,16 +332,15 @@ from .texture.image import (
     write_image as write_image,
 )
 from .texture.lookup import ramp_lookup as ramp_lookup, volume_lookup as volume_lookup
-from .texture.mip_options import MipOptions as MipOptions
 from .texture.mipmaps import (
     MipChain as MipChain,
     mip_chain as mip_chain,
 )
+from .texture.options import MipOptions as MipOptions, PackOptions as PackOptions
 from .texture.pack import (
     PackedTextures as PackedTextures,
     pack_textures as pack_textures,
 )
-from .texture.pack_options import PackOptions as PackOptions
 from .texture.sample import sample_texture as sample_texture
 
 __version__: str

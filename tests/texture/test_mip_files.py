@@ -4,8 +4,8 @@ import pytest
 from texbake.errors import OptionError
 from texbake.texture.image import read_image, write_image
 from texbake.texture.mip_files import levels_picture, roughness_of_lengths, write_mip_levels
-from texbake.texture.mip_options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
 from texbake.texture.mipmaps import mip_chain
+from texbake.texture.options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
 
 
 @pytest.fixture

@@ -24,9 +24,8 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import bits_for, write_heights, write_normals
 from texbake.texture.image_formats import check_image_format
 from texbake.texture.mip_files import write_mip_levels
-from texbake.texture.mip_options import MipOptions
+from texbake.texture.options import MipOptions, PackOptions
 from texbake.texture.pack import PackedTextures, pack_textures
-from texbake.texture.pack_options import PackOptions
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands
 from texbake.png import is_png, png_description
+from texbake.texture.costly_images import require_few_attributes, require_few_scans
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,
@@ -32,7 +33,6 @@ from texbake.texture.encoding import (
     quantize_srgb,
     quantize_unsigned,
 )
-from texbake.texture.exr import require_few_attributes
 from texbake.texture.image_formats import (
     PNG,
     check_image_format,
@@ -41,7 +41,6 @@ from texbake.texture.image_formats import (
     require_read_format,
     suffix_of_content,
 )
-from texbake.texture.jpeg import require_few_scans
 from texbake.texture.png_files import write_png
 
 # (H, W) or (H, W, C), row 0 at the top.

@@ -21,8 +21,8 @@ from texbake.texture.encoding import decode_normals, encode_normals
 from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
 from texbake.texture.image_formats import check_image_format, holds_floats
-from texbake.texture.mip_options import MipOptions
 from texbake.texture.mipmaps import mip_chain
+from texbake.texture.options import MipOptions
 
 
 def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from texbake.errors import OptionError, UvError
 from texbake.mapping.options.texture import MAX_SIZE
 from texbake.mesh.mesh import Mesh
-from texbake.texture.pack_options import PackOptions
+from texbake.texture.options import PackOptions
 
 FloatImage = npt.NDArray[np.float32]
 

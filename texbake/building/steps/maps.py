@@ -22,8 +22,7 @@ from texbake.building.step import (
 )
 from texbake.errors import OptionError, quoted
 from texbake.schema import Option
-from texbake.texture.mip_options import MipOptions
-from texbake.texture.pack_options import PackOptions
+from texbake.texture.options import MipOptions, PackOptions
 
 
 @dataclass(frozen=True, kw_only=True)

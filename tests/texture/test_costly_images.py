@@ -1,4 +1,4 @@
-"""EXR files whose headers have very much in them."""
+"""EXR files whose headers have very many parts; JPEG files of many scans: `tests/test_limits.py`."""
 
 import struct
 
@@ -7,7 +7,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
-from texbake.texture.exr import require_few_attributes
+from texbake.texture.costly_images import require_few_attributes
 from texbake.texture.image import read_image, write_image
 
 

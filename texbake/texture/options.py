@@ -1,4 +1,4 @@
-"""Every option of packing textures, with its default."""
+"""Every option of writing mip levels and of packing textures, with its default."""
 
 from __future__ import annotations
 
@@ -8,7 +8,36 @@ from typing import Annotated
 from texbake.mapping.options.texture import MAX_SIZE, Size
 from texbake.schema import CheckedOptions, Option
 
+MIP_KINDS = ("color", "data", "normal")
+MIP_WRAPS = ("repeat", "mirror", "clamp")
+MIP_FILTERS = ("box", "kaiser")
 EDGES = ("clamp", "repeat")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MipOptions(CheckedOptions):
+    """How the mip levels of an image are made."""
+
+    kind: Annotated[
+        str,
+        Option(
+            "Average sRGB colors in linear light (color), values as they are (data), or unit "
+            "vectors (normal).",
+            choices=MIP_KINDS,
+        ),
+    ] = "color"
+    wrap: Annotated[
+        str,
+        Option("Repeat, mirror or clamp the image beyond its borders.", choices=MIP_WRAPS),
+    ] = "repeat"
+    filter: Annotated[
+        str,
+        Option(
+            "Average the area of a texel (box), or keep distant detail sharper with a windowed "
+            "sinc (kaiser).",
+            choices=MIP_FILTERS,
+        ),
+    ] = "box"
 
 
 @dataclass(frozen=True, kw_only=True)
