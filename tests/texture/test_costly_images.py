@@ -1,4 +1,4 @@
-"""EXR files whose headers have very many parts; JPEG files of many scans: `tests/test_limits.py`."""
+"""EXR files whose headers have very many parts; for JPEG files see `tests/test_limits.py`."""
 
 import struct
 
