@@ -175,7 +175,8 @@ def test_only_static_lights_are_baked_and_removed() -> None:
     scene = Scene(objects=(FLOOR,), lighting=Lighting(lights=(moving, hung)))
     maps = bake_light_maps(scene, BakeOptions(size=8))
     assert maps.maps[0].values.max() == 0.0
-    assert maps.warnings == (
+    assert maps.warnings[0].startswith("scene: its light maps are black")
+    assert maps.warnings[1:] == (
         "light light: it follows the camera and is left out of the light maps",
     )
     assert maps.shown_in(scene).lighting.lights == (moving, hung)
@@ -255,10 +256,12 @@ def test_overlaps_and_tiles_are_reported() -> None:
         objects=(
             SceneObject(mesh=folded, name="folded"),
             SceneObject(mesh=tiled, name="tiled"),
-        )
+        ),
+        name="room.toml",
     )
     warnings = bake_light_maps(scene, BakeOptions(size=8)).warnings
-    assert [text.split(":")[0] for text in warnings] == ["folded", "tiled"]
+    assert [text.split(":")[0] for text in warnings] == ["room.toml", "folded", "tiled"]
+    assert "its light maps are black; add ambient light" in warnings[0]
 
 
 def test_files_hold_light_beyond_1_or_end_there(tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -287,6 +287,11 @@ def bake_light_maps(
 
 
 def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
+    if not any(item.values.any() for item in maps):
+        yield (
+            f"{scene.name}: its light maps are black; add ambient light, or a static light that "
+            "shines on an object"
+        )
     has_map = {item.index for item in maps}
     for index, item in enumerate(scene.objects):
         if item.material.shading != "unlit" and index not in has_map:

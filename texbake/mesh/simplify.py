@@ -34,6 +34,7 @@ from texbake.progress import ProgressSink, Stages
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
 _MOST_ERROR = 0.5
 _FIRST_FACES = 2_000  # what is tried first for an error
+_FEW_FACES = "the mesh has no more faces than requested"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,7 +223,7 @@ def _simplified(
             return _within(mesh, n_faces, limit, quality, seams, threads)
     assert n_faces is not None
     if n_faces >= mesh.n_faces:
-        return _unchanged(mesh, "it has no more faces than requested")
+        return _unchanged(mesh, _FEW_FACES)
     with stages.stage("simplify"):
         return reduced(mesh, n_faces, quality, threads, seams)
 
@@ -236,8 +237,8 @@ def _within(
 ) -> Reduction:
     """The result of fewest faces found, not below a number, that lies within a distance."""
     if mesh.n_faces <= (n_faces or MIN_FACES):
-        return _unchanged(mesh, "it has no more faces than requested")
-    fitting = _unchanged(mesh, "fewer faces would lie further from it than the error allows")
+        return _unchanged(mesh, _FEW_FACES)
+    fitting = _unchanged(mesh, "fewer faces would lie further from the mesh than the error allows")
 
     def attempt(n_asked: int) -> Trial:
         nonlocal fitting
