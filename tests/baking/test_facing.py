@@ -8,10 +8,9 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
-from texbake.mesh.compose import join_meshes
+from texbake.mesh.compose import join_meshes, turned_over
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.mesh.turn import turned_over
 
 OPTIONS = BakeOptions(maps=("normal", "displacement", "ao"), size=64, secondary_rays=4)
 

@@ -24,9 +24,9 @@ from texbake import (
     run,
 )
 from texbake.mapping.options.atlas import fitting_padding
+from texbake.mesh.compose import turned_over
 from texbake.mesh.shapes import cube, icosphere, orange
 from texbake.mesh.topology import face_components
-from texbake.mesh.turn import turned_over
 from texbake.mesh.weld import weld_rows
 
 FILES = {

@@ -16,10 +16,9 @@ from texbake.jobs.unwrapping import unwrap_files
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import excerpt, join_meshes, transformed
+from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
-from texbake.mesh.turn import turned_over
 from texbake.mesh.uv_sets import MOST_UV_SETS, UvSet
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.models import joined
+from texbake.mesh.compose import turned_over
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
-from texbake.mesh.turn import turned_over
 from texbake.raycast.orient import oriented
 
 

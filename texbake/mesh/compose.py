@@ -1,4 +1,4 @@
-"""Meshes made of other meshes: joined, cut out, and moved by an affine map.
+"""Meshes made of other meshes: joined, cut out, moved by an affine map, and turned over.
 
 Under a map, normals follow by the inverse transpose and tangents as directions along the surface. A
 map that mirrors turns triangles inside out; they are turned back by listing their corners in the
@@ -16,7 +16,10 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.uv_sets import joined_uv_sets, sets_by_corner
+from texbake.mesh.uv_sets import UvSet, joined_uv_sets, sets_by_corner
+
+# Fields of a mesh with a row of three indices for each face.
+CORNERS = ("faces", "uv_faces", "normal_faces")
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
@@ -185,7 +188,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
     changes: dict[str, Any] = {"positions": pm.matmul(mesh.positions, linear.T) + matrix[:3, 3]}
-    for corners in "faces", "uv_faces", "normal_faces":
+    for corners in CORNERS:
         indices = getattr(mesh, corners)
         changes[corners] = None if indices is None else indices[:, order]
     if mesh.normals is not None:
@@ -258,3 +261,34 @@ def _moderate(linear: FloatArray) -> FloatArray:
     largest = np.abs(linear).max(axis=(-2, -1), keepdims=True)
     is_moderate = (largest == 0.0) | ((largest > 1e-100) & (largest < 1e100))
     return linear / np.where(is_moderate, 1.0, largest)
+
+
+def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
+    """Return a mesh with some faces turned over, and the normals at their corners with them.
+
+    Tangents are left out, since they belong to the old normals.
+
+    Parameters
+    ----------
+    mesh
+    turned : (F,) bool
+    """
+    if not turned.any():
+        return mesh
+    changes: dict[str, Any] = {"tangents": None}
+    for name in CORNERS:
+        corners = getattr(mesh, name)
+        if corners is not None:
+            corners = corners.copy()
+            corners[turned] = corners[turned][:, ::-1]
+            changes[name] = corners
+    changes["uv_sets"] = {
+        name: UvSet(item.uvs, np.where(turned[:, None], item.faces[:, ::-1], item.faces))
+        for name, item in mesh.uv_sets.items()
+    }
+    if mesh.normals is not None:
+        corners = changes["normal_faces"].copy()
+        corners[turned] += len(mesh.normals)
+        changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
+        changes["normal_faces"] = corners
+    return mesh.replace(**changes)

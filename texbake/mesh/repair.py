@@ -19,12 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.compose import CORNERS, turned_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import degenerate_faces, duplicate_faces, edge_neighbors
-from texbake.mesh.turn import CORNERS, turned_over
 from texbake.mesh.weld import weld_rows
 
 

@@ -6,11 +6,10 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.compose import transformed
+from texbake.mesh.compose import transformed, turned_over
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.options import UNITS, TransformOptions
-from texbake.mesh.turn import turned_over
 
 # Takes a mesh whose z axis points up to one whose y axis does.
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])

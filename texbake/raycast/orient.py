@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from texbake.mesh.compose import turned_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.turn import turned_over
 from texbake.raycast.outside import find_orientation, share_seen_from_behind
 from texbake.raycast.scene import RayScene
 

@@ -31,11 +31,10 @@ from texbake.rendering.effects.images import image_of
 from texbake.rendering.effects.points import textured_mesh
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, World, read_only
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, TexelReport
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.texel_report import TexelReport
 from texbake.texture.encoding import decode_srgb
 
 # Parts of texels in all at most, and of one texel along a side.
