@@ -13,6 +13,8 @@ from typing import Self
 
 # A stage is timed for this long before its length is estimated.
 _TIMED = 3.0
+# The state of a shorter stage would be "0 s".
+_SHOWN = 0.5
 # Shorter stages are not announced.
 _LONG = 60.0
 
@@ -119,10 +121,11 @@ class Lines:
         del self._stages[stage]
 
     def tick(self) -> None:
-        """Print the state of the innermost stage."""
-        running = list(self._stages.values())
+        """Print the state of the innermost stage, but for one that has just begun."""
+        now = self._clock()
+        running = [timed for timed in self._stages.values() if now - timed.begun >= _SHOWN]
         if running:
-            self._write(running[-1].state(self._clock()))
+            self._write(running[-1].state(now))
 
     def _run(self) -> None:
         with self._at_work:

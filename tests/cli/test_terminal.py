@@ -152,7 +152,12 @@ def test_lines_tell_the_state_of_the_innermost_stage() -> None:
     lines.tick()
     lines.finished("bake", 10.0)
     lines.tick()
-    assert printed == ["run: 10 s", "bake: 25 % in 10 s, about 30 s left", "run: 20 s"]
+    lines.started("pad", None, "")
+    now[0] += 0.4
+    lines.tick()
+    assert printed == [
+        "run: 10 s", "bake: 25 % in 10 s, about 30 s left", "run: 20 s", "run: 20 s",
+    ]  # fmt: skip
 
 
 def test_lines_are_printed_while_the_work_runs(monkeypatch: pytest.MonkeyPatch) -> None:
