@@ -84,10 +84,8 @@ def text_of(path: PathLike, data: ByteArray, kind: str) -> ByteArray:
         The file has binary data, and so is not of this kind.
     """
     start = len(BYTE_ORDER_MARK) if data[:3].tobytes() == BYTE_ORDER_MARK else 0
-    stop = len(data)
-    while stop > start and data[stop - 1] == 0:
-        stop -= 1
-    text = data[start:stop]
+    ends_with_nul = len(data) > 0 and data[-1] == 0
+    text = data[start : len(data.tobytes().rstrip(b"\0")) if ends_with_nul else None]
     if (text[: 1 << 16] == 0).any():
         raise FileFormatError(f"{path}: it is not {kind}; it holds binary data")
     return text
