@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
+from trimesh.exchange.dae import export_collada
 
 from tests.hard_cases.fbx_writer import FACES, POINTS, layer, scene, shape, written
 from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError, heard_warnings
@@ -392,6 +393,18 @@ def test_damaged_draco_is_read_or_one_line(tmp_path, draco_ball):
             n_refused += 1
             assert "\n" not in str(error)
     assert n_refused > 10
+
+
+def test_a_damaged_geometry_of_collada_is_named(tmp_path):
+    parts = [to_trimesh(mesh) for mesh in (cube(), icosphere(0))]
+    (tmp_path / "a.dae").write_bytes(export_collada(parts))
+    mesh, lines = heard(tmp_path / "a.dae")
+    assert (mesh.n_faces, lines) == (32, [])
+    head, indices, tail = (tmp_path / "a.dae").read_text("utf-8").rpartition("<p>")
+    (tmp_path / "a.dae").write_text(head + indices + "9" + tail, "utf-8")
+    mesh, (line,) = heard(tmp_path / "a.dae")
+    assert mesh.n_faces == 12
+    assert line.startswith("left out 1 damaged geometry: DaeMalformedError: Indexes")
 
 
 @pytest.mark.parametrize("row", ["0 0 1 1", "0 0 0 2", "0.5 0 0 1"])

@@ -7,15 +7,18 @@ splits them at every corner; texture coordinates and normals keep their own indi
 
 from __future__ import annotations
 
+import threading
 import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
-from texbake.errors import FileFormatError, one_line
+from texbake.errors import FileFormatError, one_line, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.source import damaged, read_array
@@ -28,6 +31,7 @@ from texbake.mesh.weld import weld_rows
 _LEAST_UNPACKED = 1 << 26
 _MOST_TIMES = 20
 _PIECE = 1 << 20  # bytes unpacked at once
+_COLLADA = threading.Lock()
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
@@ -46,11 +50,13 @@ def read_with_trimesh(path: PathLike) -> Mesh:
     suffix = Path(path).suffix.lower()
     read_array(path)  # raises where it is missing or empty
     _require_small_archive(path)
-    if suffix in (".dae", ".zae"):
+    is_collada = suffix in (".dae", ".zae")
+    if is_collada:
         require_few_instances(path)
     elif suffix == ".3mf":
         require_few_objects(path)
-    scene = _load(path, suffix)
+    with _warned_of_geometries(path) if is_collada else nullcontext():
+        scene = _load(path, suffix)
     return _welded(from_trimesh(scene, name=Path(path).name))
 
 
@@ -107,6 +113,30 @@ def _load(path: PathLike, suffix: str) -> Any:
         raise
     except Exception as error:
         raise damaged(path, error) from error
+
+
+@contextmanager
+def _warned_of_geometries(path: PathLike) -> Iterator[None]:
+    """Warn of geometries that pycollada leaves out, of which trimesh does not say a word."""
+    import collada
+
+    broken: list[Exception] = []
+
+    def heard(reader: Any) -> None:
+        n_before = len(reader.errors)
+        load(reader)
+        broken.extend(reader.errors[n_before:])
+
+    with _COLLADA:
+        load = collada.Collada._loadGeometry
+        collada.Collada._loadGeometry = heard
+        try:
+            yield
+        finally:
+            collada.Collada._loadGeometry = load
+    if broken:
+        noun = "geometry" if len(broken) == 1 else "geometries"
+        warn_of(path, f"left out {len(broken):,} damaged {noun}: {one_line(broken[0])}")
 
 
 def _welded(mesh: Mesh) -> Mesh:
