@@ -6,6 +6,7 @@ from hypothesis.extra import numpy as hnp
 from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere
 
 
 @pytest.fixture
@@ -217,3 +218,43 @@ def test_more_lines_than_a_band(tmp_path):
     mesh = read_mesh(tmp_path / "mesh.obj")
     assert mesh.positions.tobytes() == positions.tobytes()
     np.testing.assert_array_equal(mesh.faces, faces)
+
+
+_CUBE = "".join(f"v {i & 1} {i >> 1 & 1} {i >> 2}\n" for i in range(8))
+_SIDES = "f 1 2 6 5\nf 2 4 8 6\nf 4 3 7 8\nf 3 1 5 7\n"
+_LIDS = ("f 5 6 8 7\n", "f 1 3 4 2\n")
+
+
+@pytest.mark.parametrize(
+    "statements, n_normals",
+    [
+        ("{1}{2}{0}", None),
+        ("s 1\n{0}{1}{2}", None),
+        ("s off\n{0}{1}{2}", 24),
+        ("s 0\n{0}{1}{2}", 24),
+        ("{0}{1}{2}s 2\n", 24),  # nothing follows the group
+        ("s 1\n{0}s 2\n{1}s 3\n{2}", 16),
+        ("s 1\n{0}s off # lids\n{1}{2}", 16),
+        ("s 7\n{0}{1}s 8\n{2}", 12),
+        ("{1}s 1\n{0}{2}", 12),
+        ("o a\ns 1\n{0}usemtl m\n{1}g b\ns 2\n{2}", 12),
+    ],
+)
+def test_edges_between_smoothing_groups_are_hard(read, statements, n_normals):
+    text = _CUBE + statements.format(_SIDES, *_LIDS)
+    mesh = read(text)
+    assert (None if mesh.normals is None else len(mesh.normals)) == n_normals
+    if n_normals == 16:  # the lids are flat, and the sides share normals that are level
+        assert sorted(set(np.abs(mesh.normals[:, 2]).round(9))) == [0.0, 1.0]
+
+
+def test_normals_of_the_file_go_before_smoothing_groups(read):
+    assert len(read(SQUARE + "vn 0 0 1\ns off\nf 1//1 2 3\nf 1 3 4\n").normals) == 2
+
+
+def test_a_finely_curved_surface_without_groups_stays_smooth(tmp_path):
+    for level, is_smooth in ((2, False), (5, True)):
+        path = tmp_path / f"{level}.obj"
+        write_mesh(icosphere(level), path)
+        path.write_text("s off\n" + path.read_text())
+        assert (read_mesh(path).normals is None) == is_smooth

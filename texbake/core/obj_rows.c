@@ -8,7 +8,7 @@
 #include "core.h"
 #include "decimals.h"
 
-/* Kinds of statements, each with its own list of lines, numbered as in obj.py; a mark is g, o or
+/* Kinds of statements, each with its own list of lines, numbered as in obj.py; a mark is g, o, s or
    usemtl. */
 enum { NO_KIND = -1, V, VT, VN, F, MARK };
 
@@ -75,7 +75,8 @@ static inline int kind_of(struct text text, int64_t at, int64_t *behind)
     if (second <= 32) {
         if (first == 'v' || first == 'f')
             *behind = at + 1;
-        return first == 'v' ? V : first == 'f' ? F : first == 'g' || first == 'o' ? MARK : NO_KIND;
+        const bool is_mark = first == 'g' || first == 'o' || first == 's';
+        return first == 'v' ? V : first == 'f' ? F : is_mark ? MARK : NO_KIND;
     }
     if (first == 'v' && third <= 32 && (second == 't' || second == 'n')) {
         *behind = at + 2;

@@ -7,32 +7,45 @@ edge of a curved surface would be one.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.weld import weld_rows
 
+# Components of float32 unit vectors that are rounded differently differ by less.
+_ROUNDING = 1e-6
 # A surface is curved where half its facets turn by less than this from one to the next. Edges of
 # what is built of flat sides, such as a crate, turn by more.
-_CURVED = pm.cos(np.radians(30.0))
+_CURVED = 30.0  # degrees
 
 
-def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
+def is_flat_shaded(mesh: Mesh, *, most_turn: float = _CURVED, threads: int | None = None) -> bool:
     """Whether a curved surface has a single normal on each of its facets.
 
+    `most_turn` is the angle between facets, in degrees, that half of them stay below.
     A facet is a triangle or a polygon that was cut into triangles. False for a mesh without normals
     and for one whose facets mostly meet at sharp edges.
     """
     if mesh.normals is None or mesh.normal_faces is None:
         return False
     corners = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
-    if (corners != corners[:, :1]).any():
+    firsts = np.repeat(corners[:, :1], 3, axis=1)
+    if _differ(mesh.normals, corners.ravel(), firsts.ravel()).any():
         return False
     neighbors = edge_neighbors(weld_rows(mesh.positions, threads=threads)[mesh.faces])
     a, b = corners[neighbors.first, 0], corners[neighbors.second, 0]
-    hard = a != b
+    hard = _differ(mesh.normals, a, b)
     if 2 * np.count_nonzero(hard) < len(a) or not len(a):
         return False
     cosines = pm.vecdot(mesh.normals[a[hard]], mesh.normals[b[hard]])
-    return bool(np.median(cosines) > _CURVED)
+    return bool(np.median(cosines) > pm.cos(np.radians(most_turn)))
+
+
+def _differ(normals: FloatArray, one: IntArray, other: IntArray) -> npt.NDArray[np.bool_]:
+    """(n,) bool: pairs of normals, by their rows, that differ by more than rounding."""
+    found = one != other
+    apart = np.abs(normals[one[found]] - normals[other[found]]).max(axis=1, initial=0.0)
+    found[found] = apart > _ROUNDING
+    return found

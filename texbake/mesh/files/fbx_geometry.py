@@ -21,9 +21,9 @@ from texbake.errors import FileFormatError, MeshError, quoted, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
-from texbake.mesh.files.fbx_smoothing import Polygons, edge_mapping, smoothed_normals
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.polygons import triangulated
+from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
 from texbake.mesh.weld import weld_rows
 
 Indices = npt.NDArray[np.int64]
@@ -175,17 +175,22 @@ class _Reader:
         if node is None:
             return {}
         values = _integers(node.numbers("Smoothing"))
-        edges = None
+        polygons = Polygons(self.vertices, self.sizes)
+        pairs = polygons.pairs(self.slots)
         if node.child_text("MappingInformationType") == "ByEdge":
-            edges = _integers(self.node.numbers("Edges"))
-            edges, values = edge_mapping(edges, values, len(self.vertices))
+            edges = _integers(self.node.numbers("Edges"))[: len(values)]
+            hard = edges[values[: len(edges)] == 0]
+            hard = hard[(hard >= 0) & (hard < len(pairs.keys))]
+            is_smooth = ~np.isin(pairs.keys[pairs.one], pairs.keys[hard])
         else:
             places = self._places(node)
             if places is None:
                 return {}
-            values = np.maximum(_looked_up(values, places), 0)
-        polygons = Polygons(self.vertices, self.sizes)
-        return smoothed_normals(self.positions, polygons, self.slots, values, edges)
+            # Groups as bits; 0 makes a polygon flat, as programs mean that write 0 and 1 alone.
+            groups = np.maximum(_looked_up(values, places), 0)
+            is_smooth = (groups[pairs.one] & groups[pairs.other]) != 0
+        faces = self.vertices[self.slots].astype(np.int32)
+        return smoothed_normals(self.positions, faces, polygons, self.slots, pairs, is_smooth)
 
     def _layer(self, node: Node | None, name: str, width: int) -> _Layer | None:
         """Read a layer; None where it has nothing to say."""

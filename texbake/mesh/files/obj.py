@@ -16,7 +16,10 @@ Where the format leaves a choice, or files differ, this holds:
 - A fourth value of ``v`` is a weight and is dropped; with six or seven values, the values from the
   fourth on are a color. If all colors are whole numbers and one is above 1, they are divided by
   255. If only some vertices have a color, the others are white.
-- Lines, points, curves, smoothing groups and unknown statements are skipped.
+- Smoothing groups count if no corner has ``vn``: edges between two groups are hard, and so are all
+  edges of faces in none (``s off``, ``s 0``, or faces before the first ``s``). A file without a
+  group whose facets hardly turn from one to the next, such as a scan, stays smooth.
+- Lines, points, curves and unknown statements are skipped.
 - Numbers with decimal commas are read if spaces separate them.
 
 Kernel: `core/obj_rows.c`.
@@ -45,9 +48,10 @@ from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
+from texbake.mesh.smoothing_groups import Polygons, with_smoothing_groups
 from texbake.parallel import run_bands
 
-# Kinds of statements, each with its own list of lines; a mark is g, o or usemtl.
+# Kinds of statements, each with its own list of lines; a mark is g, o, s or usemtl.
 V, VT, VN, F, MARK = range(5)
 _OUT_OF_RANGE = -2  # written in the place of a position index
 
@@ -93,7 +97,8 @@ def read_obj(path: PathLike) -> Mesh:
             array = finite_rows(path, array, values)
             fields[values], indices = _completed(array, indices)
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
-    groups, names = _read_groups(data, lines)
+    marks = _read_marks(data, lines)
+    groups, names = _read_groups(marks, len(sizes))
     if names:
         fields |= {
             "face_groups": groups if polygons is None else groups[polygons],
@@ -104,7 +109,11 @@ def read_obj(path: PathLike) -> Mesh:
         path, positions, fields["faces"], fields.get("colors")
     )
     _require_finite(path, data, lines, fields["positions"])
-    return Mesh(**fields, uv_sets=uv_sets)
+    mesh = Mesh(**fields, uv_sets=uv_sets)
+    smoothing = _smoothing_groups(marks, len(sizes))
+    if mesh.normals is not None or smoothing is None:
+        return mesh
+    return with_smoothing_groups(mesh, Polygons.of(corners[0], sizes), slots, smoothing)
 
 
 def read_obj_text(path: PathLike) -> ByteArray:
@@ -143,18 +152,35 @@ def _completed(values: FloatArray, corners: IntArray) -> tuple[FloatArray, IntAr
     )
 
 
-_MARK = re.compile(rb"(o|g|usemtl)\b[^\S\r\n]*([^\r\n]*)")
+_MARK = re.compile(rb"(o|g|s|usemtl)\b[^\S\r\n]*([^\r\n]*)")
+_Mark = tuple[bytes, bytes, int]  # its keyword, what follows, and the polygon that comes next
+_NO_GROUP = (b"", b"0", b"off")
 
 
-def _read_groups(data: ByteArray, lines: Lines) -> tuple[IntArray, tuple[str, ...]]:
-    """Group of each polygon and the names of those that have one, in order of appearance."""
+def _read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
     befores = np.searchsorted(lines[F], lines[MARK]).tolist()
-    marks = [
+    return [
         (match[1], match[2].strip(), start)
         for at, start in zip(lines[MARK].tolist(), befores, strict=True)
         if (match := _MARK.match(data.data, at))
     ]
-    n_polygons = len(lines[F])
+
+
+def _smoothing_groups(marks: list[_Mark], n_polygons: int) -> IntArray | None:
+    """Smoothing group of each polygon, 0 for none; None for a file that has no statement of them."""
+    ids: dict[bytes, int] = dict.fromkeys(_NO_GROUP, 0)
+    groups = None
+    for keyword, name, start in marks:
+        if keyword == b"s":
+            groups = np.zeros(n_polygons, np.int32) if groups is None else groups
+            word = name.partition(b"#")[0].strip().lower()
+            groups[start:] = ids.setdefault(word, len(ids))
+    return groups
+
+
+def _read_groups(all_marks: list[_Mark], n_polygons: int) -> tuple[IntArray, tuple[str, ...]]:
+    """Group of each polygon and the names of those that have one, in order of appearance."""
+    marks = [mark for mark in all_marks if mark[0] != b"s"]
     groups = np.zeros(n_polygons, dtype=np.int32)
     if not marks:
         return groups, ()

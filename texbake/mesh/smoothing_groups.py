@@ -1,0 +1,179 @@
+"""Normals of files without them, from smoothing groups of polygons or from smooth and hard edges.
+
+An edge is hard where the format says so, and where more than two polygons meet. Around each vertex,
+corners between hard edges share a normal, weighted by angle.
+
+Kernel: `core/union_find.c`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.flat_shading import is_flat_shaded
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import weighted_normals
+
+Indices = npt.NDArray[np.int64]
+
+# Degrees that facets turn by from one to the next if they are too fine to be meant.
+_FINE = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePairs:
+    """Edges of two polygons.
+
+    Attributes
+    ----------
+    one, other : (E,) int64
+        Corners at which the two polygons start the edge.
+    keys : (C,) int64
+        Number of the edge that starts at each corner, the same in all its polygons.
+    n_more : int
+        Edges of more than two polygons.
+    """
+
+    one: Indices
+    other: Indices
+    keys: Indices
+    n_more: int
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """Polygons by their corners.
+
+    Attributes
+    ----------
+    vertices : (C,) int64
+        Vertex of each corner.
+    sizes : (P,) int64
+        Corners of each polygon, in the order of `vertices`.
+    """
+
+    vertices: Indices
+    sizes: Indices
+
+    @classmethod
+    def of(cls, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]) -> Polygons:
+        """Return polygons by integers of any type."""
+        return cls(vertices.astype(np.int64), sizes.astype(np.int64))
+
+    def next_corners(self) -> Indices:
+        """(C,) corner that follows in the same polygon."""
+        following = np.arange(1, len(self.vertices) + 1)
+        ends = np.cumsum(self.sizes)
+        following[ends - 1] = ends - self.sizes
+        return following
+
+    def pairs(self, slots: Indices) -> EdgePairs:
+        """Find the edges of two polygons, of those whose corners `slots` are in triangles."""
+        following = self.next_corners()
+        keys = self.edge_keys(following)
+        in_triangle = np.zeros(len(self.vertices), np.bool_)
+        in_triangle[slots] = True  # left out are holes, and corners that are no vertices
+        corners = np.flatnonzero(in_triangle & (self.vertices != self.vertices[following]))
+        order = corners[np.argsort(keys[corners], kind="stable")]
+        starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+        counts = np.diff(np.append(starts, len(order)))
+        first = starts[counts == 2]
+        n_more = int(np.count_nonzero(counts > 2))
+        return EdgePairs(order[first], order[first + 1], keys, n_more)
+
+    def edge_keys(self, following: Indices) -> Indices:
+        """(C,) number of the edge that starts at each corner, the same in all its polygons."""
+        heads = self.vertices[following]
+        return np.minimum(self.vertices, heads) * (1 << 31) + np.maximum(self.vertices, heads)
+
+
+def smoothed_normals(
+    positions: FloatArray,
+    faces: IntArray,
+    polygons: Polygons,
+    slots: Indices,
+    pairs: EdgePairs,
+    is_smooth: npt.NDArray[np.bool_],
+) -> dict[str, Any]:
+    """Return normals as fields of a mesh: none where no edge is hard.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+    faces : (F, 3) int32
+    polygons
+    slots : (F, 3) int64
+        Corners of the triangles.
+    pairs
+        Those of `polygons`.
+    is_smooth : (E,) bool
+        Whether each of the pairs is smooth.
+    """
+    if is_smooth.all() and pairs.n_more == 0:
+        return {}
+    following = polygons.next_corners()
+    one, other = pairs.one[is_smooth], pairs.other[is_smooth]
+    # Polygons that run along an edge in opposite ways have its ends at opposite corners.
+    is_opposite = polygons.vertices[one] != polygons.vertices[other]
+    here = np.where(is_opposite, following[other], other)
+    there = np.where(is_opposite, other, following[other])
+    joined = np.concatenate([one, following[one]]), np.concatenate([here, there])
+    return joined_normals(positions, faces, slots, *joined)
+
+
+def with_smoothing_groups(
+    mesh: Mesh, polygons: Polygons, slots: Indices | None, groups: IntArray
+) -> Mesh:
+    """Return a mesh with normals that are hard between groups; itself where no edge is hard.
+
+    It also stays as it is where no polygon has a group and the facets are too fine to be meant:
+    many programs write so of every scan.
+
+    Parameters
+    ----------
+    mesh
+    polygons
+    slots : (F, 3) int64
+        Corners of the triangles; None where each polygon is one.
+    groups : (P,) int32
+        0 for none: all edges of such polygons are hard.
+    """
+    if slots is None:
+        slots = np.arange(len(polygons.vertices)).reshape(-1, 3)
+    pairs = polygons.pairs(slots)
+    group_of = np.repeat(groups, polygons.sizes)
+    one, other = group_of[pairs.one], group_of[pairs.other]
+    is_smooth = (one == other) & (one != 0)
+    normals = smoothed_normals(mesh.positions, mesh.faces, polygons, slots, pairs, is_smooth)
+    made = mesh.replace(**normals)
+    return mesh if not groups.any() and is_flat_shaded(made, most_turn=_FINE) else made
+
+
+def joined_normals(
+    positions: FloatArray,
+    faces: IntArray,
+    slots: npt.NDArray[np.integer],
+    one: npt.NDArray[np.integer],
+    other: npt.NDArray[np.integer],
+) -> dict[str, Any]:
+    """Return normals as fields of a mesh, each shared by the corners that pairs join.
+
+    Parameters
+    ----------
+    positions : (V, 3) float64
+    faces : (F, 3) int32
+    slots : (F, 3) int
+        Numbers of the corners.
+    one, other : (n,) int
+        Corners at one vertex that share a normal.
+    """
+    labels = np.arange(slots.max() + 1, dtype=np.int32)
+    core.merge_labels(labels, one.astype(np.int32), other.astype(np.int32))
+    used, inverse = np.unique(labels[slots], return_inverse=True)
+    rows = np.asarray(inverse.reshape(slots.shape), np.int32)
+    return {"normals": weighted_normals(positions, faces, rows, len(used)), "normal_faces": rows}
