@@ -12,6 +12,7 @@ import texbake
 from texbake.baking import scenes
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.baking.rays import check_cage
 from texbake.baking.remap import remap
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.distance import surface_distance
@@ -413,6 +414,34 @@ def test_a_flipped_cage_is_an_error():
     low = uv_sphere(8, 16)
     with pytest.raises(CageError):
         bake(icosphere(3), low, cage=low.replace(faces=low.faces[:, ::-1]))
+
+
+def _permuted(low, seed):
+    order = np.random.default_rng(seed).permutation(low.n_vertices)
+    return low.replace(positions=1.1 * low.positions[order])
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda low: low.replace(positions=0.9 * low.positions), "100 % of it lies behind"),
+        (lambda low: _permuted(low, 0), "in another order"),
+        (lambda low: low.replace(positions=1.1 * np.roll(low.positions, 5, axis=0)), "order"),
+        (lambda low: low.replace(positions=-1.1 * low.positions), "100 % of it lies behind"),
+        (lambda low: low, None),
+        (lambda low: low.replace(positions=1.5 * low.positions), None),
+    ],
+)
+@pytest.mark.parametrize("size", [1.0, 1e150])
+def test_a_cage_must_enclose_the_mesh_with_its_vertices_in_order(change, message, size):
+    low = uv_sphere(8, 16)
+    cage = change(low).replace(name="cage")
+    low, cage = (mesh.replace(positions=size * mesh.positions) for mesh in (low, cage))
+    if message is None:
+        check_cage(cage, low)
+    else:
+        with pytest.raises(CageError, match=message):
+            check_cage(cage, low)
 
 
 def test_measured_distances_suffice_and_are_not_much_longer():

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import SampleGrid, Samples
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.errors import CageError, OptionError
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.frame import LocalFrame
@@ -269,11 +269,49 @@ def ray_normals(low: Mesh, kind: str) -> tuple[FloatArray, IntArray]:
     return flat_normals(low)
 
 
+# Shares of the area of the low-poly mesh; cages that fold in dents stay far below them.
+_MOST_TURNED = 0.25
+_MOST_BEHIND = 0.5
+
+
 def check_cage(cage: Mesh, low: Mesh) -> None:
-    """Raise `CageError` unless a cage has the faces of the low-poly mesh, in the same order."""
+    """Raise `CageError` unless a cage is the low-poly mesh with its vertices moved outward.
+
+    The faces must be the same, in the same order. At most a quarter of the area may face against
+    the low-poly mesh, as it does where vertices are in another order, and at most half of the area
+    may lie behind it.
+    """
     if cage.n_vertices != low.n_vertices or not np.array_equal(cage.faces, low.faces):
         raise CageError(
             f"{cage.name}: a cage must have the faces of the low-poly mesh, in the same order; it "
             f"has {cage.n_faces} faces on {cage.n_vertices} vertices and {low.name} has "
             f"{low.n_faces} on {low.n_vertices}; make the cage by moving the vertices of {low.name}"
         )
+    frame = LocalFrame.around(low, cage)
+    inner, outer = (frame.to_local(mesh.positions)[mesh.faces] for mesh in (low, cage))
+    normals, turned = (
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        for corners in (inner, outer)
+    )
+    areas = pm.norm(normals, axis=1)
+    against = areas[pm.vecdot(normals, turned) < 0.0].sum()
+    behind = areas[pm.vecdot(normals, (outer - inner).sum(axis=1)) < 0.0].sum()
+    for area, most, what in (
+        (
+            against,
+            _MOST_TURNED,
+            f"faces against {low.name}; its vertices are probably in another order; export it with "
+            "the order of vertices kept",
+        ),
+        (
+            behind,
+            _MOST_BEHIND,
+            f"lies behind the surface of {low.name}, which a cage must enclose; move its vertices "
+            "outward",
+        ),
+    ):
+        if area > most * areas.sum():
+            raise CageError(
+                f"{cage.name}: {100.0 * area / areas.sum():.0f} % of it {what}, or make it with: "
+                f"texbake cage HIGH {low.name} -o OUT"
+            )
