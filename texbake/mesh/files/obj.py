@@ -167,7 +167,7 @@ def _read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
 
 
 def _smoothing_groups(marks: list[_Mark], n_polygons: int) -> IntArray | None:
-    """Smoothing group of each polygon, 0 for none; None for a file that has no statement of them."""
+    """Smoothing group of each polygon, 0 for none; None for a file without such statements."""
     ids: dict[bytes, int] = dict.fromkeys(_NO_GROUP, 0)
     groups = None
     for keyword, name, start in marks:
