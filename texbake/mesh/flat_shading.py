@@ -45,7 +45,7 @@ def is_flat_shaded(mesh: Mesh, *, most_turn: float = _CURVED, threads: int | Non
 
 def _differ(normals: FloatArray, one: IntArray, other: IntArray) -> npt.NDArray[np.bool_]:
     """(n,) bool: pairs of normals, by their rows, that differ by more than rounding."""
-    found = one != other
+    found: npt.NDArray[np.bool_] = one != other
     apart = np.abs(normals[one[found]] - normals[other[found]]).max(axis=1, initial=0.0)
     found[found] = apart > _ROUNDING
     return found

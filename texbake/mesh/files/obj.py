@@ -16,9 +16,8 @@ Where the format leaves a choice, or files differ, this holds:
 - A fourth value of ``v`` is a weight and is dropped; with six or seven values, the values from the
   fourth on are a color. If all colors are whole numbers and one is above 1, they are divided by
   255. If only some vertices have a color, the others are white.
-- Smoothing groups count if no corner has ``vn``: edges between two groups are hard, and so are all
-  edges of faces in none (``s off``, ``s 0``, or faces before the first ``s``). A file without a
-  group whose facets hardly turn from one to the next, such as a scan, stays smooth.
+- Smoothing groups count if no corner has ``vn``; see `texbake.mesh.smoothing_groups`. Faces before
+  the first ``s`` have none, as with ``s off`` and ``s 0``.
 - Lines, points, curves and unknown statements are skipped.
 - Numbers with decimal commas are read if spaces separate them.
 
@@ -154,7 +153,6 @@ def _completed(values: FloatArray, corners: IntArray) -> tuple[FloatArray, IntAr
 
 _MARK = re.compile(rb"(o|g|s|usemtl)\b[^\S\r\n]*([^\r\n]*)")
 _Mark = tuple[bytes, bytes, int]  # its keyword, what follows, and the polygon that comes next
-_NO_GROUP = (b"", b"0", b"off")
 
 
 def _read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
@@ -167,12 +165,11 @@ def _read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
 
 
 def _smoothing_groups(marks: list[_Mark], n_polygons: int) -> IntArray | None:
-    """Smoothing group of each polygon, 0 for none; None for a file without such statements."""
-    ids: dict[bytes, int] = dict.fromkeys(_NO_GROUP, 0)
-    groups = None
+    """Smoothing group of each polygon, 0 for none; None where no statement sets one."""
+    ids: dict[bytes, int] = dict.fromkeys((b"", b"0", b"off"), 0)
+    groups = np.zeros(n_polygons, np.int32) if any(mark[0] == b"s" for mark in marks) else None
     for keyword, name, start in marks:
-        if keyword == b"s":
-            groups = np.zeros(n_polygons, np.int32) if groups is None else groups
+        if keyword == b"s" and groups is not None:
             word = name.partition(b"#")[0].strip().lower()
             groups[start:] = ids.setdefault(word, len(ids))
     return groups
