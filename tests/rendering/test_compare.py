@@ -210,3 +210,13 @@ def test_pictures_share_one_exposure_and_white_does_not_clip():
     plain = replace(options, exposure="none")
     found = compare(uv_sphere(24, 48), uv_sphere(8, 16), options=plain, views=[(0.0, 0.0)])
     assert found.high_frame.exposure is None and found.high_frame.color.max() > 1.0
+
+
+def test_an_open_mesh_is_compared_from_behind_too():
+    flat = plane(8, 8)
+    waves = 0.05 * np.sin(9 * flat.positions[:, :1]) * [0.0, 0.0, 1.0]
+    high = flat.replace(positions=flat.positions + waves)
+    below = replace(SMALL, view=(0.0, -60.0), up="z")
+    culled = compare(high, flat, options=replace(below, back_faces="cull"), quick=True)
+    assert culled.bare.n_pixels == 0
+    assert compare(high, flat, options=below, quick=True).bare.n_pixels > 1000

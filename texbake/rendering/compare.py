@@ -24,6 +24,7 @@ from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare
@@ -180,7 +181,8 @@ def compare(
     high_materials
         Materials of the high-poly mesh, whose normal maps bend its normals; None if it has none.
     options
-        Size and view of the pictures. Angles are measured at the centers of as many pixels.
+        Size and view of the pictures. Angles are measured at the centers of as many pixels. Unless
+        `back_faces` is given, back faces are shown if the low-poly mesh is open or inside out.
     views
         Views (azimuth, elevation) in degrees for angles and silhouettes; None for six all around.
     quick
@@ -200,6 +202,9 @@ def compare(
     """
     high, low = as_mesh(high), as_mesh(low)
     options = options or RenderOptions()
+    if options.back_faces is None:
+        side = surface_side(low, threads=threads)
+        options = replace(options, back_faces="cull" if side == "front" else "show")
     views = _around(options) if views is None else tuple(views)
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")

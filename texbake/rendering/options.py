@@ -109,7 +109,7 @@ class RenderOptions(CheckedOptions):
             "Leave out triangles seen from behind (cull), or draw them with their normals turned "
             "to the camera (show).",
             choices=BACK_FACES,
-            default="show in a preview of an open or inside-out mesh, else cull",
+            default="show in pictures of an open or inside-out mesh, cull in scenes",
         ),
     ] = None
     edges: Annotated[
