@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from tests.hard_cases.fbx_writer import scene, shape, written
-from texbake.errors import ReadWarning
-from texbake.mesh.files import read_mesh
-from texbake.mesh.polygons import triangulated
+from texbake.errors import MeshError, ReadWarning
+from texbake.mesh.compose import excerpt, join_meshes, transformed
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.polygons import outlines, triangulated
+from texbake.mesh.repair import repair
+from texbake.mesh.shapes import cube
+from texbake.mesh.uv_sets import UvSet
 
 # The floor of an L: three squares.
 L_SHAPE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
@@ -164,3 +169,125 @@ def test_a_concave_prism_has_its_area_in_every_format(write, tmp_path):
     normals = np.cross(b - a, c - a)
     assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(14)
     assert (a * normals).sum() / 6 == pytest.approx(3)
+
+
+def polygons_of(mesh, rows=None):
+    """The polygons of a mesh: vertices, or rows by corner, in order."""
+    found = outlines(mesh)
+    rows = mesh.faces if rows is None else rows
+    values = rows.reshape(-1, *rows.shape[2:])[found.slots]
+    return [part.tolist() for part in np.split(values, np.cumsum(found.sizes)[:-1])]
+
+
+def turned(polygon):
+    """A polygon that begins with its least vertex."""
+    first = polygon.index(min(polygon))
+    return polygon[first:] + polygon[:first]
+
+
+def prism(*, uvs=True, normals=True, sets=False):
+    """The L-shaped prism with two triangles more; each polygon is a chart of its own."""
+    points, polygons = l_prism()
+    polygons = [*polygons[:4], [0, 1, 13], *polygons[4:], [13, 1, 0]]
+    points = np.array([*points, (9, 9, 9), (0, -1, -1)], float)
+    sizes = np.array([len(p) for p in polygons])
+    corners = np.concatenate(polygons)
+    slots, numbers = triangulated("it", points, corners, sizes)
+    ids = slots.astype(np.int32)
+    values = np.random.default_rng(0).uniform(-1, 1, (len(corners), 3)).astype(np.float32)
+    fields = {"uvs": abs(values[:, :2]), "uv_faces": ids} if uvs else {}
+    if normals:
+        fields |= {"normals": values, "normal_faces": ids}
+    if sets:
+        fields["uv_sets"] = {"light": UvSet(values[::-1, :2].astype(float), ids)}
+    groups = (numbers >= 4).astype(np.int32)
+    mesh = Mesh(
+        positions=points, faces=corners[slots], polygon_of=numbers, name="prism",
+        face_groups=groups, group_names=("ends", "sides"), **fields,
+    )  # fmt: skip
+    return mesh, polygons
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "off", "usda", "usdc"])
+@pytest.mark.parametrize("uvs", [False, True], ids=["bare", "uvs"])
+def test_polygons_are_written_as_they_were_read(suffix, uvs, tmp_path):
+    mesh, polygons = prism(uvs=uvs, normals=uvs)
+    assert (mesh.n_faces, mesh.n_polygons) == (22, 10)
+    assert polygons_of(mesh) == polygons
+    path = tmp_path / f"prism.{suffix}"
+    write_mesh(mesh, path)
+    read = read_mesh(path)
+    assert polygons_of(read) == polygons
+    np.testing.assert_array_equal(read.positions, mesh.positions)
+    np.testing.assert_array_equal(read.faces, mesh.faces)
+    if suffix not in ("ply", "off"):
+        assert read.group_names == mesh.group_names
+        np.testing.assert_array_equal(read.face_groups, mesh.face_groups)
+    if uvs and suffix != "off":
+        np.testing.assert_array_equal(read.corner_uvs(), mesh.corner_uvs())
+        tolerance = 0 if suffix in ("obj", "ply") else 1e-6  # USD holds float32
+        ours, theirs = (item.normals[item.normal_faces] for item in (mesh, read))
+        np.testing.assert_allclose(theirs, ours, atol=tolerance)
+
+
+def test_what_is_made_of_a_mesh_keeps_its_polygons():
+    mesh, polygons = prism()
+    for moved in (transformed(mesh, np.diag([1.0, 2, 3, 1])), repair(mesh)[0]):
+        assert [turned(p) for p in polygons_of(moved)][:4] == [turned(p) for p in polygons][:4]
+    mirrored = transformed(mesh, np.diag([-1.0, 1, 1, 1]))
+    assert [turned(p[::-1]) for p in polygons_of(mirrored)] == [turned(p) for p in polygons]
+    joined = join_meshes([mesh, cube(), mesh])
+    assert joined.n_polygons == 10 + 12 + 10
+    assert polygons_of(joined)[:10] == polygons
+    part = excerpt(mesh, np.arange(mesh.n_faces) % 4 > 0)
+    assert 0 < part.n_faces - part.n_polygons < mesh.n_faces - mesh.n_polygons
+    assert mesh.replace(faces=mesh.faces[:, ::-1]).polygon_of is None
+    with pytest.raises(MeshError, match="polygon_of"):
+        mesh.replace(polygon_of=mesh.polygon_of[::-1])
+
+
+@pytest.mark.parametrize("what", ["uvs", "normals", "sets", "groups"])
+def test_a_polygon_that_a_seam_crosses_is_written_as_triangles(what, tmp_path):
+    mesh, polygons = prism(sets=True)
+    faces = mesh.uv_faces.copy()
+    faces[0] = faces[-1]  # the first polygon has six corners, the last three
+    groups = mesh.face_groups.copy()
+    groups[0] = 1
+    changes = {
+        "uvs": {"uv_faces": faces},
+        "normals": {"normal_faces": faces},
+        "sets": {"uv_sets": {"light": UvSet(mesh.uvs, faces)}},
+        "groups": {"face_groups": groups},
+    }[what]
+    mesh = mesh.replace(**changes)
+    with pytest.warns(ReadWarning, match="1 polygon is written as triangles"):
+        write_mesh(mesh, tmp_path / "prism.obj")
+    read = read_mesh(tmp_path / "prism.obj")
+    np.testing.assert_array_equal(read.faces, mesh.faces)
+    np.testing.assert_array_equal(read.corner_uvs(), mesh.corner_uvs())
+    assert polygons_of(read)[4:] == polygons[1:]
+
+
+def test_further_uv_sets_fit_polygons_that_begin_with_another_corner(tmp_path):
+    mesh = transformed(prism(sets=True)[0], np.diag([-1.0, 1, 1, 1]))
+    write_mesh(mesh, tmp_path / "prism.obj")
+    read = read_mesh(tmp_path / "prism.obj")
+    ours, theirs = (polygons_of(item, item.corner_uvs("light")) for item in (mesh, read))
+    assert ours == theirs
+
+
+def test_objects_of_an_obj_file_are_objects_again_and_groups_with_common_vertices_are_not(tmp_path):
+    path = tmp_path / "it.obj"
+    names = ("crate/lid", "crate", "ball", "a/a", "x/ y", "crate/hinge/pin")
+    apart = join_meshes([cube().replace(name=name) for name in names])
+    write_mesh(apart, path)
+    lines = [line for line in path.read_text().splitlines() if line[0] in "og"]
+    assert lines == [
+        *("o crate", "g lid", "g", "o ball", "o a/a", "o x/ y", "o crate", "g hinge/pin")
+    ]
+    assert read_mesh(path).group_names == names
+    groups = np.repeat(np.arange(6, dtype=np.int32), 2)
+    write_mesh(cube().replace(face_groups=groups, group_names=names), path)
+    assert [line[0] for line in path.read_text().splitlines() if line[0] in "og"] == ["g"] * 6
+    np.testing.assert_array_equal(read_mesh(path).face_groups, groups)
+    assert read_mesh(path).group_names == names

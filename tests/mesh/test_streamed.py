@@ -242,6 +242,6 @@ def test_files_that_are_read_whole(tmp_path: Path) -> None:
     (tmp_path / "ascii.stl").write_text("solid\nendsolid\n")
     seams = uv_sphere(4, 5)
     write_mesh(seams, tmp_path / "corners.ply")
-    assert "texcoord" in (tmp_path / "corners.ply").read_bytes().decode("latin-1")
+    assert "copy_of" in (tmp_path / "corners.ply").read_bytes().decode("latin-1")
     for name in ("ball.obj", "ascii.ply", "ascii.stl", "corners.ply"):
         assert open_streamed(tmp_path / name) is None

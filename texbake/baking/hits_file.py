@@ -40,7 +40,7 @@ Arrays = dict[str, Any]  # of arrays
 
 _VERSION = 2
 _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
-                "colors", "face_groups")  # fmt: skip
+                "colors", "polygon_of", "face_groups")  # fmt: skip
 _IMAGE_FIELDS = ("name", "components", "wraps", "placing", "uv_set", "is_nearest")
 
 

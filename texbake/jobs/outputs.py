@@ -25,6 +25,7 @@ Report = TypeVar("Report")
 
 # As texbake writes these, they hold positions and faces, and nothing else.
 BARE_MESH_SUFFIXES = (".stl", ".off")
+TRIANGLE_SUFFIXES = (".stl", ".glb")
 _PAGE_SUFFIXES = (".html", ".htm")
 
 

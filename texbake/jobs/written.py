@@ -13,7 +13,13 @@ import numpy as np
 
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
-from texbake.jobs.outputs import BARE_MESH_SUFFIXES, SUFFIXES_OF_UV_SETS, given, uv_set_files
+from texbake.jobs.outputs import (
+    BARE_MESH_SUFFIXES,
+    SUFFIXES_OF_UV_SETS,
+    TRIANGLE_SUFFIXES,
+    given,
+    uv_set_files,
+)
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
@@ -165,6 +171,9 @@ def write_with_materials(
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
     lost += source.passed_over
+    if mesh.polygon_of is not None and Path(output).suffix.lower() in TRIANGLE_SUFFIXES:
+        count = f"{mesh.n_polygons:,} polygons became {mesh.n_faces:,}"
+        notes.append(f"{output}: written as triangles: {count}")
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")
     return files, tuple(notes)

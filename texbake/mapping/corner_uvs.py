@@ -110,6 +110,7 @@ def selected(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
         uv_faces=kept(mesh.uv_faces),
         normal_faces=kept(mesh.normal_faces),
         tangents=kept(mesh.tangents),
+        polygon_of=kept(mesh.polygon_of),
         face_groups=kept(mesh.face_groups),
     )
 

@@ -57,8 +57,22 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
         group_names=tuple(mesh.name for mesh in meshes),
         name=f"{len(meshes)} meshes",
         uv_sets=joined_uv_sets(meshes),
+        polygon_of=joined_polygons(meshes),
         **fields,
     )
+
+
+def joined_polygons(meshes: Sequence[Mesh]) -> IntArray | None:
+    """Polygon of each face of meshes put into one."""
+    if all(mesh.polygon_of is None for mesh in meshes):
+        return None
+    parts: list[tuple[IntArray, int]] = []
+    for mesh in meshes:
+        own = mesh.polygon_of
+        if own is None:
+            own = np.arange(mesh.n_faces, dtype=np.int32)
+        parts.append((own, mesh.n_polygons))
+    return offset_joined(parts)
 
 
 def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
@@ -116,6 +130,7 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
         group_names=tuple(group for part in parts for group in part.group_names),
         name=name,
         uv_sets=joined_uv_sets(parts),
+        polygon_of=joined_polygons(parts),
         **fields,
     )
 
@@ -149,7 +164,7 @@ def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
         if rows is not None:
             used, changes[corners] = used_rows(indices[chosen], len(rows))
             changes[values] = rows[used]
-    for by_face in "tangents", "face_groups":
+    for by_face in "tangents", "polygon_of", "face_groups":
         array = getattr(mesh, by_face)
         changes[by_face] = None if array is None else array[chosen]
     if mesh.colors is not None:
@@ -198,6 +213,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
         turned = transformed_tangents(flat, linear).reshape(mesh.tangents.shape)
         changes["tangents"] = turned[:, order]
     changes["uv_sets"] = sets_by_corner(mesh, order, columns=True)
+    changes["polygon_of"] = mesh.polygon_of
     return mesh.replace(**changes)
 
 
@@ -275,7 +291,7 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
     """
     if not turned.any():
         return mesh
-    changes: dict[str, Any] = {"tangents": None}
+    changes: dict[str, Any] = {"tangents": None, "polygon_of": mesh.polygon_of}
     for name in CORNERS:
         corners = getattr(mesh, name)
         if corners is not None:

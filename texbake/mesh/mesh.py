@@ -57,6 +57,9 @@ class Mesh:
         Corner tangents that came with the file; w is the bitangent sign.
     colors : (V, 3) or (V, 4) float32, optional
         Vertex colors in [0, 1], as they stand in the file.
+    polygon_of : (F,) int32, optional
+        Polygon of each face, whose triangles follow one another. Numbers may only rise on the way
+        in, and become those from 0 on; None where all polygons are triangles.
     face_groups : (F,) int32, optional
         Index into `group_names` of each face.
     group_names : tuple of str
@@ -80,6 +83,7 @@ class Mesh:
     normal_faces: IntArray | None = None
     tangents: npt.NDArray[np.float32] | None = None
     colors: npt.NDArray[np.float32] | None = None
+    polygon_of: IntArray | None = None
     face_groups: IntArray | None = None
     group_names: tuple[str, ...] = ()
     name: str = "mesh"
@@ -107,6 +111,8 @@ class Mesh:
         self._check_finite("colors", "a vertex color")
         self._adopt("face_groups", np.int32, (len(faces),))
         self._check_indices("face_groups", len(self.group_names), "group")
+        self._adopt("polygon_of", np.int32, (len(faces),))
+        self._number_polygons()
 
     @property
     def n_vertices(self) -> int:
@@ -117,6 +123,11 @@ class Mesh:
     def n_faces(self) -> int:
         """Number of triangles."""
         return len(self.faces)
+
+    @property
+    def n_polygons(self) -> int:
+        """Number of polygons: that of triangles, unless some make up larger polygons."""
+        return self.n_faces if self.polygon_of is None else int(self.polygon_of[-1]) + 1
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -180,10 +191,11 @@ class Mesh:
     def replace(self, **changes: Any) -> Mesh:
         """Return a mesh with some fields changed and the others shared.
 
-        New faces leave out further sets of texture coordinates, unless these are given as well.
+        New faces leave out further sets of texture coordinates, and polygons, unless these are
+        given as well.
         """
         if "faces" in changes:
-            changes.setdefault("uv_sets", {})
+            changes = {"uv_sets": {}, "polygon_of": None} | changes
         return replace(self, **changes)
 
     def _adopt(self, field: str, dtype: type, shape: tuple[int | None, ...]) -> Any:
@@ -233,6 +245,20 @@ class Mesh:
         self._adopt(corners, np.int32, (len(self.faces), 3))
         self._check_finite(values, f"a {noun}")
         self._check_indices(corners, n_values, noun)
+
+    def _number_polygons(self) -> None:
+        if self.polygon_of is None:
+            return
+        steps = np.diff(self.polygon_of)
+        if (steps < 0).any():
+            raise MeshError(
+                f"{self.name}: polygon_of falls; triangles of a polygon must be side by side"
+            )
+        if (steps > 0).all():
+            object.__setattr__(self, "polygon_of", None)
+        elif self.polygon_of[0] != 0 or (steps > 1).any():
+            numbers = np.cumsum(steps > 0, dtype=np.int32)
+            object.__setattr__(self, "polygon_of", frozen(np.append(np.int32(0), numbers)))
 
     def _check_finite(self, field: str, noun: str) -> None:
         array = getattr(self, field)

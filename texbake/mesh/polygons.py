@@ -1,4 +1,4 @@
-"""Triangles of polygons.
+"""Triangles of polygons, and the polygons of a mesh of triangles.
 
 The triangles of a polygon depend on its shape alone, not on the corner that the file begins with. A
 quadrilateral is cut along its shorter diagonal, or along the only one that lies inside; where both
@@ -11,6 +11,7 @@ Kernel: `core/ear_clipping.c`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import warn_of
 from texbake.files import PathLike
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
 Indices = npt.NDArray[np.int64]
@@ -94,3 +97,127 @@ def triangulated(
         noun = "face crosses itself" if n_crossed == 1 else "faces cross themselves"
         warn_of(path, f"{n_crossed:,} {noun}; the triangles overlap or fold there")
     return triangles, polygons
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """The polygons of a mesh by their corners.
+
+    Attributes
+    ----------
+    sizes : (P,) int64
+        Corners of each polygon.
+    slots : (C,) int64
+        Corners, polygon after polygon: 3 f + c is corner c of face f.
+    firsts : (P,) int64
+        First face of each polygon.
+    n_split : int
+        Polygons that are given as their triangles instead.
+    """
+
+    sizes: Indices
+    slots: Indices
+    firsts: Indices
+    n_split: int
+
+    def warn(self, path: PathLike) -> None:
+        """Warn if polygons are written as triangles."""
+        if self.n_split:
+            noun = "polygon is" if self.n_split == 1 else "polygons are"
+            warn_of(
+                path,
+                f"{self.n_split:,} {noun} written as triangles, since a seam crosses them or faces "
+                "of them are missing",
+            )
+
+
+def outlines(mesh: Mesh) -> Outlines:
+    """Return the polygons of a mesh, each beginning with the first corner of its first face.
+
+    A polygon is given as its triangles if they have not one outline through all corners, or if
+    their groups, or texture coordinates or normals at a vertex of it, differ.
+    """
+    polygons, n_split = mesh.polygon_of, 0
+    if polygons is None:
+        slots = np.arange(3 * mesh.n_faces)
+        return Outlines(np.full(mesh.n_faces, 3), slots, slots[::3] // 3, 0)
+    is_large = np.bincount(polygons)[polygons] > 1
+    corners = np.flatnonzero(np.repeat(is_large, 3))
+    n_left, bad = _outer_edges(mesh, polygons[corners // 3], corners)
+    if len(bad):
+        is_first = (np.diff(polygons, prepend=-1) > 0) | np.isin(polygons, bad)
+        polygons, n_split = (np.cumsum(is_first) - 1).astype(np.int32), len(bad)
+    sizes = np.bincount(polygons) + 2
+    ends = np.cumsum(sizes)
+    slots = np.empty(ends[-1], np.int64)
+    is_triangle = np.repeat(sizes[polygons] == 3, 3)
+    places = (ends[polygons] - 3)[:, None] + np.arange(3)
+    slots[places.ravel()[is_triangle]] = np.flatnonzero(is_triangle)
+    kept = ~is_triangle[corners] & (n_left > 0)
+    slots[ends[polygons[corners[kept] // 3]] - n_left[kept]] = corners[kept]
+    return Outlines(sizes, slots, np.searchsorted(polygons, np.arange(len(sizes))), n_split)
+
+
+def _outer_edges(mesh: Mesh, polygons: IntArray, corners: Indices) -> tuple[Indices, Indices]:
+    """Place the edges of the faces of polygons on the outlines.
+
+    Parameters
+    ----------
+    mesh
+    polygons, corners : (n,) integers
+        All corners of some faces, and the polygon of each; an edge leads to the next corner.
+
+    Returns
+    -------
+    n_left : (n,) int64
+        Edges from this one to the end of the outline, counting this one; 0 for those inside.
+    bad : (m,) int64
+        Polygons without one outline, or with a seam inside.
+    """
+    n = len(corners)
+    vertices = mesh.faces.ravel()[corners]
+    points = weld_rows(np.stack([polygons, vertices], axis=1))
+    ends = points.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    edges = np.stack([points, ends], axis=1)
+    is_outer = weld_rows(np.concatenate([edges, edges[:, ::-1]]).astype(np.int32))[n:] >= n
+    leaving = np.full(n + 1, n)  # edge that leaves a point
+    leaving[points[is_outer]] = np.flatnonzero(is_outer)
+    starts = np.flatnonzero(np.diff(polygons, prepend=-1))
+    lengths = np.diff(starts, append=n)
+    first_edges = leaving[points[starts]]
+    followers = leaving[ends]
+    followers[followers == np.repeat(first_edges, lengths)] = n
+    followers, n_left = np.append(followers, n), np.append(is_outer.astype(np.int64), 0)
+    sizes = lengths // 3 + 2
+    for _ in range(int(sizes.max()).bit_length()):  # twice as many edges ahead each time
+        n_left += n_left[followers]
+        followers = followers[followers]
+    is_bad = _differs(mesh, corners, leaving[points], np.repeat(starts, lengths))
+    is_bad = np.bitwise_or.reduceat(is_bad, starts) | (n_left[first_edges] != sizes)
+    is_bad |= np.add.reduceat(is_outer, starts, dtype=np.int64) != sizes
+    return np.where(is_outer, n_left[:n], 0), polygons[starts[is_bad]]
+
+
+def _differs(
+    mesh: Mesh, corners: Indices, at_point: Indices, firsts: Indices
+) -> npt.NDArray[np.bool_]:
+    """(n,) whether a corner has other values than the one of the outline at its vertex.
+
+    `at_point` and `firsts` are the numbers of that corner, n for none, and of the first one of the
+    polygon, whose group counts.
+    """
+    is_other: npt.NDArray[np.bool_] = at_point == len(corners)
+    others = corners[np.where(is_other, 0, at_point)]
+    pairs = [(item.uvs, item.faces) for item in mesh.uv_sets.values()]
+    if mesh.uvs is not None and mesh.uv_faces is not None:
+        pairs.append((mesh.uvs, mesh.uv_faces))
+    if mesh.normals is not None and mesh.normal_faces is not None:
+        pairs.append((mesh.normals, mesh.normal_faces))
+    for values, ids in pairs:
+        ones, twos = ids.ravel()[corners], ids.ravel()[others]
+        differ = np.flatnonzero(ones != twos)
+        is_other[differ] |= (values[ones[differ]] != values[twos[differ]]).any(axis=1)
+    if mesh.face_groups is not None:
+        groups = mesh.face_groups[corners // 3]
+        is_other |= groups != groups[firsts]
+    return is_other

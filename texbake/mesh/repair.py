@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import degenerate_faces, duplicate_faces, edge_neighbors
+from texbake.mesh.uv_sets import sets_by_corner
 from texbake.mesh.weld import weld_rows
 
 
@@ -69,7 +71,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
     options = options or RepairOptions()
     counts = {}
     if not options.coordinates:
-        mesh = mesh.replace(uvs=None, uv_faces=None, tangents=None)
+        mesh = mesh.replace(uvs=None, uv_faces=None, uv_sets={}, tangents=None)
     if options.merge:
         mesh, counts["vertices merged"] = _merged(mesh)
     if options.degenerate:
@@ -102,6 +104,8 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
         positions=mesh.positions[used],
         faces=compact.reshape(faces.shape).astype(np.int32),
         colors=colors,
+        uv_sets=mesh.uv_sets,
+        polygon_of=mesh.polygon_of,
     )
     return merged, mesh.n_vertices - merged.n_vertices
 
@@ -109,9 +113,10 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
 def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
     if keep.all():
         return mesh
-    fields = (*CORNERS, "tangents", "face_groups")
+    fields = (*CORNERS, "tangents", "polygon_of", "face_groups")
     kept = {name: getattr(mesh, name) for name in fields if getattr(mesh, name) is not None}
-    return mesh.replace(**{name: values[keep] for name, values in kept.items()})
+    changes: dict[str, Any] = {name: values[keep] for name, values in kept.items()}
+    return mesh.replace(**changes, uv_sets=sets_by_corner(mesh, keep))
 
 
 def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:

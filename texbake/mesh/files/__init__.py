@@ -31,7 +31,7 @@ _MATERIAL = ("normal_map", "base_color", "orm", "emissive", "name")
 _USD = _Format(("usd", "read_usd"), ("usd_write", "write_usd"), _MATERIAL)
 _THROUGH_TRIMESH = _Format(("trimesh_read", "read_with_trimesh"))
 _FORMATS = {
-    ".obj": _Format(("obj", "read_obj"), ("obj", "write_obj")),
+    ".obj": _Format(("obj", "read_obj"), ("obj_write", "write_obj")),
     ".ply": _Format(("ply", "read_ply"), ("ply", "write_ply")),
     ".stl": _Format(("stl", "read_stl"), ("stl", "write_stl")),
     ".off": _Format(("off", "read_off"), ("off", "write_off")),

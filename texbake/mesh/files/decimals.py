@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import math
 import re
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -118,3 +119,19 @@ def write_rows(file: io.BufferedWriter, row_format: str, rows: FloatArray | IntA
     for start in range(0, len(rows), _BLOCK):
         block = rows[start : start + _BLOCK]
         file.write((row_format * len(block) % tuple(block.ravel().tolist())).encode("ascii"))
+
+
+def write_lists(
+    file: io.BufferedWriter,
+    row_format: Callable[[int], str],
+    sizes: npt.NDArray[np.int64],
+    values: IntArray,
+) -> None:
+    """Write rows of several lengths: the format of a length takes as many rows of `values`."""
+    ends = np.cumsum(sizes)
+    for start in range(0, len(sizes), _BLOCK):
+        block = sizes[start : start + _BLOCK].tolist()
+        formats = {size: row_format(size) for size in set(block)}
+        rows = values[ends[start] - block[0] : ends[start + len(block) - 1]]
+        text = "".join([formats[size] for size in block])
+        file.write((text % tuple(rows.ravel().tolist())).encode("ascii"))

@@ -125,6 +125,7 @@ class _Reader:
         fields: dict[str, Any] = {
             "positions": self.positions,
             "faces": self.vertices[self.slots],
+            "polygon_of": self.polygons,
         }
         normals = self._layer(self._first("LayerElementNormal"), "Normals", 3)
         if normals is not None:

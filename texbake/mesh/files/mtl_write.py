@@ -14,7 +14,7 @@ from pathlib import Path
 
 from texbake.files import PathLike, appearing_together, replacing
 from texbake.mesh.files.mtl import IMAGES, VALUES
-from texbake.mesh.files.obj import plain_name, write_obj
+from texbake.mesh.files.obj_write import plain_name, write_obj
 from texbake.mesh.materials import ChannelImage, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 

@@ -1,4 +1,4 @@
-"""Reading and writing Wavefront OBJ.
+"""Reading Wavefront OBJ.
 
 Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer
 manual; vertex colors ``v x y z r g b`` as MeshLab and ZBrush write them.
@@ -27,7 +27,6 @@ Kernel: `core/obj_rows.c`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +35,14 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import FileFormatError, MeshError, warn_of
-from texbake.files import PathLike, appearing_together, replacing
+from texbake.files import PathLike
 from texbake.mesh.files.conversion import (
     finite_rows,
     finite_vertices,
     unit_colors,
 )
-from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word, write_rows
-from texbake.mesh.files.obj_uv_sets import read_uv_sets, write_uv_sets
+from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
+from texbake.mesh.files.obj_uv_sets import read_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
@@ -96,6 +95,7 @@ def read_obj(path: PathLike) -> Mesh:
             array = finite_rows(path, array, values)
             fields[values], indices = _completed(array, indices)
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
+    fields["polygon_of"] = polygons
     marks = _read_marks(data, lines)
     groups, names = _read_groups(marks, len(sizes))
     if names:
@@ -309,92 +309,3 @@ def read_corners(path: PathLike, data: ByteArray, lines: Lines) -> tuple[IntArra
         )
         raise FileFormatError(f"{path}: line {line}: {what}")
     return sizes, corners
-
-
-@appearing_together()
-def write_obj(
-    mesh: Mesh,
-    path: PathLike,
-    *,
-    library: str = "",
-    face_materials: IntArray | None = None,
-    material_names: Sequence[str] = (),
-) -> None:
-    """Write positions, colors, texture coordinates, normals, faces, groups and materials.
-
-    What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
-    in the order in which faces use them, names without a face are dropped, and control characters
-    in a name become spaces. Corner tangents have no place in the format. Further sets of texture
-    coordinates are written into a file beside it; see `obj_uv_sets`.
-
-    Parameters
-    ----------
-    mesh
-    path
-    library
-        Name of the .mtl file with the materials.
-    face_materials : (F,) int32, optional
-        Index into `material_names` of each face.
-    material_names
-        As they stand in the library.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written; one that stood there is left as it was.
-    """
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        if library:
-            file.write(f"mtllib {library}\n".encode("utf-8", "replace"))
-        points = mesh.positions
-        if mesh.colors is not None:
-            points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
-        write_rows(file, "v" + " %r" * points.shape[1] + "\n", points)
-        if mesh.uvs is not None:
-            write_rows(file, "vt %r %r\n", mesh.uvs)
-        if mesh.normals is not None:
-            write_rows(file, "vn %r %r %r\n", mesh.normals)
-        corners = _corner_indices(mesh)
-        corner_format = {
-            (False, False): " %d",
-            (True, False): " %d/%d",
-            (False, True): " %d//%d",
-            (True, True): " %d/%d/%d",
-        }[mesh.uvs is not None, mesh.normals is not None]
-        group, material = None, None
-        for start, stop in _runs(mesh, face_materials):
-            if mesh.face_groups is not None and mesh.face_groups[start] != group:
-                group = mesh.face_groups[start]
-                name = plain_name(mesh.group_names[group])
-                file.write(f"g {name}\n".encode("utf-8", "replace"))
-            if face_materials is not None and face_materials[start] != material:
-                material = face_materials[start]
-                file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
-            write_rows(file, "f" + 3 * corner_format + "\n", corners[start:stop])
-    write_uv_sets(mesh, path)
-
-
-def _corner_indices(mesh: Mesh) -> IntArray:
-    """(F, 3 * n) indices from 1, n of them a corner: position, and those that the mesh has."""
-    indices = [mesh.faces]
-    if mesh.uv_faces is not None:
-        indices.append(mesh.uv_faces)
-    if mesh.normal_faces is not None:
-        indices.append(mesh.normal_faces)
-    return np.stack(indices, axis=2).reshape(mesh.n_faces, -1) + np.int32(1)
-
-
-def _runs(mesh: Mesh, face_materials: IntArray | None) -> Iterator[tuple[int, int]]:
-    """First and last + 1 of each run of faces of one group and one material."""
-    begins = np.zeros(mesh.n_faces, np.bool_)
-    begins[0] = True
-    for ids in (mesh.face_groups, face_materials):
-        if ids is not None:
-            begins[1:] |= np.diff(ids) != 0
-    starts = np.flatnonzero(begins).tolist()
-    yield from zip(starts, [*starts[1:], mesh.n_faces], strict=True)
-
-
-def plain_name(name: str) -> str:
-    """Return a name for one line of a file, without control characters."""
-    return "".join(" " if ord(sign) < 32 else sign for sign in name).strip()

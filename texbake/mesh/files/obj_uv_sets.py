@@ -18,6 +18,7 @@ from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, is_file, remove_file
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.polygons import Outlines, triangulated
 from texbake.mesh.uv_sets import UvSet
 
 
@@ -26,8 +27,10 @@ def uv_sets_path(path: PathLike) -> Path:
     return Path(path).with_suffix(".uvs.npz")
 
 
-def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
+def write_uv_sets(mesh: Mesh, path: PathLike, polygons: Outlines) -> None:
     """Write the further sets of a mesh beside its OBJ file; without any, remove that of before.
+
+    Corners are listed as they will be when the polygons of the file have become triangles again.
 
     Raises
     ------
@@ -39,10 +42,13 @@ def write_uv_sets(mesh: Mesh, path: PathLike) -> None:
         if is_file(beside):  # False if the name is too long for a file
             remove_file(beside)
         return
-    arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces)}
+    vertices = mesh.faces.ravel()[polygons.slots]
+    corners = triangulated(path, mesh.positions, vertices, polygons.sizes)[0]
+    slots = polygons.slots[corners]
+    arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces.ravel()[slots])}
     arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
     for i, item in enumerate(mesh.uv_sets.values()):
-        arrays |= {f"uvs_{i}": item.uvs, f"faces_{i}": item.faces}
+        arrays |= {f"uvs_{i}": item.uvs, f"faces_{i}": item.faces.ravel()[slots]}
     write_arrays(beside, arrays)
 
 

@@ -22,10 +22,10 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
-from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_rows
+from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_lists, write_rows
 from texbake.mesh.files.source import read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.polygons import triangulated
+from texbake.mesh.polygons import outlines, triangulated
 
 # Comments and blank lines before the first word are skipped, and never divided in another way.
 _FIRST_WORD = re.compile(rb"\A(?:\s|#[^\r\n]*+)*+(ST)?(C)?(N)?(4)?(n)?OFF\b")
@@ -67,8 +67,10 @@ def read_off(path: PathLike) -> Mesh:
     needed = 3 + (3 if shaded else 0) + (3 if colored else 0) + (2 if textured else 0)
     table = _vertex_table(path, numbers.values, vertex_rows, needed)
     positions = np.ascontiguousarray(table[:, :3])
-    faces = corners[triangulated(path, positions, corners, sizes)[0]]
-    fields: dict[str, Any] = {"positions": positions, "faces": faces, "name": Path(path).name}
+    slots, polygons = triangulated(path, positions, corners, sizes)
+    faces = corners[slots]
+    fields: dict[str, Any] = {"positions": positions, "faces": faces, "polygon_of": polygons}
+    fields["name"] = Path(path).name
     column = 3
     if shaded:
         normals = finite_rows(path, table[:, 3:6], "normals")
@@ -130,14 +132,17 @@ def _polygons(
 
 
 def write_off(mesh: Mesh, path: PathLike) -> None:
-    """Write positions and faces, and nothing else; positions read back bit-equal.
+    """Write positions and polygons, and nothing else; positions read back bit-equal.
 
     Raises
     ------
     FileError
         The file cannot be written; one that stood there is left as it was.
     """
+    polygons = outlines(mesh)
+    polygons.warn(path)
     with replacing(path) as temporary, temporary.open("wb") as file:
-        file.write(f"OFF\n{mesh.n_vertices} {mesh.n_faces} 0\n".encode("ascii"))
+        file.write(f"OFF\n{mesh.n_vertices} {len(polygons.sizes)} 0\n".encode("ascii"))
         write_rows(file, "%r %r %r\n", mesh.positions)
-        write_rows(file, "3 %d %d %d\n", mesh.faces)
+        vertices = mesh.faces.ravel()[polygons.slots]
+        write_lists(file, lambda size: f"{size}{size * ' %d'}\n", polygons.sizes, vertices)

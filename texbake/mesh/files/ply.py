@@ -9,10 +9,16 @@ triangles have, are taken from the mapped file at once; others are walked.
 Read are vertex positions (x, y, z), normals (nx, ny, nz), texture coordinates (s, t or u, v or
 texture_u, texture_v) and colors (red, green, blue, alpha; integers are divided by the greatest
 value of their type), and of faces the polygons (vertex_indices or vertex_index), texture
-coordinates (texcoord) and normals (normals, which only texbake writes) of their corners. All else
-is skipped. For polygons see `texbake.mesh.polygons`; one of fewer than three corners gives no
-triangle. A file without faces may have triangle strips (tristrips) instead, in which -1 begins a
-new strip; triangles with a repeated vertex, which only turn a strip around, are dropped.
+coordinates (texcoord) and normals (normals) of their corners. All else is skipped, but copy_of.
+
+Blender reads texture coordinates of vertices alone. So a vertex with several of them, or with
+several normals, is written once for each, and the vertices get an integer copy_of: the row of the
+vertex that a row is a copy of, its own if of none. Other programs skip it and have vertices that
+are split at seams; where texbake reads it, copies are joined again.
+
+For polygons see `texbake.mesh.polygons`; one of fewer than three corners gives no triangle. A file
+without faces may have triangle strips (tristrips) instead, in which -1 begins a new strip;
+triangles with a repeated vertex, which only turn a strip around, are dropped.
 """
 
 from __future__ import annotations
@@ -31,7 +37,7 @@ from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.polygons import triangulated
+from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.weld import weld_rows
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
@@ -41,6 +47,7 @@ POLYGON_NAMES = ("vertex_indices", "vertex_index")
 _STRIPS = "tristrips"
 # What corners of faces may have of their own.
 CORNER_LISTS = ("texcoord", "normals")
+COPY_OF = "copy_of"
 
 
 def read_ply(path: PathLike) -> Mesh:
@@ -79,8 +86,9 @@ def read_ply(path: PathLike) -> Mesh:
         if element.name == "vertex"
         for prop in element.properties
     }
+    sources = _sources(positions, vertices)
     if "face" in tables:
-        fields = _corner_fields(path, positions, polygons, name)
+        fields = _corner_fields(path, positions, polygons, name, sources)
     else:
         fields = {"faces": _strip_faces(path, polygons[name])}
     faces = fields["faces"]
@@ -90,10 +98,27 @@ def read_ply(path: PathLike) -> Mesh:
     ):
         if values not in fields and (stacked := stack_columns(vertices, names)) is not None:
             fields |= {values: finite_rows(path, stacked, values), corners: faces}
-    positions, fields["faces"], colors = finite_vertices(
-        path, positions, faces, read_colors(path, vertices, types)
-    )
+    colors = read_colors(path, vertices, types)
+    if sources is not None and faces.size and faces.min() >= 0 and faces.max() < len(sources):
+        is_kept = sources == np.arange(len(sources))
+        numbers = np.cumsum(is_kept, dtype=np.int32) - np.int32(1)
+        positions, faces = positions[is_kept], numbers[sources[faces]]
+        colors = None if colors is None else colors[is_kept]
+    positions, fields["faces"], colors = finite_vertices(path, positions, faces, colors)
     return Mesh(positions=positions, colors=colors, name=Path(path).name, **fields)
+
+
+def _sources(positions: FloatArray, vertices: Columns) -> npt.NDArray[np.int64] | None:
+    """(V,) the row that each row is a copy of, itself if of none; None if no rows are copies."""
+    copy_of = vertices.get(COPY_OF)
+    n = len(positions)
+    if not isinstance(copy_of, np.ndarray) or copy_of.shape != (n,) or n == 0:
+        return None
+    if not ((copy_of >= 0) & (copy_of < n)).all():
+        return None
+    sources = copy_of.astype(np.int64)
+    is_unmoved = np.array_equal(positions[sources], positions)
+    return sources if is_unmoved and (sources[sources] == sources).all() else None
 
 
 def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None:
@@ -128,12 +153,17 @@ def read_colors(
 
 
 def _corner_fields(
-    path: PathLike, positions: FloatArray, polygons: Columns, name: str
+    path: PathLike,
+    positions: FloatArray,
+    polygons: Columns,
+    name: str,
+    sources: npt.NDArray[np.int64] | None,
 ) -> dict[str, Any]:
     """Faces, and the texture coordinates and normals that corners have by themselves."""
     sizes, indices = read_polygons(path, polygons, name)
-    slots = triangulated(path, positions, indices, sizes)[0]
-    fields: dict[str, Any] = {"faces": indices[slots]}
+    joined = indices if sources is None else sources[np.clip(indices, 0, len(sources) - 1)]
+    slots, of_polygons = triangulated(path, positions, joined, sizes)
+    fields: dict[str, Any] = {"faces": indices[slots], "polygon_of": of_polygons}
     for column, values, corners, width in zip(
         CORNER_LISTS, ("uvs", "normals"), ("uv_faces", "normal_faces"), (2, 3), strict=True
     ):
@@ -203,48 +233,79 @@ _BLOCK = 1 << 18  # rows put together at once
 
 
 def write_ply(mesh: Mesh, path: PathLike) -> None:
-    """Write positions, colors, faces, texture coordinates and normals.
+    """Write positions, colors, polygons, texture coordinates and normals.
 
     Numbers are written as ``float`` where that loses nothing, else as ``double``, and colors as
-    ``uchar`` where that loses nothing. Texture coordinates and normals are vertex properties where
-    all corners of a vertex agree on them, else lists of the faces: ``texcoord``, which other
-    programs read, and ``normals``, which only texbake reads, for the format has nothing for normals
-    of corners. Groups and tangents have no place in the format.
+    ``uchar`` where that loses nothing. Vertices with several texture coordinates or normals are
+    written several times; see the module. What `read_ply` reads back has the same positions, and
+    the same values at the same corners. A polygon with a seam inside is written as triangles, with
+    a warning. Groups and tangents have no place in the format.
 
     Raises
     ------
     FileError
         The file cannot be written; one that stood there is left as it was.
     """
-    vertex_columns = _narrow_columns(mesh.positions, ("x", "y", "z"))
-    face_columns: list[tuple[str, npt.NDArray[Any]]] = [("vertex_indices", mesh.faces)]
-    for values, corners, names, list_name in (
-        (mesh.normals, mesh.normal_faces, ("nx", "ny", "nz"), "normals"),
-        (mesh.uvs, mesh.uv_faces, ("s", "t"), "texcoord"),
+    polygons = outlines(mesh)
+    polygons.warn(path)
+    sources, corners, faces = _split_vertices(mesh)
+    columns = _narrow_columns(mesh.positions[sources], ("x", "y", "z"))
+    for values, ids, names in (
+        (mesh.normals, mesh.normal_faces, ("nx", "ny", "nz")),
+        (mesh.uvs, mesh.uv_faces, ("s", "t")),
     ):
-        if values is None or corners is None:
-            continue
-        by_vertex = _values_by_vertex(mesh, values, corners)
-        if by_vertex is not None:
-            vertex_columns += _narrow_columns(by_vertex, names)
-        else:
-            rows = values[corners].reshape(mesh.n_faces, -1)
-            face_columns.append((list_name, _narrowed(rows)))
+        if values is not None and ids is not None:
+            by_vertex = values[ids.ravel()[corners]]
+            by_vertex[corners < 0] = 0.0
+            columns += _narrow_columns(by_vertex, names)
     if mesh.colors is not None:
-        vertex_columns += _narrow_columns(
-            _color_bytes(mesh.colors), ("red", "green", "blue", "alpha")
-        )
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {mesh.n_vertices}"]
-    header += [f"property {_TYPES[column.dtype.str[1:]]} {name}" for name, column in vertex_columns]
-    header.append(f"element face {mesh.n_faces}")
-    header += [
-        f"property list uchar {_TYPES[column.dtype.str[1:]]} {name}"
-        for name, column in face_columns
-    ]
+        colors = _color_bytes(mesh.colors)[sources]
+        columns += _narrow_columns(colors, ("red", "green", "blue", "alpha"))
+    if len(sources) > mesh.n_vertices:
+        columns.append((COPY_OF, sources.astype(np.int32)))
+    count = "u1" if polygons.sizes.max() < 256 else "i4"
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(sources)}"]
+    header += [f"property {_TYPES[column.dtype.str[1:]]} {name}" for name, column in columns]
+    header.append(f"element face {len(polygons.sizes)}")
+    header.append(f"property list {_TYPES[count]} int vertex_indices")
     with replacing(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join([*header, "end_header\n"]).encode("ascii"))
-        _write_rows(file, vertex_columns, lists=False)
-        _write_rows(file, face_columns, lists=True)
+        _write_rows(file, columns)
+        _write_lists(file, count, polygons.sizes, faces.ravel()[polygons.slots])
+
+
+def _split_vertices(
+    mesh: Mesh,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
+    """Split vertices so that each has one texture coordinate and one normal.
+
+    Returns
+    -------
+    sources : (n,) int64
+        Vertex of each new one: first those of the mesh, in their order, then copies.
+    corners : (n,) int64
+        A corner of each, -1 for those that no face uses.
+    faces : (F, 3) int32
+    """
+    keys = [mesh.faces.ravel()]
+    for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
+        if values is not None and ids is not None:
+            keys.append(weld_rows(values)[ids.ravel()])
+    firsts = weld_rows(np.stack(keys, axis=1))
+    places = np.flatnonzero(firsts == np.arange(len(firsts)))  # a corner of each new vertex
+    vertices, of_vertex = np.unique(mesh.faces.ravel()[places], return_index=True)
+    is_copy = np.ones(len(places), np.bool_)
+    is_copy[of_vertex] = False
+    copies = places[is_copy]
+    corners: npt.NDArray[np.int64] = np.append(np.full(mesh.n_vertices, -1), copies)
+    corners[vertices] = places[of_vertex]
+    numbers = np.empty(len(firsts), np.int32)  # of the new vertex at its first corner
+    numbers[corners[corners >= 0]] = np.flatnonzero(corners >= 0)
+    rows: npt.NDArray[np.int64] = np.append(
+        np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]
+    ).astype(np.int64)
+    faces: IntArray = numbers[firsts].reshape(-1, 3)
+    return rows, corners, faces
 
 
 _TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
@@ -273,34 +334,31 @@ def _color_bytes(colors: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
     return scaled if exact else colors
 
 
-def _values_by_vertex(mesh: Mesh, values: FloatArray, corners: IntArray) -> FloatArray | None:
-    """(V, k) values, zero for vertices that no face uses; None where corners disagree."""
-    last_corners = np.full(mesh.n_vertices, -1, dtype=np.int64)
-    last_corners[mesh.faces.ravel()] = corners.ravel()
-    if not np.array_equal(last_corners[mesh.faces], corners) and not np.array_equal(
-        values[last_corners[mesh.faces]], values[corners]
-    ):
-        return None
-    by_vertex = values[last_corners]
-    by_vertex[last_corners < 0] = 0.0
-    return by_vertex
-
-
-def _write_rows(
-    file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[Any]]], *, lists: bool
-) -> None:
-    """Write a table; each column is (n,) scalars or, with `lists`, (n, k) lists of length k."""
-    fields: list[Any] = []
-    for name, column in columns:
-        if lists:
-            fields.append((f"{name} count", "u1"))
-        fields.append((name, column.dtype.newbyteorder("<"), column.shape[1:]))
+def _write_rows(file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[Any]]]) -> None:
+    """Write a table of scalars."""
+    fields = [(name, column.dtype.newbyteorder("<")) for name, column in columns]
     n_rows = len(columns[0][1])
     for start in range(0, n_rows, _BLOCK):
         stop = min(start + _BLOCK, n_rows)
         table = np.empty(stop - start, dtype=fields)
         for name, column in columns:
-            if lists:
-                table[f"{name} count"] = column.shape[1]
             table[name] = column[start:stop]
         file.write(table.tobytes())
+
+
+def _write_lists(
+    file: io.BufferedWriter, count: str, sizes: npt.NDArray[np.int64], indices: IntArray
+) -> None:
+    """Write lists of indices, each behind its length in the type `count`."""
+    ends = np.cumsum(sizes)
+    width = int(count[1])
+    for start in range(0, len(sizes), _BLOCK):
+        part = sizes[start : start + _BLOCK]
+        first, stop = int(ends[start] - part[0]), int(ends[start + len(part) - 1])
+        is_count = np.zeros(4 * (stop - first) + width * len(part), np.bool_)
+        heads = 4 * (np.cumsum(part) - part) + width * np.arange(len(part))
+        is_count[heads[:, None] + np.arange(width)] = True
+        data = np.empty(len(is_count), np.uint8)
+        data[is_count] = part.astype("<" + count).view(np.uint8)
+        data[~is_count] = indices[first:stop].astype("<i4").view(np.uint8)
+        file.write(data.tobytes())

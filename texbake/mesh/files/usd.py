@@ -190,6 +190,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
     mesh = Mesh(
         positions=points,
         faces=point_of[slots].astype(np.int32),
+        polygon_of=polygons.astype(np.int32),
         face_groups=groups[polygons].astype(np.int32),
         group_names=tuple(names),
         name=Path(path).name,

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import UvError
 from texbake.files import PathLike, replacing, scratch_folder
@@ -35,6 +36,7 @@ from texbake.mesh.files.conversion import (
 from texbake.mesh.files.usd_stage import require_usd
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals
+from texbake.mesh.polygons import Outlines, outlines
 
 # Bytes of an entry's head before its name, and the field that usdz files pad with.
 _ZIP_HEAD, _PADDING_FIELD = 30, 0x1986
@@ -92,12 +94,14 @@ def write_usd(
         check_normal_map(normal_map)
     media = {slot: image_file(file)[1] for slot, file in textures.items()}
     name = Path(path).stem if name is None else name
+    polygons = outlines(mesh)
+    polygons.warn(path)
     factors = None
     if base_color is not None and "base_color" not in textures:
         factors = color_factors(base_color)  # type: ignore[arg-type]
     if Path(path).suffix.lower() == ".usdz":
         inside = {slot: f"textures/{slot}{_EXTENSIONS[media[slot]]}" for slot in textures}
-        stage = _stage(mesh, name, inside, factors)
+        stage = _stage(mesh, polygons, name, inside, factors)
         with replacing(path) as temporary:
             _package(stage, temporary, {inside[slot]: textures[slot] for slot in textures})
         return
@@ -106,7 +110,7 @@ def write_usd(
         slot: Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
         for slot, file in textures.items()
     }
-    stage = _stage(mesh, name, beside, factors)
+    stage = _stage(mesh, polygons, name, beside, factors)
     with replacing(path) as temporary:
         stage.GetRootLayer().Export(str(temporary))
 
@@ -131,7 +135,11 @@ def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
 
 
 def _stage(
-    mesh: Mesh, name: str, textures: Mapping[str, str], factors: Sequence[float] | None
+    mesh: Mesh,
+    polygons: Outlines,
+    name: str,
+    textures: Mapping[str, str],
+    factors: Sequence[float] | None,
 ) -> Any:
     """Build the stage; `textures` are paths as the file is to have them."""
     from pxr import Sdf, Usd, UsdGeom
@@ -146,33 +154,34 @@ def _stage(
     origin = far_origin(mesh)
     if origin.any():
         usd_mesh.AddTranslateOp().Set(tuple(origin.tolist()))
-    _set_geometry(usd_mesh, mesh, origin)
-    _set_primvars(usd_mesh, mesh)
-    _set_groups(usd_mesh, mesh)
+    _set_geometry(usd_mesh, mesh, origin, polygons)
+    _set_primvars(usd_mesh, mesh, polygons.slots)
+    _set_groups(usd_mesh, mesh, polygons.firsts)
     _add_material(stage, usd_mesh, name, textures, factors)
     return stage
 
 
-def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray) -> None:
+def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray, polygons: Outlines) -> None:
     from pxr import UsdGeom, Vt
 
     points = float32_positions(mesh, origin)
     usd_mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    usd_mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(mesh.n_faces, 3, np.int32)))
-    usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.array(mesh.faces).ravel()))
+    usd_mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(polygons.sizes.astype(np.int32)))
+    vertices = mesh.faces.ravel()[polygons.slots]
+    usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(vertices))
     usd_mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     usd_mesh.CreateExtentAttr(
         Vt.Vec3fArray.FromNumpy(np.array([points.min(axis=0), points.max(axis=0)]))
     )
 
 
-def _set_primvars(usd_mesh: Any, mesh: Mesh) -> None:
-    """Set normals, texture coordinates, tangents and colors."""
+def _set_primvars(usd_mesh: Any, mesh: Mesh, slots: npt.NDArray[np.int64]) -> None:
+    """Set normals, texture coordinates, tangents and colors, by corners of polygons."""
     from pxr import Sdf, UsdGeom, Vt
 
     normals, normal_faces = shading_normals(mesh)
     varies = not np.array_equal(normal_faces, mesh.faces)
-    values = normals[normal_faces.ravel()] if varies else normals
+    values = normals[normal_faces.ravel()[slots]] if varies else normals
     usd_mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(values.astype(np.float32)))
     usd_mesh.SetNormalsInterpolation(
         UsdGeom.Tokens.faceVarying if varies else UsdGeom.Tokens.vertex
@@ -183,12 +192,12 @@ def _set_primvars(usd_mesh: Any, mesh: Mesh) -> None:
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
         uvs.Set(Vt.Vec2fArray.FromNumpy(mesh.uvs.astype(np.float32)))
-        uvs.SetIndices(Vt.IntArray.FromNumpy(np.array(mesh.uv_faces).ravel()))
+        uvs.SetIndices(Vt.IntArray.FromNumpy(mesh.uv_faces.ravel()[slots]))
     if mesh.tangents is not None:
         tangents = primvars.CreatePrimvar(
             "tangents", Sdf.ValueTypeNames.Float4Array, UsdGeom.Tokens.faceVarying
         )
-        tangents.Set(Vt.Vec4fArray.FromNumpy(np.array(mesh.tangents).reshape(-1, 4)))
+        tangents.Set(Vt.Vec4fArray.FromNumpy(mesh.tangents.reshape(-1, 4)[slots]))
     if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
         colors = usd_mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
         colors.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.colors[:, :3])))
@@ -197,8 +206,8 @@ def _set_primvars(usd_mesh: Any, mesh: Mesh) -> None:
             opacity.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(mesh.colors[:, 3])))
 
 
-def _set_groups(usd_mesh: Any, mesh: Mesh) -> None:
-    """Make each group with faces a subset of them."""
+def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: npt.NDArray[np.int64]) -> None:
+    """Make each group with polygons a subset of them; `firsts` are their first faces."""
     from pxr import Tf, UsdGeom, Vt
 
     if mesh.face_groups is None or len(mesh.group_names) < 2:
@@ -206,7 +215,7 @@ def _set_groups(usd_mesh: Any, mesh: Mesh) -> None:
     family = "materialBind"
     taken: set[str] = set()
     for number, group in enumerate(mesh.group_names):
-        faces = np.flatnonzero(mesh.face_groups == number).astype(np.int32)
+        faces = np.flatnonzero(mesh.face_groups[firsts] == number).astype(np.int32)
         if len(faces) == 0:
             continue
         identifier = Tf.MakeValidIdentifier(as_text(group))

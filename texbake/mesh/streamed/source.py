@@ -103,7 +103,8 @@ def _open_ply(path: Path) -> MeshSource | None:
         return None
     offsets = _coordinate_offsets(element)
     faces = header.elements[header.elements.index(element) + 1 :][:1]
-    if offsets is None or not faces or not _has_plain_faces(faces[0]):
+    has_copies = ply.COPY_OF in {prop.name for prop in element.properties}
+    if offsets is None or has_copies or not faces or not _has_plain_faces(faces[0]):
         return None
     columns, end = read_element(path, data, start, element, header.order)
     layout = [start, element.least_row_size, 1, 0, *offsets, header.order == ">"]

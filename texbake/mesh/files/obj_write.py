@@ -1,0 +1,137 @@
+"""Writing Wavefront OBJ; `texbake.mesh.files.obj` reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.files import PathLike, appearing_together, replacing
+from texbake.mesh.files.decimals import write_lists, write_rows
+from texbake.mesh.files.obj_uv_sets import write_uv_sets
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.polygons import Outlines, outlines
+
+
+@appearing_together()
+def write_obj(
+    mesh: Mesh,
+    path: PathLike,
+    *,
+    library: str = "",
+    face_materials: IntArray | None = None,
+    material_names: Sequence[str] = (),
+) -> None:
+    """Write positions, colors, texture coordinates, normals, polygons, groups and materials.
+
+    What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
+    in the order in which faces use them, names without a face are dropped, and control characters
+    in a name become spaces. Corner tangents have no place in the format. Further sets of texture
+    coordinates are written into a file beside it; see `obj_uv_sets`. A polygon with a seam inside
+    is written as triangles, with a warning.
+
+    Parameters
+    ----------
+    mesh
+    path
+    library
+        Name of the .mtl file with the materials.
+    face_materials : (F,) int32, optional
+        Index into `material_names` of each face.
+    material_names
+        As they stand in the library.
+
+    Raises
+    ------
+    FileError
+        The file cannot be written; one that stood there is left as it was.
+    """
+    polygons = outlines(mesh)
+    polygons.warn(path)
+    ends = np.cumsum(polygons.sizes)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        if library:
+            file.write(f"mtllib {library}\n".encode("utf-8", "replace"))
+        points = mesh.positions
+        if mesh.colors is not None:
+            points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
+        write_rows(file, "v" + " %r" * points.shape[1] + "\n", points)
+        if mesh.uvs is not None:
+            write_rows(file, "vt %r %r\n", mesh.uvs)
+        if mesh.normals is not None:
+            write_rows(file, "vn %r %r %r\n", mesh.normals)
+        corners = _corner_indices(mesh, polygons.slots)
+        corner_format = {
+            (False, False): " %d",
+            (True, False): " %d/%d",
+            (False, True): " %d//%d",
+            (True, True): " %d/%d/%d",
+        }[mesh.uvs is not None, mesh.normals is not None]
+        groups, group, material = _group_statements(mesh), None, None
+        for start, stop in _runs(mesh, face_materials, polygons):
+            face = polygons.firsts[start]
+            if mesh.face_groups is not None and mesh.face_groups[face] != group:
+                is_same = (
+                    group is not None and groups[group][0] == groups[mesh.face_groups[face]][0]
+                )
+                group = mesh.face_groups[face]
+                text = groups[group][1] or "g\n" if is_same else "".join(groups[group])
+                file.write(text.encode("utf-8", "replace"))
+            if face_materials is not None and face_materials[face] != material:
+                material = face_materials[face]
+                file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
+            sizes = polygons.sizes[start:stop]
+            rows = corners[ends[start] - sizes[0] : ends[stop - 1]]
+            write_lists(file, lambda size: f"f{size * corner_format}\n", sizes, rows)
+    write_uv_sets(mesh, path, polygons)
+
+
+def _corner_indices(mesh: Mesh, slots: npt.NDArray[np.int64]) -> IntArray:
+    """(C, n) indices from 1 of corners: position, and those that the mesh has."""
+    indices = [mesh.faces]
+    if mesh.uv_faces is not None:
+        indices.append(mesh.uv_faces)
+    if mesh.normal_faces is not None:
+        indices.append(mesh.normal_faces)
+    return np.stack([corners.ravel()[slots] for corners in indices], axis=1) + np.int32(1)
+
+
+def _group_statements(mesh: Mesh) -> list[tuple[str, str]]:
+    """Statements of the object and of the group in it, for each group.
+
+    Groups are objects, which other programs keep apart, unless two objects share a vertex.
+    """
+    names = [plain_name(name) for name in mesh.group_names]
+    if mesh.face_groups is None:
+        return []
+    pairs = []
+    for name in names:
+        head, _, tail = name.partition("/")
+        is_pair = head and tail and head != tail and name == f"{head.strip()}/{tail.strip()}"
+        pairs.append((head, tail) if is_pair else (name, ""))
+    numbers = {head: number for number, (head, _) in enumerate(pairs)}
+    objects = np.array([numbers[head] for head, _ in pairs])[mesh.face_groups, None]
+    of_vertices = np.empty(mesh.n_vertices, np.int64)
+    of_vertices[mesh.faces] = objects
+    if (of_vertices[mesh.faces] != objects).any():
+        return [("", f"g {name}\n") for name in names]
+    return [(f"o {head}\n", f"g {tail}\n" if tail else "") for head, tail in pairs]
+
+
+def _runs(
+    mesh: Mesh, face_materials: IntArray | None, polygons: Outlines
+) -> Iterator[tuple[int, int]]:
+    """First and last + 1 of each run of polygons of one group and one material."""
+    begins = np.zeros(len(polygons.sizes), np.bool_)
+    begins[0] = True
+    for ids in (mesh.face_groups, face_materials):
+        if ids is not None:
+            begins[1:] |= np.diff(ids[polygons.firsts]) != 0
+    starts = np.flatnonzero(begins).tolist()
+    yield from zip(starts, [*starts[1:], len(begins)], strict=True)
+
+
+def plain_name(name: str) -> str:
+    """Return a name for one line of a file, without control characters."""
+    return "".join(" " if ord(sign) < 32 else sign for sign in name).strip()
