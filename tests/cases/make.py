@@ -45,6 +45,37 @@ def tangent_cases():
             positions=(cells.positions[:, None] * turn).sum(axis=2), uvs=grid, uv_faces=corners
         ),
     )
+    yield "quads", quads(np.random.default_rng(6))
+
+
+def quads(random, n=9):
+    """A rough sheet of quadrilaterals that begin anywhere, and of triangles.
+
+    Its left is mirrored, its right half badly mapped, its top has charts of single polygons, and at
+    its bottom vertices are at one place.
+    """
+    from texbake.mesh.mesh import Mesh
+    from texbake.mesh.polygons import triangulated
+
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    points = np.stack([u, v, 0.1 * np.sin(5 * u) * np.cos(7 * v)], axis=2).reshape(-1, 3)
+    points += random.normal(0, 0.02, points.shape)
+    points[1 : n + 1 : 2] = points[:n:2][: len(points[1 : n + 1 : 2])]
+    uvs = np.stack([abs(u - 0.3) + 0.2 * v * v, v + 0.1 * u], axis=2)
+    uvs[:, n // 2 :] += random.normal(0, 0.08, (n + 1, n + 1 - n // 2, 2))
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    corners = np.stack([first, first + 1, first + n + 2, first + n + 1], axis=1)
+    corners = np.take_along_axis(corners, (np.arange(4) + random.integers(0, 4, (n * n, 1))) % 4, 1)
+    sizes = np.where(random.random(n * n) < 0.8, 4, 3)
+    charts = uvs.reshape(-1, 2)[corners]
+    charts[-n:] = random.random((n, 4, 2))
+    is_there = np.arange(4) < sizes[:, None]
+    flat = corners[is_there]
+    slots, polygons = triangulated("quads", points, flat, sizes)
+    return Mesh(
+        positions=points, faces=flat[slots], uvs=charts[is_there], uv_faces=slots,
+        polygon_of=polygons,
+    )  # fmt: skip
 
 
 def tangents_by_blender(path):
@@ -53,13 +84,14 @@ def tangents_by_blender(path):
 
     arrays = dict(np.load(path))
     positions, faces = arrays["positions"], arrays["faces"]
+    sizes = arrays.get("sizes", np.full(len(faces), 3))
     mesh = bpy.data.meshes.new("mesh")
     mesh.vertices.add(len(positions))
     mesh.vertices.foreach_set("co", positions.ravel())
     mesh.loops.add(faces.size)
     mesh.loops.foreach_set("vertex_index", faces.ravel())
-    mesh.polygons.add(len(faces))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, 3, dtype=np.int32))
+    mesh.polygons.add(len(sizes))
+    mesh.polygons.foreach_set("loop_start", (np.cumsum(sizes) - sizes).astype(np.int32))
     mesh.uv_layers.new(name="uv").data.foreach_set("uv", arrays["uvs"].ravel())
     mesh.update(calc_edges=True)
     mesh.shade_smooth()
@@ -116,6 +148,7 @@ def make_all():
     sys.path.insert(0, str(HERE.parents[1]))
     from tests import models
     from texbake import simplify, unwrap, write_mesh
+    from texbake.mesh.polygons import outlines
 
     def blender(*arguments):
         subprocess.run([os.environ["BLENDER_PYTHON"], __file__, *map(str, arguments)], check=True)
@@ -128,10 +161,17 @@ def make_all():
         high = Path(folder) / "high.obj"
         write_mesh(models.model("bumpy figure"), high)
         blender("bake", high, HERE / "figure_low.obj", HERE / "figure_normal.png")
-    for name, mesh in tangent_cases():
-        path = HERE / f"{name.replace(' ', '_')}_tangents.npz"
-        np.savez(path, positions=mesh.positions.astype(np.float32), faces=mesh.faces,
-                 uvs=mesh.corner_uvs().astype(np.float32))  # fmt: skip
+    for case, mesh in tangent_cases():
+        path = HERE / f"{case.replace(' ', '_')}_tangents.npz"
+        arrays = {"positions": mesh.positions, "faces": mesh.faces, "uvs": mesh.corner_uvs()}
+        if mesh.polygon_of is not None:  # corner after corner, instead of three a face
+            polygons = outlines(mesh)
+            arrays["sizes"] = polygons.sizes.astype(np.int32)
+            arrays["faces"] = mesh.faces.ravel()[polygons.slots]
+            arrays["uvs"] = mesh.corner_uvs().reshape(-1, 2)[polygons.slots]
+        for name in ("positions", "uvs"):
+            arrays[name] = arrays[name].astype(np.float32)
+        np.savez(path, **arrays)
         blender("tangents", path)
 
 

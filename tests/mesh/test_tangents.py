@@ -10,6 +10,7 @@ from hypothesis.extra import numpy as hnp
 from tests.models import CASES, REAL
 from texbake.errors import UvError
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.polygons import triangulated
 from texbake.mesh.tangents import corner_tangents
 
 # Steps are rounded to float32: a few times 2^-24 = 6e-8 for well-shaped triangles.
@@ -17,7 +18,10 @@ ROUNDING = 1e-6
 
 # Tangents of Blender's MikkTSpace for these meshes: see tests/cases/make.py.
 REFERENCES = [
-    *(CASES / f"{name}_tangents.npz" for name in ("figure", "fused_cells", "mirrored_ball")),
+    *(
+        CASES / f"{name}_tangents.npz"
+        for name in ("figure", "fused_cells", "mirrored_ball", "quads")
+    ),
     *sorted((REAL / "mikktspace").glob("*.npz")),
 ]
 
@@ -26,15 +30,20 @@ SQUARE_FACES = [[0, 1, 2], [0, 2, 3]]
 
 
 def reference_mesh(reference):
-    corners = np.arange(reference["faces"].size).reshape(-1, 3)
-    return Mesh(
+    """The mesh of a file, and the corner of the file that each of its corners is."""
+    faces = reference["faces"].ravel()
+    sizes = reference.get("sizes", np.full(len(faces) // 3, 3))
+    corners, polygons = triangulated("it", reference["positions"].astype(float), faces, sizes)
+    mesh = Mesh(
         positions=reference["positions"],
-        faces=reference["faces"],
+        faces=faces[corners],
         uvs=reference["uvs"].reshape(-1, 2),
         uv_faces=corners,
         normals=reference["normals"].reshape(-1, 3),
         normal_faces=corners,
+        polygon_of=polygons,
     )
+    return mesh, corners
 
 
 def square_mesh(uvs, **changes):
@@ -61,11 +70,12 @@ def bumpy_mesh(n=12):
 @pytest.mark.parametrize("scale", [1.0, 2.0**-20, 2.0**20])
 def test_blenders_tangents(path, scale):
     reference = np.load(path)
-    mesh = reference_mesh(reference)
+    mesh, corners = reference_mesh(reference)
     ours = corner_tangents(mesh.replace(positions=mesh.positions * scale)).astype(float)
-    theirs = reference["tangents"].astype(float)
+    theirs = reference["tangents"].reshape(-1, 3)[corners].astype(float)
     given_there = theirs.any(axis=2)
-    ours, theirs, signs = ours[given_there], theirs[given_there], reference["signs"][given_there]
+    ours, theirs = ours[given_there], theirs[given_there]
+    signs = reference["signs"].ravel()[corners][given_there]
     sines = np.linalg.norm(np.cross(ours[:, :3], theirs), axis=1)
     degrees = np.degrees(np.arctan2(sines, (ours[:, :3] * theirs).sum(axis=1)))
     # The same float32 steps but for the order of sums, which shows where tangents nearly cancel.

@@ -12,6 +12,7 @@ University of Copenhagen, 2008, and the rules published with its reference imple
 4. A triangle without area in texture space adds nothing and joins the first fan that reaches it.
 5. A triangle with two equal positions takes no part; its corners copy those of the first triangle
    that uses the same vertex.
+6. Quadrilaterals have a diagonal of their own; see `texbake.mesh.tangent_quads`.
 
 In step 3, opposite directions can cancel up to rounding, and the remainder is then part of the
 definition. These steps therefore use float32, and the order of operations and the arc cosine of
@@ -32,6 +33,7 @@ from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
+from texbake.mesh.tangent_quads import Quads, agree
 from texbake.mesh.weld import weld_rows
 
 # Cosine of the angle between the x axis and a normal from which on (0.08 degrees) they count as
@@ -122,7 +124,13 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     corner_normals = normals[normal_faces].astype(np.float32)
     points = mesh.positions[mesh.faces] * LocalFrame.around(mesh).scale
     vertices = _welded_corners(points, corner_normals, uvs)
-    tangents, preserving, has_fan = _corner_spaces(points, corner_normals, uvs, vertices)
+    quads = Quads.of(mesh, points, uvs)
+    if quads is None:
+        tangents, preserving, has_fan = _corner_spaces(points, corner_normals, uvs, vertices)
+    else:
+        points, corner_normals, uvs, vertices = quads.cut(points, corner_normals, uvs, vertices)
+        spaces = _corner_spaces(points, corner_normals, uvs, vertices, quads)
+        tangents, preserving, has_fan = quads.joined(points, *spaces)
     signs = np.where(preserving, 1.0, -1.0)
     _fill_missing(tangents, signs, has_fan, shading[shading_faces])
     return np.concatenate([tangents, signs[..., None]], axis=2, dtype=np.float32)
@@ -176,7 +184,11 @@ _NEXT, _PREVIOUS = [1, 2, 0], [2, 0, 1]
 
 
 def _corner_spaces(
-    points: FloatArray, normals: Float32Array, uvs: Float32Array, vertices: IntArray
+    points: FloatArray,
+    normals: Float32Array,
+    uvs: Float32Array,
+    vertices: IntArray,
+    quads: Quads | None = None,
 ) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Tangent, orientation and kind of every corner.
 
@@ -190,6 +202,8 @@ def _corner_spaces(
         Corner texture coordinates, at most about 1.
     vertices : (F, 3) int32
         The same number for corners of equal position, normal and texture coordinates.
+    quads
+        The quadrilaterals among them.
 
     Returns
     -------
@@ -209,6 +223,8 @@ def _corner_spaces(
     solid_vertices = vertices[solid]
     edges = (points[solid][:, _NEXT] - points[solid]).astype(np.float32)
     directions, unmapped, mapped_preserving = _directions_of_u(edges, uvs[solid])
+    if quads is not None:
+        agree(quads, solid, uvs[solid], unmapped, mapped_preserving)
     fans, fan_preserving = _fans(solid_vertices, unmapped, mapped_preserving)
     weighted = _weighted_directions(edges, normals[solid], directions)
     in_fan = fans >= 0
