@@ -33,6 +33,7 @@ SECTIONS = {
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),
         *("surface", "via", "eye", "camera", "fov", "matrix", "unseen", "linear"),
     ),
+    "Normals": ("normals", "angle"),
     "Afterwards, in this order": ("warp", "flip", "rotate", "scale", "texel_density", "offset"),
 }
 _NAMES = tuple(name for names in SECTIONS.values() for name in names)

@@ -192,6 +192,7 @@ from .mesh.info import (
     MeshInfo as MeshInfo,
     mesh_info as mesh_info,
 )
+from .mesh.hard_edges import with_normals as with_normals
 from .mesh.interchange import (
     MeshLike as MeshLike,
     from_trimesh as from_trimesh,

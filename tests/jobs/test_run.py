@@ -317,7 +317,8 @@ def test_an_atlas_finer_than_its_texels_is_an_error(
     tmp_path: Path, n_per_side: int, size: int, padding: int | None, hint: str
 ) -> None:
     high = boxes(n_per_side)
-    options = RunOptions(n_faces=high.n_faces, size=size, padding=padding, remesh="never")
+    shape = {"n_faces": high.n_faces, "remesh": "never", "normals": "smooth"}
+    options = RunOptions(size=size, padding=padding, **shape)
     with pytest.raises(UvError, match=f"% of the area, own no texel at {size} x .*{hint}"):
         run(high, tmp_path, options)
     assert list(tmp_path.iterdir()) == []

@@ -5,12 +5,12 @@ import pytest
 
 from tests.models import joined
 from texbake.mesh.distance import surface_distance
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import remesh
 from texbake.mesh.remesh_options import RemeshOptions
-from texbake.mesh.remeshing.sharp_edges import with_hard_edges
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import degenerate_faces, duplicate_faces, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -74,7 +74,7 @@ def test_normals_jump_at_edges():
     assert len(sides) == 6
     closest = (result.normals[result.normal_faces] @ sides.T).max(axis=2)
     assert np.mean(closest > np.cos(np.radians(3.0))) > 0.96
-    smooth = with_hard_edges(icosphere(4))
+    smooth = with_normals(icosphere(4), "angle")
     assert len(smooth.normals) == icosphere(4).n_vertices
 
 

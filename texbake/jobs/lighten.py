@@ -48,6 +48,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
+from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial, model_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
@@ -321,7 +322,10 @@ def _lightened(
 ) -> _Lightened:
     with stages.part("simplify"):
         high, turned = oriented(source, options.orientation, threads=options.threads)
-        low, simplified, notes = _simplified(high, options, progress)
+        rule = LowNormals(options.normals, options.angle)
+        high = rule.of_high(high, threads=options.threads)
+        low, simplified, notes = _simplified(high, options, rule, progress)
+        low = rule.before_unwrap(low)
     maps = carried_channels(materials)
     if simplified is not None or any(materials.sources("normal")):
         maps = ("normal", *maps)
@@ -333,6 +337,7 @@ def _lightened(
     with stages.part("unwrap"):
         atlas = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
         low, unwrapped = unwrap_with_report(low, options=atlas, progress=progress)
+        low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
         baked = bake(high, low, chosen, materials=materials, progress=progress)
@@ -358,7 +363,7 @@ def _lightened(
 
 
 def _simplified(
-    high: Mesh, options: LightenOptions, progress: ProgressSink | None
+    high: Mesh, options: LightenOptions, rule: LowNormals, progress: ProgressSink | None
 ) -> tuple[Mesh, SimplifyReport | None, tuple[str, ...]]:
     """Return the mesh that gets the maps, its report, and what the user should know."""
     n_faces = options.n_faces
@@ -374,7 +379,11 @@ def _simplified(
     if closed is bare and high.n_faces <= n_faces:
         return bare, None, why
     low, report = simplify_with_report(
-        closed, n_faces, quality=options.quality, threads=options.threads, progress=progress
+        rule.to_simplify(closed, threads=options.threads),
+        n_faces,
+        quality=options.quality,
+        threads=options.threads,
+        progress=progress,
     )
     return low, report, (*why, *report.notes)
 

@@ -8,7 +8,13 @@ from typing import Annotated
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
-from texbake.mesh.options import ORIENTATION_OPTION
+from texbake.mesh.options import (
+    ANGLE_OPTION,
+    DEFAULT_ANGLE,
+    LOW_NORMALS_OPTION,
+    ORIENTATION_OPTION,
+    check_angle,
+)
 from texbake.mesh.remesh_options import REMESH_OPTION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
@@ -42,6 +48,8 @@ class LightenOptions(CheckedOptions):
     quality: Annotated[str, option(SimplifyOptions, "quality")] = "best"
     remesh: Annotated[str, REMESH_OPTION] = "never"
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
+    normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
     size: Annotated[
         Size | None,
         replace(
@@ -87,6 +95,10 @@ class LightenOptions(CheckedOptions):
         ),
     ] = 12
     threads: Annotated[int | None, THREADS_OPTION] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_angle(self.normals, self.angle)
 
     def bake_options(self, maps: tuple[str, ...], size: Size, padding: int | None) -> BakeOptions:
         """Return options for the bake, with the padding of the atlas."""

@@ -15,7 +15,13 @@ from texbake.baking.options import (
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
 from texbake.mapping.options.texture import Size
-from texbake.mesh.options import DEFAULT_ORIENTATION
+from texbake.mesh.options import (
+    ANGLE_OPTION,
+    DEFAULT_ANGLE,
+    DEFAULT_ORIENTATION,
+    LOW_NORMALS_OPTION,
+    check_angle,
+)
 from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions, check_target
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
@@ -42,6 +48,8 @@ class RunOptions(CheckedOptions):
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
+    normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
     size: Annotated[Size, option(BakeOptions, "size")] = 2048
     padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
     samples: Annotated[
@@ -78,6 +86,7 @@ class RunOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_target(self.n_faces, self.error)
+        check_angle(self.normals, self.angle)
         # These check their values, now and not when half of the work is done.
         self.unwrap_options()
         self.bake_options()
@@ -85,7 +94,7 @@ class RunOptions(CheckedOptions):
 
     def unwrap_options(self) -> UnwrapOptions:
         """Return how the low-poly mesh gets its texture coordinates."""
-        return UnwrapOptions(size=self.size, padding=self.padding)
+        return UnwrapOptions(size=self.size, padding=self.padding, seams_at_hard_edges=True)
 
     def bake_options(
         self, channels: tuple[str, ...] = (), padding: int | None = None

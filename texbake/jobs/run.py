@@ -44,9 +44,11 @@ from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
+from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials, model_materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
@@ -189,6 +191,7 @@ def run(
     channels = () if materials is None else carried_channels(materials)
     files = _files_in(folder, high, channels, pictures=options.compare != "off")
     stages = Stages()
+    rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
         # Who gave a model images has looked at it: cards that are drawn from one side are meant so.
         high, orientation = oriented(
@@ -197,11 +200,12 @@ def run(
             keep_open=materials is not None and materials.has_images,
             threads=options.threads,
         )
+        high = rule.of_high(high, threads=options.threads)
         closed, why_closed = wrapped_if(
             high, options.remesh, options.n_faces, threads=options.threads, progress=progress
         )
         low, simplified = simplify_with_report(
-            closed,
+            rule.to_simplify(closed, threads=options.threads),
             options.n_faces,
             error=options.error,
             quality=options.quality,
@@ -209,11 +213,12 @@ def run(
             threads=options.threads,
             progress=progress,
         )
-    low = low.replace(name=files["mesh"].name)
+    low = rule.before_unwrap(low.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
         low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
-        write_mesh(low, files["mesh"])
+        low = rule.after_unwrap(low)
+        write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
         chosen = options.bake_options(channels, unwrapped.options.padding)
         baked = bake(high, low, chosen, materials=materials, progress=progress)

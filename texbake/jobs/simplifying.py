@@ -17,7 +17,8 @@ from texbake.jobs.outputs import (
 from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.options import DEFAULT_ORIENTATION
+from texbake.mesh.hard_edges import with_normals
+from texbake.mesh.options import DEFAULT_ANGLE, DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
 from texbake.progress import ProgressSink
@@ -33,6 +34,8 @@ def simplify_file(
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
+    normals: str = "keep",
+    angle: float = DEFAULT_ANGLE,
     report: PathLike | None = None,
     mtl: bool = True,
     threads: int | None = None,
@@ -49,6 +52,8 @@ def simplify_file(
         As for `simplify`.
     orientation
         `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
+    normals, angle
+        As for `with_normals`; normals that are kept are those that `simplify` leaves.
     report
         File for the figures as JSON.
     mtl
@@ -69,6 +74,8 @@ def simplify_file(
         quality=quality,
         seams=seams,
         orientation=orientation,
+        normals=normals,
+        angle=angle,
         mtl=mtl,
         threads=threads,
         progress=progress,
@@ -88,6 +95,8 @@ def simplify_levels(
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
+    normals: str = "keep",
+    angle: float = DEFAULT_ANGLE,
     mtl: bool = True,
     threads: int | None = None,
     progress: ProgressSink | None = None,
@@ -102,7 +111,7 @@ def simplify_levels(
     mesh
     levels
         Number of triangles and file of each level; without a number, as few as `error` allows.
-    error, quality, seams, orientation, mtl, threads, progress
+    error, quality, seams, orientation, normals, angle, mtl, threads, progress
         As for `simplify_file`.
     """
     from texbake.raycast.orient import oriented
@@ -132,6 +141,7 @@ def simplify_levels(
         of_low = materials
         if bordered is not None:
             low, of_low = bordered.taken_from(low, high)
+        low = with_normals(low, normals, angle=angle)
         files, warnings = write_with_materials(low, output, of_low, mtl=mtl)
         figures = replace(figures, notes=(*turned.notes, *figures.notes))
         done.append(JobResult(files=files, report=figures, warnings=(*figures.notes, *warnings)))

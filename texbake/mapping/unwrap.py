@@ -26,6 +26,7 @@ from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHOD_OPTIONS, UnwrapOptions
 from texbake.mapping.options.transform import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.uv_sets import UvSet
@@ -175,6 +176,9 @@ def _unwrapped(
                 f"{mesh.name}: it has no texture coordinates yet, and a further set comes after "
                 "the first; leave out uv_set"
             )
+    normals, angle = options.normals, options.angle
+    if normals != "uv":  # it splits them where coordinates will be split
+        meshes = [with_normals(mesh, normals, angle=angle) for mesh in meshes]
     if options.only is None:
         chosen = [np.ones(mesh.n_faces, dtype=bool) for mesh in meshes]
         parts = list(meshes)
@@ -198,6 +202,8 @@ def _unwrapped(
         if n_without:
             part.tallies["faces of other groups without coordinates"] = n_without
         made = with_coordinates(mesh, corners)
+        if normals == "uv":
+            made = with_normals(made, normals)
         results.append(
             (made if options.uv_set is None else _as_further(mesh, made, options.uv_set), part)
         )

@@ -118,6 +118,12 @@ def shading_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArr
     return np.concatenate([mesh.normals, added_normals]), normal_faces
 
 
+def with_shading_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
+    """Return a mesh that has its `shading_normals` as its own, for files that maps belong to."""
+    normals, normal_faces = shading_normals(mesh, threads=threads)
+    return mesh.replace(normals=normals, normal_faces=normal_faces)
+
+
 def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
     """Normals that shade each face flat, in the form of `shading_normals`.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 from texbake.errors import OptionError, quoted
@@ -17,6 +17,39 @@ ORIENTATION_OPTION = Option(
     "(keep).",
     choices=ORIENTATIONS,
 )
+
+NORMALS: Final = ("smooth", "angle", "uv", "keep")
+DEFAULT_ANGLE: Final = 60.0
+
+NORMALS_OPTION = Option(
+    "Normals of the mesh: smooth everywhere; hard where faces meet at more than an angle; hard "
+    "where texture coordinates are split (uv); or those of the file (keep).",
+    choices=NORMALS,
+)
+ANGLE_OPTION = Option(
+    "Angle from which on edges are hard, for normals by angle.",
+    metavar="DEG",
+    above=0,
+    below=180,
+    unit="degrees",
+)
+
+
+LOW_NORMALS_OPTION = replace(
+    NORMALS_OPTION,
+    help="Normals of the low-poly mesh: hard at the sharp edges of the high-poly mesh, which also "
+    "cut charts, and smooth elsewhere (auto); smooth everywhere; hard where faces meet at more "
+    "than an angle, which also cuts charts; hard at borders of charts (uv); or those of the "
+    "high-poly mesh (keep).",
+    choices=("auto", *NORMALS),
+)
+
+
+def check_angle(normals: str, angle: float) -> None:
+    """Raise `OptionError` if an angle is given that no normals depend on."""
+    if angle != DEFAULT_ANGLE and normals != "angle":
+        raise OptionError(f"angle: normals {normals} do not use it; leave it out, or set `normals`")
+
 
 # Meters in a unit of length.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -50,6 +83,12 @@ class RepairOptions(CheckedOptions):
     coordinates: Annotated[
         bool, Option("Keep texture coordinates.", flag="--coordinates/--no-coordinates")
     ] = True
+    normals: Annotated[str, NORMALS_OPTION] = "keep"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_angle(self.normals, self.angle)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +120,12 @@ class TransformOptions(CheckedOptions):
         Option("Vector that is added to all positions.", metavar="X,Y,Z", unit="model units"),
     ] = (0.0, 0.0, 0.0)
     flip: Annotated[bool, Option("Turn all faces over, and their normals with them.")] = False
+    normals: Annotated[str, NORMALS_OPTION] = "keep"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_angle(self.normals, self.angle)
 
 
 def length_of(name: str, what: str, value: str | float, diagonal: float) -> float:

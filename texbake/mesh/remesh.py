@@ -23,6 +23,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.remesh_options import MIN_RESOLUTION, RemeshOptions
@@ -31,7 +32,7 @@ from texbake.mesh.remeshing.flood import MAX_RADIUS, Rooms, flood_outside
 from texbake.mesh.remeshing.nets import build_nets
 from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
 from texbake.mesh.remeshing.projection import project
-from texbake.mesh.remeshing.sharp_edges import with_hard_edges
+from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import simplify
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
@@ -306,7 +307,7 @@ def _remeshed(
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
     wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
     if options.sharp_edges:
-        wrapped = with_hard_edges(wrapped)
+        wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
     counts = _Counts(n_dropped=n_dropped, n_crumbs=n_crumbs, rooms=rooms, thin_share=thin_share)

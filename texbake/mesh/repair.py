@@ -22,6 +22,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import CORNERS, turned_over
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RepairOptions
@@ -89,6 +90,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
         turned = _misoriented(mesh)
         counts["faces turned"] = int(turned.sum())
         mesh = turned_over(mesh, turned)
+    mesh = with_normals(mesh, options.normals, angle=options.angle)
     return mesh, RepairReport(mesh.n_faces, counts)
 
 

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal, get_args
 
 from texbake.errors import OptionError
-from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION, length_of
+from texbake.mesh.options import (
+    ANGLE_OPTION,
+    DEFAULT_ANGLE,
+    DEFAULT_ORIENTATION,
+    NORMALS_OPTION,
+    ORIENTATION_OPTION,
+    check_angle,
+    length_of,
+)
 from texbake.schema import CheckedOptions, Option
 
 Quality = Literal["fast", "best"]
@@ -73,7 +81,10 @@ class SimplifyOptions(CheckedOptions):
         ),
     ] = DEFAULT_SEAMS
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
+    normals: Annotated[str, NORMALS_OPTION] = "keep"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_angle(self.normals, self.angle)
         check_target(self.n_faces, self.error)

@@ -7,6 +7,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.compose import transformed, turned_over
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.options import UNITS, TransformOptions
@@ -43,7 +44,9 @@ def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
             if not np.isfinite(largest + np.abs(matrix).max()):
                 raise OptionError("scale, move: positions would not be finite numbers any more")
         mesh = transformed(mesh, matrix)
-    return turned_over(mesh, np.ones(mesh.n_faces, np.bool_)) if options.flip else mesh
+    if options.flip:
+        mesh = turned_over(mesh, np.ones(mesh.n_faces, np.bool_))
+    return with_normals(mesh, options.normals, angle=options.angle)
 
 
 def _matrix(options: TransformOptions) -> FloatArray:

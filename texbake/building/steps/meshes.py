@@ -24,7 +24,12 @@ from texbake.building.step import (
 )
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.options import DEFAULT_ORIENTATION, RepairOptions, TransformOptions
+from texbake.mesh.options import (
+    DEFAULT_ORIENTATION,
+    RepairOptions,
+    TransformOptions,
+    check_angle,
+)
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.simplify_options import (
@@ -222,6 +227,8 @@ class SimplifyStep(CheckedOptions):
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
     seams: Annotated[str, option(SimplifyOptions, "seams")] = DEFAULT_SEAMS
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
+    normals: Annotated[str, option(SimplifyOptions, "normals")] = SimplifyOptions.normals
+    angle: Annotated[float, option(SimplifyOptions, "angle")] = SimplifyOptions.angle
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
     def __post_init__(self) -> None:
@@ -231,6 +238,7 @@ class SimplifyStep(CheckedOptions):
         if self.faces is None and self.error is None:
             raise OptionError("faces, error: neither is given; give one of them, or both")
         error_limit(self.error, 1.0)
+        check_angle(self.normals, self.angle)
         if isinstance(self.faces, tuple) and any(
             fine <= coarse for fine, coarse in zip(self.faces, self.faces[1:], strict=False)
         ):
@@ -254,6 +262,8 @@ def _simplify(job: Job) -> dict[str, Any]:
         quality=options.quality,
         seams=options.seams,
         orientation=options.orientation,
+        normals=options.normals,
+        angle=options.angle,
         mtl=False,
         threads=job.threads,
     )

@@ -35,7 +35,7 @@ from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import shading_normals
+from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.transform import Y_FROM_Z
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import read_image
@@ -249,8 +249,7 @@ def _write_mesh(
     options = converter.options
     turned = [_placed(level, options) for level in (mesh, *levels)]
     if path.suffix == ".obj":
-        normals, normal_faces = shading_normals(turned[0])
-        write_mesh(turned[0].replace(normals=normals, normal_faces=normal_faces), path)
+        write_mesh(with_shading_normals(turned[0]), path)
         return []
     extra: dict[str, Any] = {"name": converter.asset}
     if path.suffix == ".glb":

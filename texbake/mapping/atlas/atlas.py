@@ -141,8 +141,9 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     regions = mesh.face_groups if options.by_group else None
     if options.keep:
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
+    hard_edges = options.seams_at_hard_edges or options.normals == "angle"
     regions, n_within = regions_between(
-        mesh, hard_edges=options.seams_at_hard_edges, angle=options.seam_angle, regions=regions
+        mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
     )
     points = snap_points(mesh)
     lone, others = find_lone_faces(points, mesh.faces, regions, threads)

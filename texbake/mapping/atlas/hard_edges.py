@@ -9,15 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
+from texbake.mesh.hard_edges import inner_edges, normals_jump
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals
-from texbake.mesh.weld import weld_rows
-
-BoolArray = npt.NDArray[np.bool_]
+from texbake.mesh.normals import angles_between, face_normals
 
 
 def regions_between(
@@ -45,14 +41,10 @@ def regions_between(
     """
     if angle is None and not (hard_edges and mesh.normals is not None):
         return regions, 0
-    places = weld_rows(mesh.positions)[mesh.faces]
-    everywhere = np.ones(mesh.n_faces, dtype=np.bool_)
-    opposite = opposite_half_edges(places, solid=everywhere, regions=regions)
-    one = np.flatnonzero(opposite > np.arange(len(opposite)))
-    other = opposite[one].astype(np.intp)
+    one, other = inner_edges(mesh, regions)
     divides = np.zeros(len(one), dtype=np.bool_)
     if hard_edges and mesh.normals is not None:
-        divides |= _normals_jump(mesh, one, other)
+        divides |= normals_jump(mesh, one, other)
     if angle is not None:
         normals = face_normals(mesh)
         divides |= angles_between(normals[one // 3], normals[other // 3]) > math.radians(angle)
@@ -62,17 +54,3 @@ def regions_between(
         (other[~divides] // 3).astype(np.int32),
     )
     return labels, int(np.count_nonzero(divides & (labels[one // 3] == labels[other // 3])))
-
-
-def _normals_jump(mesh: Mesh, one: npt.NDArray[np.intp], other: npt.NDArray[np.intp]) -> BoolArray:
-    """(n,) bool: pairs of half-edges whose faces have different normals at either end."""
-    assert mesh.normals is not None
-    assert mesh.normal_faces is not None
-    ids = mesh.normal_faces.ravel()
-    jumps = np.zeros(len(one), dtype=np.bool_)
-    for here, there in ((one, next_half_edges(other)), (next_half_edges(one), other)):
-        a, b = ids[here], ids[there]
-        differ = np.flatnonzero(a != b)
-        angles = angles_between(mesh.normals[a[differ]], mesh.normals[b[differ]])
-        jumps[differ] |= angles > NORMAL_ROUNDING
-    return jumps

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.projection import ProjectionOptions
 from texbake.mapping.options.transform import TransformOptions
+from texbake.mesh.options import ANGLE_OPTION, DEFAULT_ANGLE, NORMALS_OPTION, check_angle
 from texbake.schema import Option
 
 # The methods, and which options each of them reads beside those that all share.
@@ -72,7 +73,14 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             default="all faces",
         ),
     ] = None
-
+    normals: Annotated[
+        str,
+        replace(
+            NORMALS_OPTION,
+            help=f"{NORMALS_OPTION.help} Edges that are hard by the angle also cut charts.",
+        ),
+    ] = "keep"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
     uv_set: Annotated[
         str | None,
         Option(
@@ -86,6 +94,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_angle(self.normals, self.angle)
         if self.uv_set == "TEXCOORD_0":  # the first
             object.__setattr__(self, "uv_set", None)
         if self.uv_set is not None and (not self.uv_set.strip() or not self.uv_set.isprintable()):

@@ -16,16 +16,16 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core, portable_math as pm
-from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.normals import face_normals, weighted_normals
+from texbake.core import portable_math as pm
+from texbake.mesh.half_edges import opposite_half_edges
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]
 
-# Faces of the mesh at a greater angle make a sharp edge.
-_SHARP = pm.cos(math.radians(30.0))
+# Faces of the mesh at a greater angle, in degrees, make a sharp edge.
+SHARP_ANGLE = 30.0
+_SHARP = pm.cos(math.radians(SHARP_ANGLE))
 # Planes whose normals span a direction by less than this share, as eigenvalues, leave it open.
 _LEAST_SPAN = 0.05
 # In voxels: how far outside its cell a vertex may go, and how far off the mesh the planes may meet.
@@ -286,24 +286,6 @@ def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
     corners = positions[faces]
     sides = corners[..., 1:, :] - corners[..., :1, :]
     return np.asarray(np.cross(sides[..., 0, :], sides[..., 1, :]))
-
-
-def with_hard_edges(mesh: Mesh) -> Mesh:
-    """Return a closed mesh with normals that jump at its sharp edges, and are smooth elsewhere."""
-    faces = mesh.faces
-    opposite = _opposite_half_edges(faces)
-    normals = face_normals(mesh)
-    here = np.arange(len(opposite))
-    smooth = pm.vecdot(normals[here // 3], normals[opposite // 3]) >= _SHARP
-    smooth &= opposite >= 0
-    one, other = here[smooth], opposite[smooth]
-    labels = np.arange(len(opposite), dtype=np.int32)
-    # A half-edge starts where the opposite one ends: at the corner after that one's.
-    core.merge_labels(labels, one.astype(np.int32), next_half_edges(other).astype(np.int32))
-    used, rows = np.unique(labels, return_inverse=True)
-    normal_faces = np.asarray(rows.reshape(faces.shape), np.int32)
-    values = weighted_normals(mesh.positions, faces, normal_faces, len(used))
-    return mesh.replace(normals=values, normal_faces=normal_faces)
 
 
 def _opposite_half_edges(faces: IntArray) -> IntArray:

@@ -1,0 +1,104 @@
+"""Normals by a rule: which edges are hard, and which meshes have sharp edges."""
+
+import numpy as np
+import pytest
+
+from tests.models import joined
+from texbake.errors import OptionError
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.hard_edges import (
+    inner_edges,
+    normals_jump,
+    with_normals,
+    with_own_hard_edges,
+    with_sharp_edges,
+)
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals, smooth_normals
+from texbake.mesh.parametric.make import make
+from texbake.mesh.shapes import cube, icosphere
+
+
+def bare(mesh: Mesh) -> Mesh:
+    """The surface alone."""
+    return Mesh(positions=mesh.positions, faces=mesh.faces)
+
+
+BARREL = bare(make("cylinder", resolution=(96, 4), caps=True))
+TORUS = bare(make("torus", resolution=(60, 30)))
+
+
+def turns(mesh: Mesh) -> np.ndarray:
+    """Degrees that faces turn by at each inner edge."""
+    one, other = inner_edges(mesh)
+    sides = face_normals(mesh)
+    cosines = (sides[one // 3] * sides[other // 3]).sum(axis=1)
+    return np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
+@pytest.mark.parametrize("mesh", [cube(), BARREL, TORUS], ids=["cube", "barrel", "torus"])
+@pytest.mark.parametrize("angle", [3.0, 30.0, 60.0, 120.0])
+def test_edges_are_hard_above_the_angle_alone(mesh, angle):
+    hard = with_normals(mesh, "angle", angle=angle)
+    jumps = normals_jump(hard, *inner_edges(hard))
+    np.testing.assert_array_equal(jumps, turns(mesh) > angle)
+    np.testing.assert_array_equal(hard.positions, mesh.positions)
+    again = with_own_hard_edges(hard)
+    np.testing.assert_array_equal(again.normals, hard.normals)
+
+
+def test_smooth_normals_are_those_of_places():
+    mesh = with_normals(with_normals(cube(), "angle"), "smooth")
+    np.testing.assert_array_equal(
+        mesh.normals[mesh.normal_faces], smooth_normals(cube())[cube().faces]
+    )
+    assert not normals_jump(mesh, *inner_edges(mesh)).any()
+
+
+def test_normals_are_split_where_coordinates_are():
+    mesh = with_normals(unwrap(BARREL, size=128), "uv")
+    one, other = inner_edges(mesh)
+    corners = mesh.corner_uvs().reshape(-1, 2)
+    ends = 3 * (other // 3) + (other + 1) % 3
+    split = (corners[one] != corners[ends]).any(axis=1)
+    jumps = normals_jump(mesh, one, other)
+    assert not jumps[~split & ~np.roll(split, 1)].all()
+    assert jumps[turns(mesh) > 60].all()
+    assert with_normals(mesh, "keep") is mesh
+
+
+@pytest.mark.parametrize(
+    "mesh, n_sharp",
+    [
+        (cube(), 12),
+        (BARREL, 192),
+        (joined(cube(), bare(cube()).replace(positions=cube().positions + 5.0)), 24),
+        (TORUS, 0),
+        (icosphere(3), 0),
+        (make("sphere", resolution=(16, 8)), 0),
+    ],
+)
+def test_sharp_edges_of_made_surfaces(mesh, n_sharp):
+    found = with_sharp_edges(bare(mesh))
+    assert (found.normals is None) == (n_sharp == 0)
+    if n_sharp:
+        assert normals_jump(found, *inner_edges(found)).sum() == n_sharp
+
+
+@pytest.mark.parametrize("roughness", [0.003, 0.01, 0.03, 0.1])
+def test_noise_makes_no_sharp_edges(roughness):
+    sphere = icosphere(5)
+    noise = np.random.default_rng(3).normal(size=(sphere.n_vertices, 1))
+    rough = sphere.replace(positions=sphere.positions * (1.0 + roughness * noise))
+    assert with_sharp_edges(rough) is rough
+
+
+def test_an_angle_without_use_and_an_unknown_rule_are_errors():
+    from texbake.jobs.options import RunOptions
+    from texbake.mesh.options import TransformOptions
+
+    for options in (TransformOptions, RunOptions):
+        with pytest.raises(OptionError, match="angle: normals smooth do not use it"):
+            options(normals="smooth", angle=30.0)
+    with pytest.raises(OptionError, match="normals: flat is not one of smooth, angle, uv, keep"):
+        with_normals(cube(), "flat")
