@@ -188,11 +188,11 @@ from .mesh.files import (
     read_mesh as read_mesh,
     write_mesh as write_mesh,
 )
+from .mesh.hard_edges import with_normals as with_normals
 from .mesh.info import (
     MeshInfo as MeshInfo,
     mesh_info as mesh_info,
 )
-from .mesh.hard_edges import with_normals as with_normals
 from .mesh.interchange import (
     MeshLike as MeshLike,
     from_trimesh as from_trimesh,

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,8 @@ import numpy.typing as npt
 from texbake.baking.result import BakedMap
 from texbake.errors import first_few
 from texbake.files import PathLike
+from texbake.limits import file_beside
+from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import (
@@ -347,3 +351,24 @@ def texture_size(materials: Materials | None, least: int, most: int) -> int:
     while size < side and size < most:
         size *= 2
     return size
+
+
+def model_bytes(model: PathLike, materials: Materials) -> int:
+    """Return the bytes of a model file with its buffers and images."""
+    path = Path(model)
+    total = path.stat().st_size
+    if path.suffix.lower() == ".glb":
+        return total
+    images = {
+        source.image.name: len(source.image.data)
+        for material in materials.materials
+        for source in material.channels.values()
+        if source.image is not None
+    }
+    total += sum(images.values())
+    if path.suffix.lower() == ".gltf":
+        document = read_document(path)
+        uris = [buffer.get("uri", "data:") for buffer in document.items("buffers")]
+        files = [file_beside(path, unquote(uri)) for uri in uris if not uri.startswith("data:")]
+        total += sum(file.stat().st_size for file in files if file.is_file())
+    return total

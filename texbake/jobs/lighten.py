@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from texbake.jobs.carried import (
     compared_without,
     encoded_channels,
     left_out,
+    model_bytes,
     shared_materials,
     texture_size,
 )
@@ -40,12 +40,10 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
-from texbake.limits import file_beside
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.texture import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh
-from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
@@ -386,24 +384,3 @@ def _simplified(
         progress=progress,
     )
     return low, report, (*why, *report.notes)
-
-
-def model_bytes(model: PathLike, materials: Materials) -> int:
-    """Return the bytes of a model file with its buffers and images."""
-    path = Path(model)
-    total = path.stat().st_size
-    if path.suffix.lower() == ".glb":
-        return total
-    images = {
-        source.image.name: len(source.image.data)
-        for material in materials.materials
-        for source in material.channels.values()
-        if source.image is not None
-    }
-    total += sum(images.values())
-    if path.suffix.lower() == ".gltf":
-        document = read_document(path)
-        uris = [buffer.get("uri", "data:") for buffer in document.items("buffers")]
-        files = [file_beside(path, unquote(uri)) for uri in uris if not uri.startswith("data:")]
-        total += sum(file.stat().st_size for file in files if file.is_file())
-    return total

@@ -201,18 +201,7 @@ def run(
             threads=options.threads,
         )
         high = rule.of_high(high, threads=options.threads)
-        closed, why_closed = wrapped_if(
-            high, options.remesh, options.n_faces, threads=options.threads, progress=progress
-        )
-        low, simplified = simplify_with_report(
-            rule.to_simplify(closed, threads=options.threads),
-            options.n_faces,
-            error=options.error,
-            quality=options.quality,
-            seams="drop",  # its charts are made anew
-            threads=options.threads,
-            progress=progress,
-        )
+        low, simplified, why_closed = _simplified(high, options, rule, progress)
     low = rule.before_unwrap(low.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
@@ -249,6 +238,25 @@ def run(
     )
     write_report(files["report"], result.to_json())
     return result
+
+
+def _simplified(
+    high: Mesh, options: RunOptions, rule: LowNormals, progress: ProgressSink | None
+) -> tuple[Mesh, SimplifyReport, tuple[str, ...]]:
+    """Return the low-poly mesh, its report, and why it was made from a closed surface."""
+    closed, why_closed = wrapped_if(
+        high, options.remesh, options.n_faces, threads=options.threads, progress=progress
+    )
+    low, simplified = simplify_with_report(
+        rule.to_simplify(closed, threads=options.threads),
+        options.n_faces,
+        error=options.error,
+        quality=options.quality,
+        seams="drop",  # its charts are made anew
+        threads=options.threads,
+        progress=progress,
+    )
+    return low, simplified, why_closed
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
