@@ -55,15 +55,35 @@ def test_smooth_normals_are_those_of_places():
     assert not normals_jump(mesh, *inner_edges(mesh)).any()
 
 
+def test_polygons_have_no_hard_edge_within():
+    """A sheet of quads, each bent along its diagonal."""
+    x, y = (axis.ravel() for axis in np.meshgrid(range(4), range(4)))
+    corners = (x[:, None] + 4 * y[:, None] + [0, 1, 5, 4])[(x < 3) & (y < 3)]
+    faces = corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    polygon_of = np.arange(len(faces)) // 2
+    sheet = Mesh(positions=np.stack([x, y, x * y % 3], axis=1), faces=faces, polygon_of=polygon_of)
+    one, other = inner_edges(sheet)
+    hard = with_normals(sheet, "angle", angle=5.0)
+    within = polygon_of[one // 3] == polygon_of[other // 3]
+    jumps = normals_jump(hard, one, other)
+    np.testing.assert_array_equal(jumps[within], False)
+    np.testing.assert_array_equal(jumps[~within], turns(sheet)[~within] > 5.0)
+
+
 def test_normals_are_split_where_coordinates_are():
     mesh = with_normals(unwrap(BARREL, size=128), "uv")
     one, other = inner_edges(mesh)
     corners = mesh.corner_uvs().reshape(-1, 2)
-    ends = 3 * (other // 3) + (other + 1) % 3
-    split = (corners[one] != corners[ends]).any(axis=1)
+
+    def after(half_edges):
+        return 3 * (half_edges // 3) + (half_edges + 1) % 3
+
+    ends = (corners[one] != corners[after(other)]) | (corners[after(one)] != corners[other])
     jumps = normals_jump(mesh, one, other)
-    assert not jumps[~split & ~np.roll(split, 1)].all()
-    assert jumps[turns(mesh) > 60].all()
+    is_split = ends.any(axis=1)
+    assert not jumps[~is_split].any()
+    assert jumps[is_split & (turns(mesh) > 60)].all()
+    assert jumps.any()
     assert with_normals(mesh, "keep") is mesh
 
 

@@ -161,7 +161,12 @@ def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges,
 
 
 def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -> Mesh:
-    """Return a mesh with normals that are hard at some of its `inner_edges`, and where none is."""
+    """Return a mesh with normals that are hard at some of its `inner_edges`, and where none is.
+
+    No edge between two triangles of one polygon is hard.
+    """
+    if mesh.polygon_of is not None:
+        is_hard = is_hard & (mesh.polygon_of[one // 3] != mesh.polygon_of[other // 3])
     one, other = one[~is_hard], other[~is_hard]
     # A half-edge starts where the opposite one ends: at the corner after that one's.
     joined = (
