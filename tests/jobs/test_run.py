@@ -18,6 +18,7 @@ from texbake import (
     RunResult,
     TexbakeError,
     UvError,
+    check,
     demo,
     read_image,
     read_mesh,
@@ -25,6 +26,7 @@ from texbake import (
 )
 from texbake.mapping.options.atlas import fitting_padding
 from texbake.mesh.compose import turned_over
+from texbake.mesh.normals import angles_between, face_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere, orange
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
@@ -322,3 +324,36 @@ def test_an_atlas_finer_than_its_texels_is_an_error(
     with pytest.raises(UvError, match=f"% of the area, own no texel at {size} x .*{hint}"):
         run(high, tmp_path, options)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("normals", "is_hard"),
+    [("auto", True), ("angle", True), ("uv", True), ("keep", False), ("smooth", False)],
+)
+def test_sharp_edges_are_hard_in_every_file(tmp_path: Path, normals: str, is_hard: bool) -> None:
+    """Boxes of flat sides: with hard edges and seams there, nothing is left for the map."""
+    options = RunOptions(n_faces=96, size=256, compare="off", remesh="never", normals=normals)
+    made = run(boxes(2), tmp_path, options)
+    low = read_mesh(made.files["mesh"])
+    assert low.normals is not None
+    sides = face_normals(low)[:, None]
+    turns = angles_between(
+        low.normals[low.normal_faces].reshape(-1, 3), np.repeat(sides, 3, 1).reshape(-1, 3)
+    )
+    assert (len(low.normals) > low.n_vertices) == is_hard
+    assert (turns.max() < 1e-6) == (normals in ("auto", "angle"))
+    found = [finding.kind for finding in check(low).findings]
+    assert ("hard-edges-without-seam" in found) is False
+    in_glb = read_mesh(made.files["glb"])
+    np.testing.assert_allclose(
+        in_glb.normals[in_glb.normal_faces], low.normals[low.normal_faces], atol=1e-6
+    )
+    if normals == "auto":
+        codes = read_image(made.files["normal"], color=False).pixels
+        assert np.abs(codes - codes[0, 0]).max() < 1e-4
+
+
+def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result: RunResult) -> None:
+    low = read_mesh(result.files["mesh"])
+    assert result.low.normals is None
+    np.testing.assert_array_equal(low.normals[low.normal_faces], smooth_normals(low)[low.faces])
