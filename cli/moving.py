@@ -22,7 +22,7 @@ def moved(mesh: Path, output: Path, options: TransformOptions, terminal: Termina
     low, high = done.report.bounds
     terminal.summary(
         [
-            ("faces", f"{done.report.n_faces:,}"),
+            ("faces", f"{done.report.n_polygons:,}"),
             ("vertices", f"{done.report.n_vertices:,}"),
             ("size", " x ".join(f"{side:.6g}" for side in high - low)),
             (

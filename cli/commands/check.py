@@ -110,7 +110,7 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
-                say(f"{role} mesh  {mesh.name}, {mesh.n_faces:,} faces")
+                say(f"{role} mesh  {mesh.name}, {mesh.n_polygons:,} faces")
         say(_total(checked))
     if findings:
         columns(
@@ -137,7 +137,7 @@ def _explain(findings: list[Finding]) -> None:
 
 def _worst(finding: Finding) -> str:
     shown = ", ".join(str(face) for face in finding.worst_faces[:_WORST_SHOWN])
-    return f"{shown}, ..." if len(finding.faces) > _WORST_SHOWN else shown
+    return f"{shown}, ..." if len(finding.polygons) > _WORST_SHOWN else shown
 
 
 def _total(checked: CheckReport) -> str:

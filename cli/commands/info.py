@@ -83,6 +83,7 @@ def _rows(found: MeshInfo) -> list[tuple[str, str]]:
     rows = [
         ("name", found.name),
         ("faces", f"{found.n_faces:,}"),
+        *([("triangles", f"{found.n_triangles:,}")] if found.n_triangles > found.n_faces else []),
         ("vertices", f"{found.n_vertices:,}"),
         ("bounds", f"{_point(low)} to {_point(high)}"),
         ("size", f"{_point([b - a for a, b in zip(low, high, strict=True)])}"),

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tests.hard_cases.fbx_writer import scene, shape, written
+from texbake.checks.check import check
 from texbake.errors import MeshError, ReadWarning
-from texbake.mesh.compose import excerpt, join_meshes, transformed
+from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.repair import repair
@@ -291,3 +293,18 @@ def test_objects_of_an_obj_file_are_objects_again_and_groups_with_common_vertice
     assert [line[0] for line in path.read_text().splitlines() if line[0] in "og"] == ["g"] * 6
     np.testing.assert_array_equal(read_mesh(path).face_groups, groups)
     assert read_mesh(path).group_names == names
+
+
+def test_faces_are_counted_as_in_the_file():
+    mesh = prism(normals=False)[0]
+    info = mesh_info(mesh)
+    assert (info.n_faces, info.n_triangles) == (10, 22)
+    assert [group.n_faces for group in info.groups] == [2 + 2, 6]
+    solid = excerpt(mesh, ~np.isin(mesh.polygon_of, [4, 9]))
+    wrong = turned_over(solid, solid.polygon_of == 1)
+    fixed, report = repair(wrong)
+    assert (report.n_faces, report.counts["faces turned"]) == (8, 1)
+    assert [sorted(p) for p in polygons_of(fixed)] == [sorted(p) for p in polygons_of(solid)]
+    found = {finding.name: finding for finding in check(wrong).findings}
+    assert found["inconsistent-winding"].worst_faces == [1]
+    assert found["overlapping-coordinates"].count == 8

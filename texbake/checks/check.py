@@ -138,11 +138,16 @@ def _check(
             findings += _pair_findings(pair, owners)
             if not (pair.apart or pair.opposite):
                 findings += wall_findings(pair)
+    meshes = {"low": low, "high": high}
+    by_polygons = [
+        found if found is None or (mesh := meshes[found.mesh]) is None else found.by_polygons(mesh)
+        for found in findings
+    ]
     return CheckReport(
         low=low,
         high=high,
         options=options,
-        findings=_most_severe_first(findings),
+        findings=_most_severe_first(by_polygons),
         stages=stages.records,
     )
 

@@ -229,12 +229,14 @@ def make_finding(
     kind = KINDS[name]
     severity = kind.low if mesh == "low" else kind.high
     assert severity is not None, f"{name} is not checked in a {mesh}-poly mesh"
+    faces = _worst_first(faces, badness)
     return Finding(
         kind=kind,
         severity=severity,
         mesh=mesh,
         count=int(count),
-        faces=_worst_first(faces, badness),
+        faces=faces,
+        polygons=faces,
         problem=kind.problem.format(**figures),
         remedy=kind.remedy.format(**figures),
     )

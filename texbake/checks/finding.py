@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from texbake.mesh.mesh import IntArray
+import numpy as np
+
+from texbake.mesh.mesh import IntArray, Mesh
 
 FACES = ("face", "faces")
 EDGES = ("edge", "edges")
@@ -67,8 +69,10 @@ class Finding:
     count : int
         How often it occurs, in the unit of the kind.
     faces : (n,) int32
-        Faces of that mesh that have it, each once, the worst first; empty where the problem
+        Triangles of that mesh that have it, each once, the worst first; empty where the problem
         concerns the mesh as a whole.
+    polygons : (n,) int32
+        Polygons of these, each once, the worst first.
     problem, remedy : str
         What goes wrong, and what to do about it.
     """
@@ -78,6 +82,7 @@ class Finding:
     mesh: str
     count: int
     faces: IntArray
+    polygons: IntArray
     problem: str
     remedy: str
 
@@ -93,9 +98,19 @@ class Finding:
 
     @property
     def worst_faces(self) -> list[int]:
-        """Its ten worst faces."""
-        worst: list[int] = self.faces[:N_WORST].tolist()
+        """Its ten worst faces, counted as in the file."""
+        worst: list[int] = self.polygons[:N_WORST].tolist()
         return worst
+
+    def by_polygons(self, mesh: Mesh) -> Finding:
+        """Return it with faces counted as polygons of its mesh."""
+        if mesh.polygon_of is None or len(self.faces) == 0:
+            return self
+        numbers = mesh.polygon_of[self.faces]
+        polygons = numbers[np.sort(np.unique(numbers, return_index=True)[1])]
+        is_count_of_faces = self.kind.unit == FACES and self.count == len(self.faces)
+        count = len(polygons) if is_count_of_faces else self.count
+        return replace(self, polygons=polygons, count=count)
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it as plain values."""
@@ -106,7 +121,7 @@ class Finding:
             "mesh": self.mesh,
             "count": self.count,
             "unit": self.kind.unit[1],
-            "n_faces": len(self.faces),
+            "n_faces": len(self.polygons),
             "worst_faces": self.worst_faces,
             "problem": self.problem,
             "remedy": self.remedy,

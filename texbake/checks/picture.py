@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.finding import Finding
+from texbake.checks.finding import N_WORST, Finding
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.layout_view import (
@@ -158,7 +158,7 @@ def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray
             coverage[rows[there], columns[there]] = 1.0
     color = linear(COLORS[finding.severity])
     picture: Picture = base + coverage[:, :, None] * (color.astype(np.float32) - base)
-    for x, y in middles[: len(finding.worst_faces)].tolist():
+    for x, y in middles[:N_WORST].tolist():
         ring(picture, x, y, linear(INK))
     for side in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
         side *= 1.0 - _FRAME_DARKNESS

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks.check import check_files as read_and_check
-from texbake.checks.finding import Finding
+from texbake.checks.finding import N_WORST, Finding
 from texbake.checks.options import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.checks.report import CheckReport
@@ -159,8 +159,8 @@ def _row(
     albedo = decode_srgb(np.array([[_SURFACE, COLORS[finding.severity]]])).astype(np.float32)
     scene = studio_scene(colored, albedo=albedo, options=options)
     prepared = prepare(scene, options, threads=threads)
-    normals = face_normals(colored, threads=threads)[finding.worst_faces]
-    middles = colored.positions[colored.faces[finding.worst_faces]].mean(axis=1)
+    normals = face_normals(colored, threads=threads)[finding.faces[:N_WORST]]
+    middles = colored.positions[colored.faces[finding.faces[:N_WORST]]].mean(axis=1)
     azimuth, *others = options.view
     cameras = [
         Camera.framing(colored, options=replace(options, view=(azimuth + turn, *others)))

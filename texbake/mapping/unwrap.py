@@ -143,7 +143,7 @@ def unwrap_together(
             mesh,
             UnwrapReport(
                 mesh=mesh.name,
-                n_faces=mesh.n_faces,
+                n_faces=mesh.n_polygons,
                 options=replace(options, padding=mapped.padding),
                 tallies=mapped.tallies,
                 notes=mapped.notes,
@@ -271,6 +271,7 @@ class UnwrapReport:
     mesh : str
         Name of the mesh.
     n_faces : int
+        Polygons.
     options : UnwrapOptions
         The options of the call, with the padding that an atlas has.
     tallies : dict of str to int

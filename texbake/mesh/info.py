@@ -28,6 +28,8 @@ _BLOCK = 1 << 16  # faces measured at once
 class UvInfo:
     """Texture coordinates of a mesh.
 
+    Counts of faces are those of polygons with such a triangle.
+
     Attributes
     ----------
     n_uvs : int
@@ -50,7 +52,7 @@ class UvInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class GroupInfo:
-    """A group and how many faces it has."""
+    """A group and how many polygons it has."""
 
     name: str
     n_faces: int
@@ -62,10 +64,12 @@ class MeshInfo:
 
     For components, edges, duplicate faces and derived figures, vertices at exactly the same
     position count as one, because formats such as STL and glTF split vertices. `n_split_vertices`
-    is the number of split vertices.
+    is the number of split vertices. Counts of faces are those of polygons.
 
     Attributes
     ----------
+    n_faces, n_triangles : int
+        Polygons of the file, and the triangles that they are cut into.
     bounds : ((x, y, z), (x, y, z))
         Least and greatest coordinates of the vertices that faces use, in model units.
     diagonal, area : float
@@ -92,6 +96,7 @@ class MeshInfo:
     name: str
     n_vertices: int
     n_faces: int
+    n_triangles: int
     bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
     diagonal: float
     area: float
@@ -140,7 +145,8 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
     return MeshInfo(
         name=mesh.name,
         n_vertices=mesh.n_vertices,
-        n_faces=mesh.n_faces,
+        n_faces=mesh.n_polygons,
+        n_triangles=mesh.n_faces,
         bounds=(tuple(low), tuple(high)),
         diagonal=mesh.diagonal,
         area=_area(mesh),
@@ -153,8 +159,8 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
         n_boundary_edges=int(edges.boundary.sum()),
         n_non_manifold_edges=int(surface.non_manifold.sum()),
         n_misoriented_edges=int(surface.misoriented.sum()),
-        n_degenerate_faces=int(without_area.sum()),
-        n_duplicate_faces=int(repeated.sum()),
+        n_degenerate_faces=mesh.count_polygons(without_area),
+        n_duplicate_faces=mesh.count_polygons(repeated),
         n_unused_vertices=int((~used).sum()),
         n_split_vertices=int((~is_first).sum()),
         closed=edges.closed,
@@ -175,7 +181,10 @@ def _area(mesh: Mesh) -> float:
 def _groups(mesh: Mesh) -> tuple[GroupInfo, ...]:
     if mesh.face_groups is None:
         return ()
-    counts = np.bincount(mesh.face_groups, minlength=len(mesh.group_names)).tolist()
+    groups = mesh.face_groups
+    if mesh.polygon_of is not None:
+        groups = groups[np.diff(mesh.polygon_of, prepend=-1) > 0]
+    counts = np.bincount(groups, minlength=len(mesh.group_names)).tolist()
     return tuple(
         GroupInfo(name=name, n_faces=count)
         for name, count in zip(mesh.group_names, counts, strict=True)
@@ -195,7 +204,7 @@ def _uv_info(mesh: Mesh) -> UvInfo | None:
     return UvInfo(
         n_uvs=len(mesh.uvs),
         bounds=(tuple(low), tuple(high)),
-        n_out_of_tile=int(outside.sum()),
-        n_without_area=int((areas == 0.0).sum()),
-        n_mirrored=int((areas < 0.0).sum()),
+        n_out_of_tile=mesh.count_polygons(np.asarray(outside)),
+        n_without_area=mesh.count_polygons(areas == 0.0),
+        n_mirrored=mesh.count_polygons(areas < 0.0),
     )

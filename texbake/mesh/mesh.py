@@ -129,6 +129,11 @@ class Mesh:
         """Number of polygons: that of triangles, unless some make up larger polygons."""
         return self.n_faces if self.polygon_of is None else int(self.polygon_of[-1]) + 1
 
+    def count_polygons(self, chosen: npt.NDArray[np.bool_]) -> int:
+        """Number of polygons that have one of the chosen (F,) triangles."""
+        numbers = chosen if self.polygon_of is None else np.bincount(self.polygon_of, chosen)
+        return int(np.count_nonzero(numbers))
+
     @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) float64: least and greatest coordinates of the positions that faces use."""

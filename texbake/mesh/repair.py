@@ -38,9 +38,9 @@ class RepairReport:
     Attributes
     ----------
     n_faces : int
-        Of the repaired mesh.
+        Polygons of the repaired mesh.
     counts : dict of str to int
-        How many vertices or faces each repair changed, by its name.
+        How many vertices or polygons each repair changed, by its name.
     """
 
     n_faces: int
@@ -77,21 +77,21 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
         mesh, counts["vertices merged"] = _merged(mesh)
     if options.degenerate:
         flat = degenerate_faces(mesh)
-        counts["faces without area"] = int(flat.sum())
+        counts["faces without area"] = mesh.count_polygons(flat)
         mesh = _kept(mesh, ~flat)
     if options.duplicates:
         twice = duplicate_faces(mesh.faces)
-        counts["duplicate faces"] = int(twice.sum())
+        counts["duplicate faces"] = mesh.count_polygons(twice)
         mesh = _kept(mesh, ~twice)
     if options.merge:  # those of the faces that were removed, which nothing uses any more
         mesh, n_unused = _merged(mesh)
         counts["vertices merged"] += n_unused
     if options.winding:
         turned = _misoriented(mesh)
-        counts["faces turned"] = int(turned.sum())
+        counts["faces turned"] = mesh.count_polygons(turned)
         mesh = turned_over(mesh, turned)
     mesh = with_normals(mesh, options.normals, angle=options.angle)
-    return mesh, RepairReport(mesh.n_faces, counts)
+    return mesh, RepairReport(mesh.n_polygons, counts)
 
 
 def _merged(mesh: Mesh) -> tuple[Mesh, int]:

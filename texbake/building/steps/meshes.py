@@ -165,7 +165,7 @@ def _transform(job: Job) -> dict[str, Any]:
 
     options = TRANSFORM.made(job.settings)
     done = transform_file(job.file("mesh"), job.outputs["mesh"], options, mtl=False)
-    return {"faces": done.report.n_faces, "notes": list(done.warnings)}
+    return {"faces": done.report.n_polygons, "notes": list(done.warnings)}
 
 
 TRANSFORM = StepKind(
