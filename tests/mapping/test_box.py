@@ -129,6 +129,16 @@ def test_noise_does_not_fleck():
     assert min(after) > 1
 
 
+def test_the_triangles_of_a_polygon_have_one_side():
+    mesh = noisy_slope(0.2)
+    quads = mesh.replace(polygon_of=np.arange(mesh.n_faces) // 2)
+    apart, together = (box_sides(item).sides.reshape(-1, 2) for item in (mesh, quads))
+    fits = (face_normals(mesh) @ SIDES.T).reshape(-1, 2, 6).min(axis=1).max(axis=1) >= 0.25
+    assert (apart[:, 0] != apart[:, 1]).sum() > 100
+    assert (together[fits, 0] == together[fits, 1]).all()
+    assert (face_normals(mesh) * SIDES[together.ravel()]).sum(axis=1).min() >= 0.25
+
+
 def test_an_exact_chamfer_goes_to_one_side():
     found = box_sides(noisy_slope(1e-6))  # as float32 would leave it
     assert set(found.sides) == {2}

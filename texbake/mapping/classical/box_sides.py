@@ -3,7 +3,7 @@
 The obvious choice is the side nearest to the face's normal. On noise, and on surfaces halfway
 between two sides, that leaves ragged borders and isolated faces. So the choice is made from normals
 averaged over the neighborhood, and small regions are joined to a side next to them, as long as no
-face is squashed too much.
+face is squashed too much. The triangles of a polygon have one side, if there is one for all.
 
 Sides are numbered: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z and -z.
 """
@@ -90,16 +90,30 @@ def box_sides(mesh: Mesh) -> BoxSides:
     borders = _borders(weld_rows(mesh.positions)[mesh.faces], points[mesh.faces])
     without_normal: BoolArray = (normals == 0.0).all(axis=1)
     allowed = _toward_sides(normals) >= _LEAST_COSINE
-    own = _nearest_sides(normals, allowed)
-    sides = _nearest_sides(_averaged(normals, areas, borders), allowed)
+    averaged = _averaged(normals, areas, borders)
+    own_normals = normals
+    if mesh.polygon_of is not None:
+        own_normals = _summed(mesh.polygon_of, normals * areas[:, None])
+        averaged = _summed(mesh.polygon_of, averaged)
+        refusing = ~allowed & ~without_normal[:, None]
+        for_all = _summed(mesh.polygon_of, refusing.astype(np.float64)) == 0.0
+        allowed = np.where(for_all.any(axis=1, keepdims=True), for_all, allowed)
+        without_normal = (own_normals == 0.0).all(axis=1)
+    own = _nearest_sides(own_normals, allowed)
+    sides = _nearest_sides(averaged, allowed)
     sides[without_normal] = _sides_beside(sides, without_normal, borders)
     allowed[without_normal] = True
     sides = _without_small_regions(sides, allowed, areas, borders)
     return BoxSides(
         sides=sides,
-        n_joined=int(((sides != own) & ~without_normal).sum()),
-        n_without_normal=int(without_normal.sum()),
+        n_joined=mesh.count_polygons((sides != own) & ~without_normal),
+        n_without_normal=mesh.count_polygons(without_normal),
     )
+
+
+def _summed(polygons: IntArray, rows: FloatArray) -> FloatArray:
+    """Sums of the rows (F, K) of each polygon, for each of its triangles."""
+    return np.stack([np.bincount(polygons, column) for column in rows.T], axis=1)[polygons]
 
 
 def _toward_sides(vectors: FloatArray) -> FloatArray:
