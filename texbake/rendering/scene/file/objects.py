@@ -58,6 +58,7 @@ MappingTable = table(
     UnwrapOptions,
     {"method": choice(METHODS), "matrix": ProjectorMatrix},
     name="Mapping",
+    without=("normals", "angle"),
     required=("method",),
     short="method",
 )
