@@ -81,6 +81,8 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
     }
     for part, mesh in (("high", high.high), ("low", high.low)):
         header[part] = {"name": mesh.name, "group_names": mesh.group_names}
+        if mesh.group_objects:
+            header[part]["group_objects"] = mesh.group_objects
         for name in _MESH_ARRAYS:
             if (array := getattr(mesh, name)) is not None:
                 arrays[f"{part}_mesh_{name}"] = array
@@ -144,6 +146,7 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
         "normals": normals[normal_rows],
         "normal_faces": normal_faces,
         "group_names": high.group_names,
+        "group_objects": high.group_objects,
         "name": high.name,
     }
     materials = inputs.materials
@@ -213,6 +216,7 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
                 if f"{part}_mesh_{name}" in arrays
             },
             group_names=tuple(header[part]["group_names"]),
+            group_objects=tuple(header[part].get("group_objects", ())),
             name=header[part]["name"],
         )
         for part in ("high", "low")

@@ -26,6 +26,7 @@ from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
+from texbake.mesh.objects import weld_vertices
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.triangle_tree import TriangleTree
@@ -131,7 +132,7 @@ def _sides(low: Mesh) -> npt.NDArray[np.intp]:
 
     Faces that meet at less than `_EDGE` are of one side, also by way of others.
     """
-    faces = weld_rows(low.positions)[low.faces].astype(np.int32)
+    faces = weld_vertices(low)[low.faces]
     pairs = edge_neighbors(faces)
     normals = face_normals(low)
     cosines = pm.vecdot(normals[pairs.first], normals[pairs.second])

@@ -207,9 +207,17 @@ def measure_extent(
 
 def _measured(scene: RayScene, low: Mesh, kind: str, threads: int | None) -> tuple[RayExtent, Look]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
-    out_high, in_high = _from_high(scene, low, threads)
+    out_high, in_high = _from_high(scene, low, _spread_points(scene.source), threads)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
     look = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+    if ((look.out.faces == NO_HIT) & (look.into.faces == NO_HIT)).any():
+        # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
+        # below it.
+        out_mid, in_mid = _from_high(scene, low, _middles(scene.source), threads)
+        if max(out_mid, in_mid) > max(out_high, in_high):
+            out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
+            limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
+            look = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
     out_low, in_low = _from_low(look)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(
@@ -219,12 +227,14 @@ def _measured(scene: RayScene, low: Mesh, kind: str, threads: int | None) -> tup
     return extent, look
 
 
-def _from_high(scene: RayScene, low: Mesh, threads: int | None) -> tuple[float, float]:
-    """Greatest local distance of high-poly vertices outside and inside the low-poly surface."""
+def _from_high(
+    scene: RayScene, low: Mesh, points: FloatArray, threads: int | None
+) -> tuple[float, float]:
+    """Greatest local distance of high-poly points outside and inside the low-poly surface."""
     frame = scene.frame
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
-    points = frame.to_local(_spread_points(scene.source))
+    points = frame.to_local(points)
     distances, faces, weights = tree.closest_points(points, threads=threads)
     corners = positions[low.faces[faces]]
     closest = pm.vecmat(weights, corners)
@@ -240,6 +250,18 @@ def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
         return high.spread_points(step)
     vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
     return high.positions[vertices]
+
+
+def _middles(high: Mesh | StreamedMesh) -> FloatArray:
+    """(n, 3) float64: middles of faces and of their edges, in a large mesh of evenly spread faces."""
+    step = max(1, high.n_faces // (_HIGH_POINTS // 4))
+    if isinstance(high, StreamedMesh):
+        corners = high.spread_corners(step)
+    else:
+        corners = high.positions[high.faces[::step]]
+    first, second, third = np.moveaxis(corners.reshape(-1, 3, 3), 1, 0)
+    edges = [(first + second) / 2.0, (second + third) / 2.0, (third + first) / 2.0]
+    return np.concatenate([*edges, (first + second + third) / 3.0])
 
 
 def _from_low(look: Look) -> tuple[float, float]:

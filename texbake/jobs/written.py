@@ -110,9 +110,11 @@ class MaterialBorders:
             groups = np.zeros(mesh.n_faces, dtype=np.int32)
         pairs = np.stack([groups, materials.face_materials], axis=1)
         parts, part_of = np.unique(pairs, axis=0, return_inverse=True)
+        objects = np.array(mesh.group_objects or (0,) * len(mesh.group_names) or (0,))
         divided = mesh.replace(
             face_groups=part_of.ravel().astype(np.int32),
             group_names=tuple(map(str, range(len(parts)))),
+            group_objects=tuple(objects[parts[:, 0]].tolist()),
         )
         return cls(mesh=divided, source=source, parts=parts.astype(np.int32))
 
@@ -131,7 +133,11 @@ class MaterialBorders:
             parts = self.parts[made.face_groups]
             of_faces = parts[:, 1]
             groups = None if mesh.face_groups is None else parts[:, 0]
-            made = made.replace(face_groups=groups, group_names=mesh.group_names)
+            made = made.replace(
+                face_groups=groups,
+                group_names=mesh.group_names,
+                group_objects=mesh.group_objects,
+            )
         lost = self.source.lost
         if materials.image_uv_sets - {0}:
             lost = (*lost, "images on further texture coordinates")

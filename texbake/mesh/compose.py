@@ -55,6 +55,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(
         face_groups=np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
         group_names=tuple(mesh.name for mesh in meshes),
+        group_objects=tuple(range(len(meshes))),
         name=f"{len(meshes)} meshes",
         uv_sets=joined_uv_sets(meshes),
         polygon_of=joined_polygons(meshes),
@@ -128,11 +129,22 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
     return Mesh(
         face_groups=offset_joined(groups),  # type: ignore[arg-type]
         group_names=tuple(group for part in parts for group in part.group_names),
+        group_objects=_numbered_objects(parts),
         name=name,
         uv_sets=joined_uv_sets(parts),
         polygon_of=joined_polygons(parts),
         **fields,
     )
+
+
+def _numbered_objects(parts: Sequence[Mesh]) -> tuple[int, ...]:
+    """Object of each group of meshes put into one; a mesh is one object unless it has several."""
+    found: list[int] = []
+    for part in parts:
+        first = max(found, default=-1) + 1
+        own = part.group_objects or (0,) * len(part.group_names)
+        found += [first + number for number in own]
+    return tuple(found)
 
 
 def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

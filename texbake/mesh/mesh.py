@@ -64,6 +64,9 @@ class Mesh:
         Index into `group_names` of each face.
     group_names : tuple of str
         Names of the groups (OBJ groups and objects, glTF primitives).
+    group_objects : tuple of int
+        Number of the object that each group belongs to; empty where groups are not objects. See
+        `texbake.mesh.objects`.
     name : str
         File name, for messages.
 
@@ -86,6 +89,7 @@ class Mesh:
     polygon_of: IntArray | None = None
     face_groups: IntArray | None = None
     group_names: tuple[str, ...] = ()
+    group_objects: tuple[int, ...] = ()
     name: str = "mesh"
 
     def __post_init__(self) -> None:
@@ -111,6 +115,8 @@ class Mesh:
         self._check_finite("colors", "a vertex color")
         self._adopt("face_groups", np.int32, (len(faces),))
         self._check_indices("face_groups", len(self.group_names), "group")
+        if len(self.group_objects) not in (0, len(self.group_names)):
+            raise MeshError(f"{self.name}: group_objects and group_names differ in length")
         self._adopt("polygon_of", np.int32, (len(faces),))
         self._number_polygons()
 
@@ -196,9 +202,11 @@ class Mesh:
     def replace(self, **changes: Any) -> Mesh:
         """Return a mesh with some fields changed and the others shared.
 
-        New faces leave out further sets of texture coordinates, and polygons, unless these are
-        given as well.
+        New faces leave out further sets of texture coordinates, and polygons, and new names of
+        groups leave out objects, unless these are given as well.
         """
+        if changes.get("group_names", self.group_names) != self.group_names:
+            changes = {"group_objects": ()} | changes
         if "faces" in changes:
             changes = {"uv_sets": {}, "polygon_of": None} | changes
         return replace(self, **changes)

@@ -26,7 +26,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.objects import weld_vertices
 from texbake.parallel import resolve_threads, run_bands
 
 # A cross product shorter than this times the square of the longest edge is rounding, not area:
@@ -74,17 +74,18 @@ def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
 
 
 def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
-    """Angle-weighted unit normal of each position, shared by all vertices that lie there.
+    """Angle-weighted unit normal of each position, shared by all vertices of an object there.
 
-    What moves along these normals cannot tear: vertices at bit-equal positions (0.0 and -0.0 are
-    equal) get bit-equal normals, whatever seams and hard edges the file has.
+    An object that moves along these normals cannot tear: its vertices at bit-equal positions (0.0
+    and -0.0 are equal) get bit-equal normals, whatever seams and hard edges the file has. Objects
+    that touch have normals of their own; see `texbake.mesh.objects`.
 
     Returns
     -------
     (V, 3) float64
         As `vertex_normals` for special cases.
     """
-    firsts = weld_rows(mesh.positions, threads=threads)
+    firsts = weld_vertices(mesh, threads=threads)
     if np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32)):
         return _angle_weighted(mesh.positions, mesh.faces, threads)
     faces = firsts[mesh.faces]
@@ -276,7 +277,7 @@ def vertex_curvatures(
     mesh = as_mesh(mesh)
     if normals is None:
         normals = smooth_normals(mesh, threads=threads)
-    firsts = weld_rows(mesh.positions, threads=threads)
+    firsts = weld_vertices(mesh, threads=threads)
     frame = LocalFrame.around(mesh)
     turns, areas = np.zeros(mesh.n_vertices), np.zeros(mesh.n_vertices)
     core.add_curvatures(

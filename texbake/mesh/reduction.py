@@ -256,6 +256,7 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
             normals=moved.normals,
             normal_faces=None if ids.normal_ids is None else ids.normal_ids[faces],
             group_names=mesh.group_names,
+            group_objects=mesh.group_objects,
             name=mesh.name,
         )
         return gather(corners, ids, faces)

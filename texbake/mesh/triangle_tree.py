@@ -173,9 +173,10 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
     """
     groups = source.face_groups if mesh.face_groups is None else None
     colors = source.colors if mesh.colors is None else None
+    names = {"group_names": source.group_names, "group_objects": source.group_objects}
     if groups is not None and len(source.group_names) == 1:
         ids = np.zeros(mesh.n_faces, dtype=np.int32)
-        mesh = mesh.replace(face_groups=ids, group_names=source.group_names)
+        mesh = mesh.replace(face_groups=ids, **names)
         groups = None
     if groups is None and colors is None:
         return mesh
@@ -185,7 +186,7 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
     if groups is not None:
         centers = points[mesh.faces].mean(axis=1)
         _, nearest, _ = tree.closest_points(centers, threads=threads)
-        mesh = mesh.replace(face_groups=groups[nearest], group_names=source.group_names)
+        mesh = mesh.replace(face_groups=groups[nearest], **names)
     if colors is not None:
         _, nearest, weights = tree.closest_points(points, threads=threads)
         blended = pm.vecmat(weights, colors[source.faces[nearest]])

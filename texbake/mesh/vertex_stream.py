@@ -141,7 +141,11 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
         normal_faces, normal_ids = _compact(stream.normal_ids[faces], len(mesh.normals))
         low = low.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
     if stream.group_ids is not None:
-        low = low.replace(face_groups=stream.group_ids[faces[:, 0]], group_names=mesh.group_names)
+        low = low.replace(
+            face_groups=stream.group_ids[faces[:, 0]],
+            group_names=mesh.group_names,
+            group_objects=mesh.group_objects,
+        )
     return low
 
 

@@ -216,6 +216,7 @@ def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:
         colors=joiner.colors(),
         face_groups=np.repeat(np.arange(len(pieces), dtype=np.int32), joiner.n_faces),
         group_names=tuple(parts.names),
+        group_objects=tuple(parts.nodes) if len(set(parts.nodes)) > 1 else (),
         name=name,
     )
 

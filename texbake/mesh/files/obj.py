@@ -97,11 +97,12 @@ def read_obj(path: PathLike) -> Mesh:
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
     fields["polygon_of"] = polygons
     marks = _read_marks(data, lines)
-    groups, names = _read_groups(marks, len(sizes))
+    groups, names, objects = _read_groups(marks, len(sizes))
     if names:
         fields |= {
             "face_groups": groups if polygons is None else groups[polygons],
             "group_names": names,
+            "group_objects": objects,
         }
     uv_sets = read_uv_sets(path, fields["faces"])
     fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
@@ -175,15 +176,21 @@ def _smoothing_groups(marks: list[_Mark], n_polygons: int) -> IntArray | None:
     return groups
 
 
-def _read_groups(all_marks: list[_Mark], n_polygons: int) -> tuple[IntArray, tuple[str, ...]]:
-    """Group of each polygon and the names of those that have one, in order of appearance."""
+def _read_groups(
+    all_marks: list[_Mark], n_polygons: int
+) -> tuple[IntArray, tuple[str, ...], tuple[int, ...]]:
+    """Group of each polygon, and the names and objects of groups, in order of appearance.
+
+    Groups are objects by `o`, or by `g` where no `o` tells two apart; materials are none.
+    """
     marks = [mark for mark in all_marks if mark[0] != b"s"]
     groups = np.zeros(n_polygons, dtype=np.int32)
     if not marks:
-        return groups, ()
+        return groups, (), ()
     by_material = all(keyword == b"usemtl" for keyword, _, _ in marks)
     parts = [b"usemtl"] if by_material else [b"o", b"g"]
     ids: dict[str, int] = {"default": 0} if marks[0][2] > 0 else {}
+    objects = dict.fromkeys(ids, b"")
     current: dict[bytes, bytes] = {}
     stops = [start for _, _, start in marks[1:]]
     for (keyword, name, start), stop in zip(marks, [*stops, n_polygons], strict=True):
@@ -194,7 +201,13 @@ def _read_groups(all_marks: list[_Mark], n_polygons: int) -> tuple[IntArray, tup
             set_names = dict.fromkeys(current[part] for part in parts if current.get(part))
             full = decode_name(b"/".join(set_names)) or "default"
             groups[start:stop] = ids.setdefault(full, len(ids))
-    return groups, tuple(ids)
+            objects.setdefault(full, current.get(b"o", b""))
+    if by_material or len(ids) < 2:
+        return groups, tuple(ids), ()
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(objects.values()))}
+    if len(numbers) == 1:
+        return groups, tuple(ids), tuple(range(len(ids)))
+    return groups, tuple(ids), tuple(numbers[name] for name in objects.values())
 
 
 Offsets = npt.NDArray[np.int64]

@@ -1,0 +1,110 @@
+"""Objects that touch have normals of their own; materials and shared vertices make no objects."""
+
+import numpy as np
+import pytest
+
+from texbake.mesh.compose import join_meshes, join_parts, transformed
+from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import smooth_normals, vertex_curvatures
+from texbake.mesh.objects import joined_objects, object_names, vertex_objects
+from texbake.mesh.shapes import cube, icosphere
+
+ASIDE = np.eye(4)
+ASIDE[0, 3] = 1.0  # as wide as the cube
+CUBES = [cube(), transformed(cube(), ASIDE)]
+
+
+def grouped(mesh: Mesh, name: str) -> Mesh:
+    return mesh.replace(face_groups=np.zeros(mesh.n_faces, np.int32), group_names=(name,))
+
+
+NAMED = [grouped(mesh, name) for mesh, name in zip(CUBES, ("lid", "box"), strict=True)]
+
+
+def obj_text(statement: str, *, welded: bool = False) -> str:
+    """Two cubes that touch, each after its own statement, or with the vertices of both shared."""
+    whole = join_meshes(CUBES)
+    points, faces = whole.positions, whole.faces
+    if welded:
+        points, inverse = np.unique(points, axis=0, return_inverse=True)
+        faces = inverse.ravel()[faces]
+    lines = ["v {} {} {}".format(*point) for point in points.tolist()]
+    for name, rows in zip(("lid", "box"), np.split(faces + 1, 2), strict=True):
+        lines += [statement.format(name), *("f {} {} {}".format(*row) for row in rows.tolist())]
+    return "\n".join(lines) + "\n"
+
+
+def corner_normals(mesh: Mesh) -> np.ndarray:
+    return smooth_normals(mesh)[mesh.faces]
+
+
+APART = np.concatenate([corner_normals(mesh) for mesh in CUBES])
+AS_ONE = corner_normals(joined_objects(join_meshes(CUBES)))
+
+
+@pytest.mark.parametrize("make", [lambda: join_meshes(CUBES), lambda: join_parts(NAMED, "two")])
+def test_objects_that_touch_keep_the_normals_they_have_alone(make):
+    mesh = make()
+    assert np.array_equal(corner_normals(mesh), APART)
+    curved = [vertex_curvatures(one) for one in CUBES]
+    assert np.allclose(vertex_curvatures(mesh), np.concatenate(curved), rtol=1e-12)
+    assert not np.array_equal(AS_ONE, APART)
+    assert np.array_equal(corner_normals(joined_objects(mesh)), AS_ONE)
+
+
+@pytest.mark.parametrize(
+    ("statement", "welded", "expected"),
+    [
+        ("o {}", False, APART),
+        ("g {}", False, APART),
+        ("o scene\ng {}", False, APART),
+        ("o {}\ng part", False, APART),
+        ("usemtl {}", False, AS_ONE),
+        ("o crate\nusemtl {}", False, AS_ONE),
+        ("g {}", True, AS_ONE),
+        ("", False, AS_ONE),
+    ],
+)
+def test_objects_and_groups_of_an_obj_file_are_apart_and_materials_are_not(
+    tmp_path, statement, welded, expected
+):
+    path = tmp_path / "two.obj"
+    path.write_text(obj_text(statement, welded=welded))
+    assert np.array_equal(corner_normals(read_mesh(path)), expected)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".glb"])
+def test_objects_come_back_from_files(tmp_path, suffix):
+    write_mesh(join_parts(NAMED, "two"), tmp_path / f"two{suffix}")
+    mesh = read_mesh(tmp_path / f"two{suffix}")
+    assert len(set(mesh.group_objects)) == 2
+    assert object_names(mesh) == ("lid", "box")
+
+
+def test_an_object_of_two_groups_is_one():
+    mesh = icosphere(1)
+    halves = mesh.replace(
+        face_groups=np.arange(mesh.n_faces) % 2,
+        group_names=("ball/red", "ball/blue"),
+    )
+    both = join_parts([halves, grouped(transformed(mesh, ASIDE), "other")], "both")
+    assert both.group_objects == (0, 0, 1)
+    assert object_names(both) == ("ball", "ball", "other")
+    assert np.array_equal(np.bincount(vertex_objects(both)), [mesh.n_vertices] * 2)
+    assert vertex_objects(halves) is None
+
+
+def test_objects_that_share_a_vertex_are_one_by_way_of_others():
+    faces = np.arange(9).reshape(3, 3)
+    faces[1, 0] = faces[0, 2]
+    points = np.arange(33.0).reshape(11, 3) ** 2
+    chain = Mesh(
+        positions=points, faces=faces, face_groups=[0, 1, 2], group_names=tuple("abc"),
+        group_objects=(5, 3, 9),
+    )  # fmt: skip
+    found = vertex_objects(chain)
+    assert found is not None
+    assert len(set(found[faces[:2]].ravel())) == 1
+    assert found[faces[2, 0]] not in found[faces[:2]]
+    assert (found[9:] == -1).all() and found[3] == -1
