@@ -253,7 +253,7 @@ def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
 
 
 def _middles(high: Mesh | StreamedMesh) -> FloatArray:
-    """(n, 3) float64: middles of faces and of their edges, in a large mesh of evenly spread faces."""
+    """(n, 3) float64: middles of faces and their edges, in a large mesh of evenly spread faces."""
     step = max(1, high.n_faces // (_HIGH_POINTS // 4))
     if isinstance(high, StreamedMesh):
         corners = high.spread_corners(step)

@@ -10,8 +10,6 @@ ray directions and ray distances of their own.
 
 from __future__ import annotations
 
-from os.path import commonprefix
-
 import numpy as np
 
 from texbake.mesh.mesh import IntArray, Mesh
@@ -77,8 +75,7 @@ def _common_name(names: list[str]) -> str:
     """Return what comes before the `/material` or ` number` of the groups of an object."""
     if len(names) == 1:
         return names[0]
-    for sign in "/ ":
-        heads = {name.rpartition(sign)[0] for name in names}
-        if len(heads) == 1 and (head := heads.pop()):
-            return head
-    return commonprefix(names) or names[0]
+    heads = {name.partition("/")[0] for name in names}
+    if len(heads) > 1:  # primitives of a glTF mesh
+        heads = {name.rpartition(" ")[0] for name in names}
+    return (len(heads) == 1 and heads.pop()) or names[0]
