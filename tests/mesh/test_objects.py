@@ -39,6 +39,11 @@ def corner_normals(mesh: Mesh) -> np.ndarray:
     return smooth_normals(mesh)[mesh.faces]
 
 
+# A square with one side on the y axis, and the way to the square that ends there.
+QUAD = Mesh(positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]])
+MOVED = np.eye(4)
+MOVED[0, 3] = -1.0
+
 APART = np.concatenate([corner_normals(mesh) for mesh in CUBES])
 AS_ONE = corner_normals(joined_objects(join_meshes(CUBES)))
 
@@ -108,3 +113,14 @@ def test_objects_that_share_a_vertex_are_one_by_way_of_others():
     assert len(set(found[faces[:2]].ravel())) == 1
     assert found[faces[2, 0]] not in found[faces[:2]]
     assert (found[9:] == -1).all() and found[3] == -1
+
+
+@pytest.mark.parametrize(("angle", "are_one"), [(0.0, True), (59.0, True), (61.0, False)])
+def test_a_surface_goes_on_in_an_object_that_begins_where_it_ends(angle, are_one):
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    flap = np.eye(4)
+    flap[:3, :3] = [[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]
+    both = join_meshes([transformed(QUAD, np.diag([-1.0, -1.0, 1.0, 1.0])), QUAD])
+    turned = join_meshes([transformed(QUAD, MOVED), transformed(QUAD, flap)])
+    assert vertex_objects(both) is not None  # they touch at a corner only
+    assert (vertex_objects(turned) is None) == are_one

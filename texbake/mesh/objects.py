@@ -1,8 +1,9 @@
 """The objects of a mesh: models that a file keeps apart, such as two crates that touch.
 
 The groups of a mesh are objects, parts of objects, or neither, which only the reader of its file
-can tell; `Mesh.group_objects` says so. An object of two materials has two groups. Where faces of
-two objects use the same vertex, the file does not keep them apart, and they count as one object.
+can tell; `Mesh.group_objects` says so. An object of two materials has two groups. Two objects count
+as one where they share a vertex, or where the surface of one goes on in the other: an edge at which
+both end, as the head and the torso of a figure do.
 
 Vertices at one place belong together if they are of one object. So objects that touch have normals,
 ray directions and ray distances of their own.
@@ -12,30 +13,61 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.core import portable_math as pm
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
+# Cosine of the angle between faces at which a surface may go on in another object: 60 degrees.
+_GOES_ON = 0.5
 
-def vertex_objects(mesh: Mesh) -> IntArray | None:
-    """(V,) int32: object of each vertex, -1 for one that no face uses.
+
+def face_objects(mesh: Mesh) -> IntArray | None:
+    """(F,) int32: object of each face.
 
     None where all faces are of one object, or the groups of the mesh are not objects.
     """
     if mesh.face_groups is None or len(set(mesh.group_objects)) < 2:
         return None
     objects = np.unique(mesh.group_objects, return_inverse=True)[1].astype(np.int32)
-    of_faces = np.broadcast_to(objects[mesh.face_groups][:, None], mesh.faces.shape)
-    found = np.full(mesh.n_vertices, -1, np.int32)
-    found[mesh.faces] = of_faces
-    differ = found[mesh.faces] != of_faces
+    of_faces = objects[mesh.face_groups]
+    if (of_faces == of_faces[0]).all():
+        return None
     labels = np.arange(len(objects), dtype=np.int32)
-    pairs = np.stack([found[mesh.faces][differ], of_faces[differ]], axis=1)
-    for one, other in labels[np.unique(pairs, axis=0)].tolist():
+    for one, other in _connected(mesh, of_faces).tolist():
         ends = labels[one], labels[other]
         labels[labels == max(ends)] = min(ends)
-    found = np.where(found < 0, np.int32(-1), labels[found])
-    used = found[found >= 0]
-    return None if (used == used[0]).all() else found
+    of_faces = labels[of_faces]
+    return None if (of_faces == of_faces[0]).all() else of_faces
+
+
+def _connected(mesh: Mesh, of_faces: IntArray) -> IntArray:
+    """(n, 2) pairs of objects that share a vertex, or of which one goes on in the other."""
+    from texbake.mesh.topology import edge_neighbors  # which needs normals, and these objects
+
+    of_vertices = np.empty(mesh.n_vertices, np.int32)
+    of_vertices[mesh.faces] = of_faces[:, None]
+    shared = np.stack([of_vertices[mesh.faces].ravel(), np.repeat(of_faces, 3)], axis=1)
+    edges = edge_neighbors(weld_rows(mesh.positions)[mesh.faces])
+    border = of_faces[edges.first] != of_faces[edges.second]
+    pairs = np.stack([edges.first[border], edges.second[border]])
+    corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[pairs]]
+    sides = corners[:, :, 1:] - corners[:, :, :1]
+    normals = np.cross(sides[:, :, 0], sides[:, :, 1])
+    lengths = pm.norm(normals, axis=2)
+    goes_on = pm.vecdot(normals[0], normals[1]) > _GOES_ON * lengths[0] * lengths[1]
+    joined = np.concatenate([shared, of_faces[pairs[:, goes_on]].T])
+    return np.unique(joined[joined[:, 0] != joined[:, 1]], axis=0)
+
+
+def vertex_objects(mesh: Mesh) -> IntArray | None:
+    """(V,) int32: object of each vertex, -1 for one that no face uses; None as `face_objects`."""
+    of_faces = face_objects(mesh)
+    if of_faces is None:
+        return None
+    found = np.full(mesh.n_vertices, -1, np.int32)
+    found[mesh.faces] = of_faces[:, None]
+    return found
 
 
 def weld_vertices(mesh: Mesh, *, threads: int | None = None) -> IntArray:
