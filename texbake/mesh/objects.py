@@ -15,6 +15,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 
@@ -43,14 +44,15 @@ def face_objects(mesh: Mesh) -> IntArray | None:
 
 def _connected(mesh: Mesh, of_faces: IntArray) -> IntArray:
     """(n, 2) pairs of objects that share a vertex, or of which one goes on in the other."""
-    from texbake.mesh.topology import edge_neighbors  # which needs normals, and these objects
-
     of_vertices = np.empty(mesh.n_vertices, np.int32)
     of_vertices[mesh.faces] = of_faces[:, None]
     shared = np.stack([of_vertices[mesh.faces].ravel(), np.repeat(of_faces, 3)], axis=1)
-    edges = edge_neighbors(weld_rows(mesh.positions)[mesh.faces])
-    border = of_faces[edges.first] != of_faces[edges.second]
-    pairs = np.stack([edges.first[border], edges.second[border]])
+    welded = weld_rows(mesh.positions)[mesh.faces]
+    solid = (welded != np.roll(welded, 1, axis=1)).all(axis=1)
+    across = opposite_half_edges(welded, solid=solid)
+    first = np.flatnonzero(across >= 0) // 3
+    pairs = np.stack([first, across[across >= 0] // 3])
+    pairs = pairs[:, of_faces[pairs[0]] < of_faces[pairs[1]]]
     corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[pairs]]
     sides = corners[:, :, 1:] - corners[:, :, :1]
     normals = np.cross(sides[:, :, 0], sides[:, :, 1])
