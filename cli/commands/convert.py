@@ -25,7 +25,7 @@ from ..terminal import Terminal, terminal_options
 )
 @mesh_argument("source")
 @output_file("The file to write; its suffix sets the format.", WRITABLE_MESH_SUFFIXES)
-@options_of(TransformOptions, "scale", "units", "up", "normals", "angle")
+@options_of(TransformOptions, "scale", "units", "up", "subdivide", "normals", "angle")
 @terminal_options
 def convert(source: Path, output: Path, terminal: Terminal, **options: Any) -> None:
     """Write the mesh in SOURCE in the format of OUTPUT.

@@ -263,7 +263,8 @@ def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
     assert lines == [
         "left out 1 skin and 2 shape keys; the mesh is read in the pose it is stored in",
         "left out 1 NURBS surface; only polygons are read",
-        "1 subdivision surface is read as its control mesh",
+        "1 subdivision surface is read as its control mesh; subdivide with: texbake convert "
+        "--subdivide 2",
         "left out 1 hidden mesh",
     ]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from texbake.files import PathLike, appearing_together
 from texbake.jobs.outputs import JobResult, check_mesh
-from texbake.jobs.written import SourceMaterials, write_with_materials
+from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_materials
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import Mesh
@@ -86,6 +86,10 @@ def transform_file(
     with parsed_once():
         read = read_mesh(mesh, progress=progress)
         materials = SourceMaterials.read(mesh, read)
-    moved = transform(read, options)
+    if options is not None and options.subdivide:
+        borders = MaterialBorders.of(read, materials)
+        moved, materials = borders.taken_from(transform(borders.mesh, options), read)
+    else:
+        moved = transform(read, options)
     files, warnings = write_with_materials(moved, output, materials, mtl=mtl)
     return JobResult(files=files, report=moved, warnings=warnings)

@@ -51,6 +51,8 @@ def check_angle(normals: str, angle: float) -> None:
         raise OptionError(f"angle: normals {normals} do not use it; leave it out, or set `normals`")
 
 
+MOST_SUBDIVISIONS: Final = 8
+
 # Meters in a unit of length.
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 UPS = ("y", "z")
@@ -120,6 +122,14 @@ class TransformOptions(CheckedOptions):
         Option("Vector that is added to all positions.", metavar="X,Y,Z", unit="model units"),
     ] = (0.0, 0.0, 0.0)
     flip: Annotated[bool, Option("Turn all faces over, and their normals with them.")] = False
+    subdivide: Annotated[
+        int,
+        Option(
+            "Subdivisions after Catmull and Clark; normals of the mesh are lost.",
+            low=0,
+            high=MOST_SUBDIVISIONS,
+        ),
+    ] = 0
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
 

@@ -11,13 +11,14 @@ from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.options import UNITS, TransformOptions
+from texbake.mesh.subdivide import subdivide
 
 # Takes a mesh whose z axis points up to one whose y axis does.
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
 
 
 def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
-    """Scale, turn and move a mesh, or turn its faces over.
+    """Scale, turn, move or subdivide a mesh, or turn its faces over.
 
     Parameters
     ----------
@@ -37,6 +38,7 @@ def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
     """
     mesh = as_mesh(mesh)
     options = options or TransformOptions()
+    mesh = subdivide(mesh, options.subdivide)
     matrix = _matrix(options)
     if not np.array_equal(matrix, np.eye(4)):
         with np.errstate(over="ignore", invalid="ignore"):

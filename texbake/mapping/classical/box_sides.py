@@ -113,7 +113,8 @@ def box_sides(mesh: Mesh) -> BoxSides:
 
 def _summed(polygons: IntArray, rows: FloatArray) -> FloatArray:
     """Sums of the rows (F, K) of each polygon, for each of its triangles."""
-    return np.stack([np.bincount(polygons, column) for column in rows.T], axis=1)[polygons]
+    sums = np.stack([np.bincount(polygons, column) for column in rows.T], axis=1)
+    return np.asarray(sums[polygons], np.float64)
 
 
 def _toward_sides(vectors: FloatArray) -> FloatArray:

@@ -81,12 +81,18 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
         warn_of(scene.path, f"left out {_counted(n, _NURBS)}; only polygons are read")
     meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
     cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
-    if cages:
-        are = "is read as its control mesh" if cages == 1 else "are read as their control meshes"
-        warn_of(scene.path, f"{_counted(cages, 'subdivision surface')} {are}")
+    warn_of_cages(scene.path, cages)
     shown = {item.key for placed in models for item in model_geometry(scene, placed.model)}
     if hidden := len(set(meshes) - shown):
         warn_of(scene.path, f"left out {_counted(hidden, 'hidden mesh')}")
+
+
+def warn_of_cages(path: PathLike, n: int) -> None:
+    """Warn of subdivision surfaces that are not subdivided."""
+    if n:
+        are = "is read as its control mesh" if n == 1 else "are read as their control meshes"
+        surfaces = _counted(n, "subdivision surface")
+        warn_of(path, f"{surfaces} {are}; subdivide with: texbake convert --subdivide 2")
 
 
 def _is_subdivided(item: FbxObject) -> bool:

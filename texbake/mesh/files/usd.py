@@ -29,6 +29,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.files.passed_over import warn_of_cages
 from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.files.usd_stage import (
     UsdCorners,
@@ -74,7 +75,16 @@ def mesh_of_stage(path: PathLike) -> Mesh:
         parts = read_parts(path, stage)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
+    warn_of_cages(path, sum(_is_subdivided(part.prim) for part in parts))
     return join_parts([part.mesh for part in parts], Path(path).name)
+
+
+def _is_subdivided(prim: Any) -> bool:
+    """Whether a mesh says that it is a subdivision surface, which it is also if it says nothing."""
+    from pxr import UsdGeom
+
+    scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr()
+    return bool(scheme.HasAuthoredValue()) and scheme.Get() != UsdGeom.Tokens.none
 
 
 @dataclass(frozen=True, eq=False)

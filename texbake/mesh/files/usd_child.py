@@ -19,7 +19,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from texbake.errors import FileFormatError, TexbakeError
+from texbake.errors import FileFormatError, TexbakeError, heard_warnings
 from texbake.limits import ALLOW_OUTSIDE, is_within
 from texbake.mesh.files.answers import send
 from texbake.mesh.files.usd_limits import LIMITS
@@ -41,8 +41,11 @@ def main(question: str, path: str, parent: int) -> None:
     _end_with(parent)
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # usd-core prints to stdout as well
+    heard: list[str] = []
+    answer: tuple[str, Any]
     try:
-        answer = ("answer", _answer(question, path))
+        with heard_warnings(heard.append):
+            answer = ("answer", (_answer(question, path), heard))
     except MemoryError:
         answer = (
             FileFormatError.__name__,

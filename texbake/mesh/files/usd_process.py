@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import IO, Any
 
 from texbake import errors
-from texbake.errors import FileFormatError, TexbakeError
+from texbake.errors import FileFormatError, TexbakeError, warn_of
 from texbake.files import PathLike, require_file
 from texbake.mesh.files.answers import AnswerError, Classes, receive
 from texbake.parallel import module_path
@@ -31,7 +31,7 @@ _LOST = ("lost", None)
 
 
 def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
-    """Return what a USD file says to a question.
+    """Return what a USD file says to a question, and pass on the warnings of its reader.
 
     Parameters
     ----------
@@ -53,14 +53,18 @@ def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
         As the function that answers the question raises it.
     """
     require_file(path)
-    kind, answer = _asked(path, question, classes) or _asked(path, question, classes) or _LOST
+    asked: tuple[str, Any] | None = _asked(path, question, classes)
+    kind, answer = asked or _asked(path, question, classes) or _LOST
     if (kind, answer) == _LOST:
         raise FileFormatError(f"{path}: the process that reads it was ended twice; read it again")
     if kind == "bug":
         raise RuntimeError(f"{path}: {answer}")
     if kind != "answer":
         raise _error(kind, answer)
-    return answer
+    found, heard = answer or (None, ())
+    for line in heard:
+        warn_of(path, str(line).removeprefix(f"{os.fspath(path)}: "))
+    return found
 
 
 def _asked(path: PathLike, question: str, classes: Classes) -> tuple[str, Any] | None:
