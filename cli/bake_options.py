@@ -69,7 +69,7 @@ bake_options = all_of(
         ),
         options_of(BakeOptions, "orientation", "high_shading", "high_normal_maps"),
         options_of(BakeOptions, "cull_back_faces", "padding", "fill"),
-        options_of(BakeOptions, "on_miss", "fail_on_miss"),
+        options_of(BakeOptions, "on_miss", "fail_on_miss", "bake_island"),
         picture_option("--miss-map", "Also draw where rays missed."),
         report_option,
         options_of(BakeOptions, "max_memory", "threads"),

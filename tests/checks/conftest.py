@@ -202,6 +202,12 @@ def sharing() -> Case:
     return Case(mesh.replace(face_groups=groups, group_names=("one", "two")), None, 4, {0, 1, 2, 3})
 
 
+def stacked() -> Case:
+    """The second square lies exactly on the first, mirrored; a third lies two tiles away."""
+    on_others = ((4, 0, 0), (0.3, 0.1), (-0.2, 0.2)), ((8, 0, 0), (2.1, 0.1), (0.2, 0.2))
+    return Case(squares(ROOMY, *on_others), None, 2, {2, 3, 4, 5})
+
+
 def mirrored() -> Case:
     return Case(squares(ROOMY, ((2, 0, 0), (0.8, 0.1), (-0.2, 0.2))), None, 2, {2, 3})
 
@@ -339,6 +345,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "outside-tile": outside_tile,
     "overlapping-coordinates": overlapping,
     "shared-coordinates": sharing,
+    "stacked-coordinates": stacked,
     "mirrored-coordinates": mirrored,
     "collapsed-coordinates": collapsed,
     "thin-charts": thin_charts,

@@ -23,11 +23,13 @@ from texbake.baking.sums import TexelSums
 from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
 from texbake.errors import MissError, OptionError, UvError
+from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
+from texbake.raycast.orient import OrientationReport
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
 
@@ -169,9 +171,13 @@ def bake_inputs(
     """
     if ray_maps is not None and cage is None:
         ray_maps.check(inputs.options.rays)
+    stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)
+    if stacked.n_sharing:
+        inputs = inputs.with_low(stacked.baked(inputs.low))
     trace = _trace(kinds, inputs, cage, ray_maps, stages, scenes)
     if scenes is not None:
-        return _traced(kinds, inputs, trace, stages, distances, clock)
+        baked = _traced(kinds, inputs, trace, stages, distances, clock)
+        return _reporting(baked, stacked, baked.report.orientation)
     scenes = trace.own_scenes()
     try:
         inputs, scenes, orientation = face_outwards(inputs, scenes, stages)
@@ -179,7 +185,24 @@ def bake_inputs(
         baked = _traced(kinds, inputs, trace, stages, distances, clock)
     finally:
         scenes.close()
-    return replace(baked, report=replace(baked.report, orientation=orientation))
+    return _reporting(baked, stacked, orientation)
+
+
+def _reporting(
+    baked: BakeResult, stacked: StackedIslands, orientation: OrientationReport | None
+) -> BakeResult:
+    """Add to the report what was turned over, and which islands share the texels of others."""
+    report, n_sharing = baked.report, int(stacked.shares.sum())
+    counts = replace(
+        report.counts,
+        faces_without_uv_area=report.counts.faces_without_uv_area - n_sharing,
+        islands_sharing=stacked.n_sharing,
+    )
+    without_texel = report.faces_without_texel - n_sharing
+    report = replace(
+        report, counts=counts, faces_without_texel=without_texel, orientation=orientation
+    )
+    return replace(baked, report=report)
 
 
 def _trace(

@@ -176,6 +176,16 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             default="misses are only reported",
         ),
     ] = None
+    bake_island: Annotated[
+        tuple[str, ...],
+        Option(
+            "Where texture islands are stacked, bake the one with this face, or those of this "
+            "group; repeatable.",
+            metavar="FACE|GROUP",
+            many=True,
+            default="the first in the UV tile",
+        ),
+    ] = ()
     mid: Annotated[
         float | None,
         Option("Value of height 0 in an integer file, from 0 to 1.", metavar="M", default="0.5"),

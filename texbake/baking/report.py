@@ -92,7 +92,7 @@ class BakeReport:
         Samples that several faces cover, in texels; the first face wins.
     faces_without_texel : int
         Faces of the low-poly mesh that own no texel: they are too thin, covered by others, without
-        area, or outside the unit square.
+        area, or outside the unit square. Those of stacked islands that share texels do not count.
     padding_meets : int
         Texels where the padding of two charts meets.
     counts : TraceCounts
@@ -181,6 +181,11 @@ class BakeReport:
             ),
         )
         found = [message for count, message in checks if count]
+        if counts.islands_sharing:
+            found.append(
+                f"stacked islands share texels, and {counts.islands_sharing:,} of them show what "
+                "is baked for others; choose which to bake with `bake_island`"
+            )
         for part in (self.sampling, self.budget):
             found += [] if part is None else part.warnings
         return [*(() if self.orientation is None else self.orientation.notes), *found]

@@ -39,6 +39,7 @@ class TraceCounts:
 
     `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
     `rays_lengthened` found nothing as far as their vertices reach, and something further away.
+    `islands_sharing` are stacked islands that another was baked for.
     """
 
     samples_covered: int = 0
@@ -51,6 +52,7 @@ class TraceCounts:
     rays_lengthened: int = 0
     rays_past_back_faces: int = 0
     secondary_rays: int = 0
+    islands_sharing: int = 0
 
 
 @dataclass

@@ -15,6 +15,7 @@ from texbake.checks.options import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
+from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
@@ -181,9 +182,19 @@ class CheckedMesh:
         return connected_faces(self.texture_edges)
 
     @cached_property
+    def stacked(self) -> StackedIslands:
+        """Islands of texture coordinates that coincide."""
+        return StackedIslands.of(self.mesh)
+
+    @cached_property
+    def baked(self) -> Mesh:
+        """The mesh as it is baked: with one of each stack of islands."""
+        return self.stacked.baked(self.mesh)
+
+    @cached_property
     def overlaps(self) -> Overlaps:
-        """Which faces overlap another in the texture."""
-        return find_overlaps(self.uvs, threads=self.options.threads)
+        """Which faces overlap another in the texture, other than stacked islands."""
+        return find_overlaps(self.baked.corner_uvs(), threads=self.options.threads)
 
     @cached_property
     def shares_texture(self) -> BoolArray:
@@ -194,7 +205,7 @@ class CheckedMesh:
         within = np.zeros_like(overlapping)
         for group in np.unique(groups[overlapping]):
             faces = np.flatnonzero(groups == group)
-            apart = find_overlaps(self.uvs[faces], threads=self.options.threads)
+            apart = find_overlaps(self.baked.corner_uvs()[faces], threads=self.options.threads)
             within[faces] = apart.overlapping
         return np.asarray(overlapping & ~within)
 

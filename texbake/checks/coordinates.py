@@ -25,7 +25,7 @@ _ROUNDING = 1e-6
 
 
 def outside_tile(checked: CheckedMesh) -> Finding | None:
-    """Faces that extend outside the unit square; the farthest are the worst."""
+    """Faces that are baked and extend outside the unit square; the farthest are the worst."""
     faces = np.flatnonzero(outside(checked))
     distances = np.abs(checked.uvs[faces] - 0.5).max(axis=(1, 2))
     return make_finding("outside-tile", checked.role, len(faces), faces, distances)
@@ -56,9 +56,18 @@ def shared_coordinates(checked: CheckedMesh) -> Finding | None:
     return make_finding("shared-coordinates", checked.role, len(faces), faces, areas)
 
 
+def stacked_coordinates(checked: CheckedMesh) -> Finding | None:
+    """Islands that share the texels of others, on which they lie exactly; the largest first."""
+    stacked = checked.stacked
+    faces = np.flatnonzero(stacked.shares)
+    areas = np.abs(checked.uv_areas[faces])
+    return make_finding("stacked-coordinates", checked.role, stacked.n_sharing, faces, areas)
+
+
 def mirrored_coordinates(checked: CheckedMesh) -> Finding | None:
-    """Faces that run clockwise in the texture; the largest are the worst."""
-    faces = np.flatnonzero((checked.uv_areas < 0.0) & checked.has_area)
+    """Faces that run clockwise in the texture, not stacked on others; the largest are the worst."""
+    mirrored = (checked.uv_areas < 0.0) & checked.has_area & ~checked.stacked.stacked
+    faces = np.flatnonzero(mirrored)
     return make_finding(
         "mirrored-coordinates", checked.role, len(faces), faces, -checked.uv_areas[faces]
     )
@@ -78,14 +87,16 @@ def collapsed(checked: CheckedMesh) -> BoolArray:
 
 
 def outside(checked: CheckedMesh) -> BoolArray:
-    """(F,) bool: faces that extend outside the unit square."""
-    return np.asarray((np.abs(checked.uvs - 0.5) > 0.5 + _ROUNDING).any(axis=(1, 2)))
+    """(F,) bool: faces that extend outside the unit square, other than stacked islands."""
+    beyond = (np.abs(checked.uvs - 0.5) > 0.5 + _ROUNDING).any(axis=(1, 2))
+    return np.asarray(beyond & ~checked.stacked.stacked)
 
 
 CHECKS = (
     outside_tile,
     overlapping_coordinates,
     shared_coordinates,
+    stacked_coordinates,
     mirrored_coordinates,
     collapsed_coordinates,
 )
@@ -100,7 +111,7 @@ def texel_owners(checked: CheckedMesh) -> TexelOwners:
     options = checked.options
     grid = SampleGrid(options.width_px, options.height_px, 1)
     try:
-        faces = snap_uvs(checked.mesh, grid)
+        faces = snap_uvs(checked.baked, grid)
     except UvError:  # no face covers anything
         return np.full((options.height_px, options.width_px), NO_FACE, dtype=np.int32)
     return rasterize_uv(faces, grid, threads=options.threads)[0]
@@ -207,6 +218,7 @@ def faces_without_texel(checked: CheckedMesh, owners: TexelOwners) -> Finding | 
     seen = np.zeros(checked.mesh.n_faces + 1, dtype=bool)
     seen[owners] = True  # NO_FACE is -1, and so the last entry
     excused = outside(checked) | checked.overlaps.overlapping | (checked.uv_areas == 0.0)
+    excused |= checked.stacked.shares
     faces = np.flatnonzero(~seen[:-1] & ~excused)
     return make_finding(
         "faces-without-texel", checked.role, len(faces), faces, checked.areas[faces]

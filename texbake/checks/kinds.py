@@ -241,7 +241,8 @@ _COORDINATES = (
         low="error",
         problem="Only what lies inside the unit square is baked.",
         remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. "
-        "To bake several tiles, move each of them there in turn.",
+        "To bake all tiles of a UDIM layout, put the tile into the names of the maps: texbake bake "
+        "--name-pattern.",
     ),
     Kind(
         name="overlapping-coordinates",
@@ -249,8 +250,9 @@ _COORDINATES = (
         low="error",
         problem="Faces share texels. Each texel is baked from the first of them, and the others "
         "show detail that is not theirs.{unsure}",
-        remedy="Separate the charts (texbake unwrap), or, where copies are meant to share a "
-        "texture, move all but one by a whole tile before the bake.",
+        remedy="Separate the charts: texbake unwrap. Islands that are meant to share texels must "
+        "lie exactly on one another, all of one on all of the other. Accept what is meant so: "
+        "texbake check --allow overlapping-coordinates.",
     ),
     Kind(
         name="shared-coordinates",
@@ -260,6 +262,18 @@ _COORDINATES = (
         "That is correct where each group has its own texture, and an overlap where all groups "
         "share one.",
         remedy="Bake with `texture_sets`, or separate the groups (texbake unwrap).",
+    ),
+    Kind(
+        name="stacked-coordinates",
+        title="stacked islands",
+        unit=("island", "islands"),
+        low="note",
+        problem="These islands lie exactly on others, as they are, mirrored, or moved by whole "
+        "tiles. One of each stack is baked, and the others share its texels. Ambient occlusion, "
+        "and normals in object or world space, fit only the one that is baked.",
+        remedy="Nothing, if they are alike in the high-poly mesh as well. Choose which to bake "
+        "with `bake_island`. If each group has its own texture, bake with `texture_sets`; if they "
+        "differ, unwrap them: texbake unwrap.",
     ),
     Kind(
         name="mirrored-coordinates",

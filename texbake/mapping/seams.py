@@ -25,13 +25,15 @@ from texbake.mesh.weld import weld_rows
 BoolArray = npt.NDArray[np.bool_]
 
 
-def chart_ids(mesh: Mesh) -> IntArray:
+def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
     """Chart of each face: faces joined by edges that they share in space and in the texture.
 
     Parameters
     ----------
     mesh : Mesh
         With texture coordinates.
+    cut : (F,) bool, optional
+        Faces that are not joined to those where it is False.
 
     Returns
     -------
@@ -50,7 +52,10 @@ def chart_ids(mesh: Mesh) -> IntArray:
     >>> chart_ids(plane(2, 1))
     array([0, 0, 0, 0], dtype=int32)
     """
-    return connected_faces(edge_ids(_texture_corners(mesh)))
+    corners = _texture_corners(mesh)
+    if cut is not None:
+        corners = corners + corners.size * cut[:, np.newaxis]
+    return connected_faces(edge_ids(corners))
 
 
 def border_edges(mesh: Mesh) -> BoolArray:
