@@ -377,7 +377,7 @@ def _simplified(
     if closed is bare and high.n_faces <= n_faces:
         return bare, None, why
     low, report = simplify_with_report(
-        rule.to_simplify(closed, threads=options.threads),
+        rule.to_simplify(closed, bare, threads=options.threads),
         n_faces,
         quality=options.quality,
         threads=options.threads,

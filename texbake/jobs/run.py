@@ -248,7 +248,7 @@ def _simplified(
         high, options.remesh, options.n_faces, threads=options.threads, progress=progress
     )
     low, simplified = simplify_with_report(
-        rule.to_simplify(closed, threads=options.threads),
+        rule.to_simplify(closed, high, threads=options.threads),
         options.n_faces,
         error=options.error,
         quality=options.quality,

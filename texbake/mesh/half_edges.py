@@ -66,12 +66,13 @@ def opposite_half_edges(
     if not solid.any():
         return opposite
     half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()
-    edges = edge_ids(corners[solid]).ravel()
-    order = np.argsort(edges, kind="stable")
-    counts = np.bincount(edges)
-    first = (np.cumsum(counts) - counts)[counts == 2]
-    one, other = half_edges[order[first]], half_edges[order[first + 1]]
     starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    tails, heads = starts[half_edges].astype(np.int64), ends[half_edges].astype(np.int64)
+    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    first = begins[np.diff(np.append(begins, len(keys))) == 2]
+    one, other = half_edges[order[first]], half_edges[order[first + 1]]
     glued = (starts[one] == ends[other]) & (ends[one] == starts[other]) & (one // 3 != other // 3)
     glued &= starts[one] != ends[one]
     if regions is not None:

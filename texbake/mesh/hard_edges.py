@@ -121,8 +121,9 @@ def with_own_hard_edges(mesh: Mesh) -> Mesh:
 class LowNormals:
     """How a low-poly mesh gets its normals: a choice of `with_normals`, or `auto`.
 
-    With `auto`, the sharp edges of a high-poly mesh without normals are hard, those of the low-poly
-    mesh are edges of the high-poly one that were hard, and it is smooth elsewhere.
+    Unless normals are kept, the sharp edges of a high-poly mesh without normals are hard. With
+    `auto`, those of the low-poly mesh are edges of the high-poly one that were hard, and it is
+    smooth elsewhere.
     """
 
     choice: str
@@ -130,13 +131,15 @@ class LowNormals:
 
     def of_high(self, high: Mesh, *, threads: int | None = None) -> Mesh:
         """Return the high-poly mesh as it is shaded and baked."""
-        if self.choice == "auto" and high.normals is None:
+        if self.choice != "keep" and high.normals is None:
             return with_sharp_edges(high, threads=threads)
         return high
 
-    def to_simplify(self, mesh: Mesh, *, threads: int | None = None) -> Mesh:
-        """Return the mesh with hard edges for the low-poly mesh to keep."""
-        return with_sharp_edges(mesh, threads=threads) if self.choice == "auto" else mesh
+    def to_simplify(self, mesh: Mesh, high: Mesh, *, threads: int | None = None) -> Mesh:
+        """Return `high`, or a surface around it, with hard edges for the low-poly mesh to keep."""
+        if self.choice == "keep" or (mesh is high and high.normals is None):
+            return mesh
+        return with_sharp_edges(mesh, threads=threads)
 
     def before_unwrap(self, low: Mesh) -> Mesh:
         """Return the low-poly mesh with hard edges where its charts are to be cut."""
