@@ -42,6 +42,7 @@ _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
       texbake check low_uv.obj
       texbake check scan.ply low_uv.obj --size 2048 --padding 8 --explain
       texbake check scan.ply low_uv.obj --fail-on warning --report check.json
+      texbake check low_uv.obj --allow overlapping-coordinates
       texbake check scan.ply low_uv.obj --layout layout.png --sides sides.png
     """
 )
@@ -70,6 +71,7 @@ def check(
     size: int | tuple[int, int],
     padding: int,
     min_texel_density: float | None,
+    allow: tuple[str, ...],
     fail_on: str,
     layout: Path | None,
     sides: Path | None,
@@ -86,7 +88,11 @@ def check(
     if there are errors.
     """
     options = CheckOptions(
-        size=size, padding=padding, min_texel_density=min_texel_density, threads=threads
+        size=size,
+        padding=padding,
+        min_texel_density=min_texel_density,
+        allow=allow,
+        threads=threads,
     )
     with terminal.progress() as progress:
         done = texbake.check_mesh_files(
@@ -116,12 +122,12 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
         columns(
             [
                 ("severity", "mesh", "found", "", "worst faces"),
-                *((f.severity, f.mesh, f.counted, f.kind.title, _worst(f)) for f in findings),
+                *((_verdict(f), f.mesh, f.counted, f.kind.title, _worst(f)) for f in findings),
             ]
         )
     if not terminal.quiet:
-        _explain([f for f in findings if explain or f.severity == SEVERITIES[0]])
-        if not explain and any(f.severity != SEVERITIES[0] for f in findings):
+        _explain([f for f in findings if explain or _verdict(f) == SEVERITIES[0]])
+        if not explain and any(_verdict(f) != SEVERITIES[0] for f in findings):
             say("\nWhat the rest means, and what to do: add --explain")
 
 
@@ -130,9 +136,14 @@ def _explain(findings: list[Finding]) -> None:
     width = max(40, min(shutil.get_terminal_size((100, 0)).columns, 100))
     for finding in findings:
         say("")
-        say(f"{finding.kind.title} ({finding.mesh})", fg=_COLORS[finding.severity], bold=True)
+        title = f"{finding.kind.title} ({finding.mesh}): {finding.name}"
+        say(title, fg=_COLORS[finding.severity], bold=True)
         for text in (finding.problem, finding.remedy):
             say(textwrap.fill(text, width, initial_indent="  ", subsequent_indent="  "))
+
+
+def _verdict(finding: Finding) -> str:
+    return "allowed" if finding.allowed else finding.severity
 
 
 def _worst(finding: Finding) -> str:
@@ -147,4 +158,6 @@ def _total(checked: CheckReport) -> str:
         for severity in SEVERITIES
         if (n := checked.count(severity))
     ]
+    if checked.n_allowed:
+        counts.append(f"{checked.n_allowed} allowed")
     return ", ".join(counts) or "nothing found"

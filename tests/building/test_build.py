@@ -417,6 +417,27 @@ def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
     ).read_bytes()
 
 
+def test_all_steps_that_check_allow_what_the_file_allows(write: Write, run: Run) -> None:
+    steps = """
+[steps.low]
+do = "make"
+shape = "plane"
+width = 1e12
+[steps.strict]
+do = "check"
+mesh = "low"
+fail_on = "note"
+[steps.empty]
+do = "check"
+mesh = "low"
+fail_on = "note"
+allow = []
+"""
+    path = write('[check]\nallow = ["extreme-size"]\n[[assets]]\nname = "a"\n', steps)
+    (failed,) = run(path)[0].failed
+    assert failed.step == "empty" and "extreme size (1 mesh)" in failed.error
+
+
 def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
     steps = """
 [steps.high]

@@ -24,6 +24,12 @@ MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
         ("", MAKE, None, "assets: it is missing"),
         (ASSET, "", None, "steps: it is missing"),
         ("assets = []\n", MAKE, 1, "assets: it is empty"),
+        (
+            '[check]\nallow = ["no-normal"]\n' + ASSET,
+            MAKE + '[steps.x]\ndo = "check"\nmesh = "high"\n',
+            2,
+            "check.allow: 'no-normal' is not a kind of finding; did you mean no-normals?",
+        ),
         ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
         (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),
         ("[[assets]]\nname = 3\n", MAKE, 2, "assets[0].name: 3 is not text"),

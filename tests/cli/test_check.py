@@ -72,6 +72,20 @@ def test_the_user_chooses_what_fails(invoke: Invoke, overlapping: str) -> None:
     assert found.fails("note")
 
 
+def test_findings_are_allowed_by_name(invoke: Invoke, overlapping: str) -> None:
+    """Allowing every kind of error passes; they are still listed, last, and counted apart."""
+    found = check_files(overlapping)
+    errors = [finding.name for finding in found.findings if finding.severity == "error"]
+    first, allowed = errors[0], " ".join(f"--allow {name}" for name in errors)
+    assert "allowed" in invoke(f"check {overlapping} {allowed}").stdout.splitlines()[-3]
+    printed = json.loads(invoke(f"check {overlapping} {allowed} --json").stdout)
+    assert (printed["n_errors"], printed["n_allowed"]) == (0, len(errors))
+    assert {f["name"] for f in printed["findings"] if f["allowed"]} == set(errors)
+    invoke(f"check {overlapping} --allow no-normals", exit_code=1)
+    wrong = invoke(f"check {overlapping} --allow {first[:-1]}", exit_code=2).stderr
+    assert f"did you mean {first}?" in wrong
+
+
 def test_json_and_the_report_agree_with_the_api(invoke: Invoke, overlapping: str) -> None:
     printed = json.loads(invoke(f"check {overlapping} --json", exit_code=1).stdout)
     invoke(f"check {overlapping} --report check.json", exit_code=1)

@@ -105,6 +105,8 @@ class Pipeline:
     rules : tuple of AssetRule
     steps : dict of str to dict
         Tables of the steps; only their `do` is checked so far.
+    checks : dict
+        Options of all steps that check, unless a step or an asset says otherwise.
     """
 
     def __init__(self, path: PathLike, text: str, found: Any) -> None:
@@ -116,6 +118,7 @@ class Pipeline:
         self.store: str | None = found.store
         self.outputs: str | None = found.outputs
         self.steps: dict[str, dict[str, Any]] = found.steps
+        self.checks: dict[str, Any] = found.check or {}
         self.rules = tuple(
             AssetRule(
                 index=index,
@@ -153,7 +156,8 @@ class Pipeline:
     def _check(self, name: str, own: Mapping[str, Any], rule: int) -> StepTable:
         base = ("steps", name)
         kind = STEP_KINDS[self.steps[name]["do"]]
-        given = {**self.steps[name], **own}
+        shared = self.checks if kind.name == "check" else {}
+        given = {**shared, **self.steps[name], **own}
         try:
             checked = kind.model.model_validate(given)
             values = checked.given()
@@ -164,7 +168,11 @@ class Pipeline:
             else:
                 what = option_fault((), error)
             key = what.partition(":")[0].partition(".")[0].partition("[")[0]
-            where = ("assets", rule, "options", name) if key in own else base
+            where: tuple[int | str, ...] = base
+            if key in own:
+                where = ("assets", rule, "options", name)
+            elif key in shared and key not in self.steps[name]:
+                where = ("check",)
             place = place_of(where)
             raise FileFormatError(f"{self._where(f'{place}.{key}')}: {place}.{what}") from error
         inputs = {
@@ -300,6 +308,10 @@ PipelineTable: type[Table] = create_model(
     folder=(described(Text, f"Folder of the outputs; without it, {FOLDER}."), None),
     store=(described(Text, "Folder or URL of stored results."), None),
     outputs=(described(Text, "Folder or URL of published outputs."), None),
+    check=(
+        described(dict[str, Any], "Options of all steps that check, such as `allow`."),
+        None,
+    ),
     assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),
     steps=(
         described(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
 
 from texbake.checks import coordinates, orientation, surface
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
-from texbake.checks.finding import Finding
+from texbake.checks.finding import FACES, Finding
 from texbake.checks.kinds import KINDS
 from texbake.checks.misfit import misfit
 from texbake.checks.options import SEVERITIES, CheckOptions
@@ -139,15 +142,14 @@ def _check(
             if not (pair.apart or pair.opposite):
                 findings += wall_findings(pair)
     meshes = {"low": low, "high": high}
-    by_polygons = [
-        found if found is None or (mesh := meshes[found.mesh]) is None else found.by_polygons(mesh)
-        for found in findings
-    ]
+    there = [finding for finding in findings if finding is not None]
+    judged = [_by_polygons(finding, meshes[finding.mesh]) for finding in there]
+    judged = [replace(finding, allowed=finding.name in options.allow) for finding in judged]
     return CheckReport(
         low=low,
         high=high,
         options=options,
-        findings=_most_severe_first(by_polygons),
+        findings=_most_severe_first(judged),
         stages=stages.records,
     )
 
@@ -175,9 +177,23 @@ def _coordinate_findings(
     return [*(look(checked) for look in looks), *texel_findings(checked, owners)], owners
 
 
-def _most_severe_first(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
-    """By severity, then in the order of `KINDS`, the low-poly mesh before the high-poly mesh."""
+def _by_polygons(finding: Finding, mesh: Mesh | None) -> Finding:
+    """Return a finding with faces counted as polygons of its mesh."""
+    if mesh is None or mesh.polygon_of is None or len(finding.faces) == 0:
+        return finding
+    numbers = mesh.polygon_of[finding.faces]
+    polygons = numbers[np.sort(np.unique(numbers, return_index=True)[1])]
+    is_count_of_faces = finding.kind.unit == FACES and finding.count == len(finding.faces)
+    count = len(polygons) if is_count_of_faces else finding.count
+    return replace(finding, polygons=polygons, count=count)
+
+
+def _most_severe_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """By severity, then in the order of `KINDS`, the low-poly mesh first; allowed ones last."""
     order = list(KINDS)
-    there = [finding for finding in findings if finding is not None]
-    there.sort(key=lambda f: (SEVERITIES.index(f.severity), order.index(f.name), f.mesh == "high"))
-    return tuple(there)
+
+    def rank(finding: Finding) -> tuple[bool, int, int, bool]:
+        severity = SEVERITIES.index(finding.severity)
+        return finding.allowed, severity, order.index(finding.name), finding.mesh == "high"
+
+    return tuple(sorted(findings, key=rank))

@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from texbake.mesh.mesh import IntArray, Mesh
+if TYPE_CHECKING:
+    from texbake.mesh.mesh import IntArray
 
 FACES = ("face", "faces")
 EDGES = ("edge", "edges")
@@ -75,6 +74,8 @@ class Finding:
         Polygons of these, each once, the worst first.
     problem, remedy : str
         What goes wrong, and what to do about it.
+    allowed : bool
+        Whether the options accept its kind, so that it counts and fails nothing.
     """
 
     kind: Kind
@@ -85,6 +86,7 @@ class Finding:
     polygons: IntArray
     problem: str
     remedy: str
+    allowed: bool = False
 
     @property
     def name(self) -> str:
@@ -102,22 +104,13 @@ class Finding:
         worst: list[int] = self.polygons[:N_WORST].tolist()
         return worst
 
-    def by_polygons(self, mesh: Mesh) -> Finding:
-        """Return it with faces counted as polygons of its mesh."""
-        if mesh.polygon_of is None or len(self.faces) == 0:
-            return self
-        numbers = mesh.polygon_of[self.faces]
-        polygons = numbers[np.sort(np.unique(numbers, return_index=True)[1])]
-        is_count_of_faces = self.kind.unit == FACES and self.count == len(self.faces)
-        count = len(polygons) if is_count_of_faces else self.count
-        return replace(self, polygons=polygons, count=count)
-
     def to_json(self) -> dict[str, Any]:
         """Return all of it as plain values."""
         return {
             "name": self.name,
             "title": self.kind.title,
             "severity": self.severity,
+            "allowed": self.allowed,
             "mesh": self.mesh,
             "count": self.count,
             "unit": self.kind.unit[1],

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Annotated
 
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
+from texbake.checks.kinds import KINDS
+from texbake.errors import OptionError, quoted
 from texbake.mapping.options.texture import TextureOptions
 from texbake.schema import Option
 
@@ -28,4 +31,21 @@ class CheckOptions(TextureOptions):
             default="a quarter of the mesh's mean",
         ),
     ] = None
+    allow: Annotated[
+        tuple[str, ...],
+        Option(
+            "Accept findings of this kind, such as mirrored-coordinates: they are listed, and fail "
+            "nothing; repeatable.",
+            metavar="KIND",
+            many=True,
+        ),
+    ] = ()
     threads: Annotated[int | None, THREADS_OPTION] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.allow:
+            if name not in KINDS:
+                near = get_close_matches(name, KINDS, n=1)
+                known = f"did you mean {near[0]}?" if near else f"it is one of {', '.join(KINDS)}"
+                raise OptionError(f"allow: {quoted(name)} is not a kind of finding; {known}")

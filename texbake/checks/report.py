@@ -26,7 +26,7 @@ class CheckReport:
         The meshes that were checked.
     options : CheckOptions
     findings : tuple of Finding
-        The most severe first.
+        The most severe first, then those that are allowed.
     stages : list of StageRecord
     """
 
@@ -37,11 +37,18 @@ class CheckReport:
     stages: list[StageRecord]
 
     def count(self, severity: str) -> int:
-        """Return how many findings have a severity."""
-        return sum(finding.severity == severity for finding in self.findings)
+        """Return how many findings have a severity and are not allowed."""
+        return sum(
+            finding.severity == severity and not finding.allowed for finding in self.findings
+        )
+
+    @property
+    def n_allowed(self) -> int:
+        """How many findings the options accept."""
+        return sum(finding.allowed for finding in self.findings)
 
     def fails(self, severity: str = "error") -> bool:
-        """Whether any finding is as severe as this, or more severe.
+        """Whether any finding that is not allowed is as severe as this, or more severe.
 
         Raises
         ------
@@ -78,6 +85,7 @@ class CheckReport:
             "n_errors": self.count("error"),
             "n_warnings": self.count("warning"),
             "n_notes": self.count("note"),
+            "n_allowed": self.n_allowed,
             "findings": [finding.to_json() for finding in self.findings],
             "stages": [asdict(stage) for stage in self.stages],
         }

@@ -228,17 +228,18 @@ def _mixed(codes: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
 
 
 def _named_faces(mesh: Mesh, names: Sequence[str]) -> BoolArray:
-    """(F,) bool: faces of some numbers, and of groups of some names."""
+    """(F,) bool: triangles of some faces, by their numbers, and of groups, by their names."""
     chosen = np.zeros(mesh.n_faces, dtype=np.bool_)
     for name in names:
         if name in mesh.group_names and mesh.face_groups is not None:
             chosen |= mesh.face_groups == mesh.group_names.index(name)
-        elif name.isdecimal() and int(name) < mesh.n_faces:
-            chosen[int(name)] = True
+        elif name.isdecimal() and int(name) < mesh.n_polygons:
+            numbers = np.arange(mesh.n_faces) if mesh.polygon_of is None else mesh.polygon_of
+            chosen |= numbers == int(name)
         else:
             groups = f", or one of its groups {', '.join(mesh.group_names)}"
             raise OptionError(
                 f"bake_island: {mesh.name} has no {quoted(name)}; name a face from 0 to "
-                f"{mesh.n_faces - 1:,}{groups if mesh.group_names else ''}"
+                f"{mesh.n_polygons - 1:,}{groups if mesh.group_names else ''}"
             )
     return chosen
