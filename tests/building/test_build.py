@@ -433,9 +433,13 @@ mesh = "low"
 fail_on = "note"
 allow = []
 """
-    path = write('[check]\nallow = ["extreme-size"]\n[[assets]]\nname = "a"\n', steps)
+    path = write(
+        '[check]\nallow = ["extreme-size", "low-texel-density"]\n[[assets]]\nname = "a"\n', steps
+    )
     (failed,) = run(path)[0].failed
-    assert failed.step == "empty" and "extreme size (1 mesh)" in failed.error
+    states = {step.step: step.state for step in failed.steps}
+    assert states == {"low": "built", "strict": "built", "empty": "failed"}
+    assert "low texel density (2 faces), extreme size (1 mesh)" in failed.error
 
 
 def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
