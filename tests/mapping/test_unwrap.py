@@ -12,6 +12,7 @@ from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.polygons import outlines
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
 
@@ -301,3 +302,17 @@ def test_too_many_groups_are_refused_before_the_work() -> None:
 
     with pytest.raises(UnwrapError, match="are 1,280 tiles, more than 1,000"):
         unwrap(crowd, by_group=True, progress=NoWork())
+
+
+@pytest.mark.parametrize("quality", ["fast", "best"])
+def test_charts_do_not_cut_polygons(quality):
+    ball = grid_sphere(14, 24)
+    stretched = ball.positions * (1 + 0.3 * np.sin(5 * ball.positions[:, [1]]))
+    rough = ball.replace(positions=stretched)
+    whole = rough.replace(polygon_of=np.arange(rough.n_faces) // 2)
+    options = UnwrapOptions(quality=quality)
+    cut, kept = (distortion(unwrap(mesh, options), 512) for mesh in (rough, whole))
+    assert kept.n_charts > 1
+    assert outlines(unwrap(whole, options)).n_split == 0
+    assert outlines(unwrap(rough, options).replace(polygon_of=whole.polygon_of)).n_split > 0
+    assert kept.n_charts < 1.5 * cut.n_charts

@@ -39,7 +39,7 @@ struct cutting {
     struct arena *arena;
     const double (*points)[3];
     const int32_t (*corners)[3];
-    const double (*lengths)[3];
+    const double (*lengths)[3]; /* negative within a polygon */
     double (*normals)[3]; /* without noise; of unit length, or 0 */
     double *areas;
     struct chart_limits limits;
@@ -61,6 +61,13 @@ static inline double side_length(const struct cutting *cutting, int32_t face, in
     const double *b = cutting->points[cutting->corners[face][(side + 1) % 3]];
     const double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
     return sqrt(x * x + y * y + z * z);
+}
+
+/* Whether a half-edge of a part lies between triangles of one polygon of the mesh. */
+static inline bool is_in_polygon(const struct cutting *cutting, const struct part *part, int32_t edge)
+{
+    return part->opposite[edge] >= 0
+        && cutting->lengths[part->face_ids[edge / 3]][edge % 3] < 0.0;
 }
 
 /* part_layout.c: number the vertices of a part (corners are one vertex if the faces between them are
@@ -87,6 +94,9 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
 
 /* part_division.c: divide a part in pieces, along creases, or in halves, and flatten each. */
 void divide(const struct cutting *cutting, struct part *part);
+
+/* Find the first face in the polygon of each face of a part. */
+void find_polygons(const struct cutting *cutting, const struct part *part, int32_t *firsts);
 
 /* Make a part of the faces of each label. */
 struct part *split(

@@ -80,6 +80,10 @@ static int32_t label_sides(
         sum += area;
     }
     is_beyond[keys[part->n_faces - 1].face] = true;
+    int32_t *firsts = TAKE(arena, int32_t, part->n_faces);
+    find_polygons(cutting, part, firsts);
+    for (int64_t face = 0; face < part->n_faces; face++)
+        is_beyond[face] = is_beyond[firsts[face]];
     for (int32_t corner = 0; corner < 3 * part->n_faces; corner++) {
         const int32_t across = part->opposite[corner];
         if (across >= 0 && is_beyond[across / 3] == is_beyond[corner / 3])

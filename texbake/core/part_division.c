@@ -64,6 +64,51 @@ static bool is_division(
     return (double)largest <= max_f64(LARGEST_HALF * (double)part->n_faces, 1.0);
 }
 
+void find_polygons(const struct cutting *cutting, const struct part *part, int32_t *firsts)
+{
+    const arena_mark mark = mark_arena(cutting->arena);
+    int32_t *numbers = TAKE(cutting->arena, int32_t, part->n_faces);
+    for (int32_t face = 0; face < part->n_faces; face++)
+        numbers[face] = face;
+    for (int32_t edge = 0; edge < 3 * part->n_faces; edge++)
+        if (is_in_polygon(cutting, part, edge))
+            join_labels(numbers, edge / 3, part->opposite[edge] / 3);
+    const int32_t n_polygons = number_labels(numbers, part->n_faces);
+    int32_t *first_of = TAKE(cutting->arena, int32_t, n_polygons);
+    for (int32_t face = (int32_t)part->n_faces - 1; face >= 0; face--)
+        first_of[numbers[face]] = face;
+    for (int32_t face = 0; face < part->n_faces; face++)
+        firsts[face] = first_of[numbers[face]];
+    reset_arena(cutting->arena, mark);
+}
+
+/* Give the faces of a polygon the label of the first, as long as that leaves a division; return how
+   many labels there are. Pieces that are no longer connected get labels of their own. */
+static int32_t keep_polygons(
+    const struct cutting *cutting, const struct part *part, int32_t *labels, int32_t n_labels)
+{
+    int32_t *firsts = TAKE(cutting->arena, int32_t, part->n_faces);
+    int32_t *pieces = TAKE(cutting->arena, int32_t, part->n_faces);
+    find_polygons(cutting, part, firsts);
+    bool is_cut = false;
+    for (int32_t face = 0; face < part->n_faces; face++) {
+        pieces[face] = face;
+        is_cut |= labels[face] != labels[firsts[face]];
+    }
+    if (!is_cut)
+        return n_labels;
+    for (int32_t edge = 0; edge < 3 * part->n_faces; edge++) {
+        const int32_t across = part->opposite[edge];
+        if (across >= 0 && labels[firsts[across / 3]] == labels[firsts[edge / 3]])
+            join_labels(pieces, edge / 3, across / 3);
+    }
+    const int32_t n_pieces = number_labels(pieces, part->n_faces);
+    if (!is_division(cutting->arena, part, pieces, n_pieces))
+        return n_labels;
+    memcpy(labels, pieces, (size_t)part->n_faces * sizeof *labels);
+    return n_pieces;
+}
+
 /* The longest side of a face that is too thin for its normal to mean anything; -1 for any other. */
 static int longest_side(const struct cutting *cutting, int32_t face)
 {
@@ -243,6 +288,7 @@ void divide(const struct cutting *cutting, struct part *part)
         n_labels = label_regions(cutting, part, labels);
     if (n_labels == 0)
         n_labels = label_halves(cutting, part, labels);
+    n_labels = keep_polygons(cutting, part, labels, n_labels);
     reset_arena(arena, mark);
     part->halves = split(arena, part, labels, n_labels);
     part->n_halves = n_labels;

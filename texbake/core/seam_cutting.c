@@ -16,6 +16,9 @@
    one: shorter loops, such as those of screw holes, cause little stretch. At most `MOST_CUTS` cuts
    are tried. */
 static const double LEAST_LOOP = 0.1;
+
+/* How much longer a cut may be that does not cut through polygons. */
+static const double DETOUR = 10.0;
 enum { MOST_CUTS = 4 };
 
 /* The vertices of a part, and the half-edges from each to the next corner of its face. */
@@ -125,8 +128,10 @@ static struct step pop(struct heap *heap)
 
 /* Cut the shortest way from loop `from` to loop `to`; return whether there is one. */
 static bool cut_between(
-    struct arena *arena, struct part *part, const struct graph *graph, int32_t from, int32_t to)
+    const struct cutting *cutting, struct part *part, const struct graph *graph, int32_t from,
+    int32_t to)
 {
+    struct arena *arena = cutting->arena;
     double *distances = TAKE(arena, double, graph->n);
     int32_t *came_by = TAKE(arena, int32_t, graph->n); /* half-edge towards each vertex */
     struct heap heap = {0, TAKE(arena, struct step, 3 * part->n_faces + graph->n)};
@@ -153,8 +158,9 @@ static bool cut_between(
         }
         for (int32_t i = graph->starts[step.vertex]; i < graph->starts[step.vertex + 1]; i++) {
             const int32_t edge = graph->half_edges[i], next = head(part, edge);
+            const double length = distance(graph->places[step.vertex], graph->places[next]);
             const double far =
-                step.distance + distance(graph->places[step.vertex], graph->places[next]);
+                step.distance + (is_in_polygon(cutting, part, edge) ? DETOUR : 1.0) * length;
             if (part->opposite[edge] >= 0 && far < distances[next]) {
                 distances[next] = far;
                 came_by[next] = edge;
@@ -183,7 +189,7 @@ static bool cut_once(const struct cutting *cutting, struct part *part)
     }
     const bool is_cut = second >= 0
         && graph.loop_lengths[second] >= LEAST_LOOP * graph.loop_lengths[first]
-        && cut_between(arena, part, &graph, first, second);
+        && cut_between(cutting, part, &graph, first, second);
     reset_arena(arena, mark);
     return is_cut;
 }

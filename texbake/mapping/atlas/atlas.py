@@ -152,7 +152,12 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     else:
         pieces = [(lone, lone_charts(points, mesh.faces[lone]))]
         if len(others):
-            connected = Mesh(positions=mesh.positions, faces=mesh.faces[others], name=mesh.name)
+            connected = Mesh(
+                positions=mesh.positions,
+                faces=mesh.faces[others],
+                polygon_of=None if mesh.polygon_of is None else mesh.polygon_of[others],
+                name=mesh.name,
+            )
             among = None if regions is None else regions[others]
             with suppress(UnwrapError):  # none of them has an area
                 found = _connected_charts(connected, points, options, among, stages, threads)

@@ -144,11 +144,11 @@ def cut_charts(
             points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
         )
     else:
-        labels = _labels(points, corners, opposite, _QUALITIES[quality])
+        labels = _labels(points, corners, opposite, mesh.polygon_of, _QUALITIES[quality])
         pieces, left = disk_charts(
             points,
             corners,
-            step_lengths(points, corners, opposite),
+            step_lengths(points, corners, opposite, mesh.polygon_of),
             split_parts(opposite, np.where(solid, labels, -1)),
             limits=_limits(points[corners[solid]], _QUALITIES[quality]),
             threads=threads,
@@ -176,7 +176,11 @@ def _limits(solid: FloatArray, quality: _Quality) -> ChartLimits:
 
 
 def _labels(
-    points: FloatArray, corners: IntArray, opposite: IntArray, quality: _Quality
+    points: FloatArray,
+    corners: IntArray,
+    opposite: IntArray,
+    polygons: IntArray | None,
+    quality: _Quality,
 ) -> IntArray:
     """(F,) int32: the part or batch in which each face is cut."""
     labels = divide_parts(
@@ -186,6 +190,7 @@ def _labels(
         connected_parts(opposite),
         part_faces=quality.part_faces,
         whole_faces=quality.whole_faces,
+        polygons=polygons,
     )
     sizes = np.bincount(labels)
     small = sizes < _BATCH_FACES

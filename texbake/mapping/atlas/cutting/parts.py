@@ -19,6 +19,9 @@ from texbake.mesh.mesh import FloatArray, IntArray
 # Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1
 
+# A step within a polygon: less than any other, as `core/chart_cutting.h` has it.
+_WITHIN_POLYGON = -1e-300
+
 # Labels of faces to divide, and of all others, as in `core/dial_flood.h`.
 _OPEN, _CLOSED = np.int32(-1), np.int32(-2)
 
@@ -47,6 +50,7 @@ def divide_parts(
     *,
     part_faces: int,
     whole_faces: int,
+    polygons: IntArray | None = None,
 ) -> IntArray:
     """Divide the parts of a mesh that have too many faces.
 
@@ -64,6 +68,8 @@ def divide_parts(
         Number of faces that new parts should have.
     whole_faces : int
         A part of at most this many faces stays whole.
+    polygons : (F,) int32, optional
+        Polygon of each face, as of `Mesh`.
 
     Returns
     -------
@@ -76,20 +82,27 @@ def divide_parts(
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     labels = np.where(large, _OPEN, _CLOSED)
     core.divide_into_parts(
-        neighbors, step_lengths(points, faces, opposite), parts, part_faces, labels
+        neighbors, step_lengths(points, faces, opposite, polygons), parts, part_faces, labels
     )
     _, numbers = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     return numbers.astype(np.int32)
 
 
-def step_lengths(points: FloatArray, faces: IntArray, opposite: IntArray) -> FloatArray:
+def step_lengths(
+    points: FloatArray, faces: IntArray, opposite: IntArray, polygons: IntArray | None = None
+) -> FloatArray:
     """(F, 3) float64: how far each neighbor of a face is, more across a crease; 0 without one.
+
+    Negative between triangles of one of the `polygons` (F,), which are not to be cut.
 
     Kernel: `core/face_parts.c`.
     """
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     lengths = np.empty((len(faces), 3))
     core.find_step_lengths(points, faces, neighbors, _SMOOTHINGS, lengths)
+    if polygons is not None:
+        is_within = (neighbors >= 0) & (polygons[neighbors] == polygons[:, None])
+        lengths[is_within] = _WITHIN_POLYGON
     return lengths
 
 
