@@ -92,17 +92,24 @@ def test_normals_are_split_where_coordinates_are():
     [
         (cube(), 12),
         (BARREL, 192),
+        (with_normals(joined(icosphere(3), cube()), "angle", angle=1e-3), 12),  # all facets
         (joined(cube(), bare(cube()).replace(positions=cube().positions + 5.0)), 24),
         (TORUS, 0),
         (icosphere(3), 0),
-        (make("sphere", resolution=(16, 8)), 0),
+        (bare(make("sphere", resolution=(16, 8))), 0),
     ],
 )
 def test_sharp_edges_of_made_surfaces(mesh, n_sharp):
-    found = with_sharp_edges(bare(mesh))
+    found = with_sharp_edges(mesh)
     assert (found.normals is None) == (n_sharp == 0)
     if n_sharp:
         assert normals_jump(found, *inner_edges(found)).sum() == n_sharp
+
+
+def test_normals_that_a_mesh_has_decide_its_hard_edges():
+    mesh = with_normals(cube(), "smooth")
+    assert with_sharp_edges(mesh) is mesh
+    assert with_own_hard_edges(cube()).normals is None
 
 
 @pytest.mark.parametrize("roughness", [0.003, 0.01, 0.03, 0.1])
