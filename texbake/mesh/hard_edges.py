@@ -177,7 +177,9 @@ def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -
         np.concatenate([next_half_edges(other), other]),
     )
     slots = np.arange(mesh.faces.size).reshape(-1, 3)
-    return mesh.replace(**joined_normals(mesh.positions, mesh.faces, slots, *joined), tangents=None)
+    polygon_of = np.arange(mesh.n_faces) if mesh.polygon_of is None else mesh.polygon_of
+    normals = joined_normals(mesh.positions, mesh.faces, slots, *joined, np.repeat(polygon_of, 3))
+    return mesh.replace(**normals, tangents=None)
 
 
 def normals_jump(mesh: Mesh, one: HalfEdges, other: HalfEdges) -> BoolArray:

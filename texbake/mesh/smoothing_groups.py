@@ -1,7 +1,8 @@
 """Normals of files without them, from smoothing groups of polygons or from smooth and hard edges.
 
 An edge is hard where the format says so, and where more than two polygons meet. Around each vertex,
-corners between hard edges share a normal, weighted by angle.
+corners between hard edges share a normal, weighted by angle; within one polygon, it is that of the
+polygon.
 
 Kernel: `core/union_find.c`.
 """
@@ -123,7 +124,8 @@ def smoothed_normals(
     here = np.where(is_opposite, following[other], other)
     there = np.where(is_opposite, other, following[other])
     joined = np.concatenate([one, following[one]]), np.concatenate([here, there])
-    return joined_normals(positions, faces, slots, *joined)
+    polygon_of = np.repeat(np.arange(len(polygons.sizes)), polygons.sizes)
+    return joined_normals(positions, faces, slots, *joined, polygon_of)
 
 
 def with_smoothing_groups(
@@ -160,8 +162,11 @@ def joined_normals(
     slots: npt.NDArray[np.integer],
     one: npt.NDArray[np.integer],
     other: npt.NDArray[np.integer],
+    polygon_of: npt.NDArray[np.integer],
 ) -> dict[str, Any]:
     """Return normals as fields of a mesh, each shared by the corners that pairs join.
+
+    Corners that share theirs with no other polygon have that of their own.
 
     Parameters
     ----------
@@ -171,9 +176,17 @@ def joined_normals(
         Numbers of the corners.
     one, other : (n,) int
         Corners at one vertex that share a normal.
+    polygon_of : (C,) int
+        Polygon of each corner, which never falls.
     """
-    labels = np.arange(slots.max() + 1, dtype=np.int32)
+    n = len(polygon_of)
+    labels = np.arange(n, dtype=np.int32)
     core.merge_labels(labels, one.astype(np.int32), other.astype(np.int32))
+    first, last = np.empty(n, np.int64), np.empty(n, np.int64)
+    first[labels[::-1]] = polygon_of[::-1]
+    last[labels] = polygon_of
+    is_alone = first[labels] == last[labels]
+    labels = np.where(is_alone, n + polygon_of, labels)
     used, inverse = np.unique(labels[slots], return_inverse=True)
     rows = np.asarray(inverse.reshape(slots.shape), np.int32)
     return {"normals": weighted_normals(positions, faces, rows, len(used)), "normal_faces": rows}
