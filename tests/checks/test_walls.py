@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
@@ -10,6 +11,7 @@ from texbake.checks import walls
 from texbake.checks.check import check
 from texbake.checks.options import CheckOptions
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import plane
 
 
 def heights(high: Mesh, low: Mesh, faces: list[int], **options: object) -> np.ndarray:
@@ -42,6 +44,31 @@ def test_a_ray_that_misses_its_side_of_a_thin_wall_takes_the_other(case_of: Call
     through = heights(torn, case.low, [0, 1], cull_back_faces=False)
     np.testing.assert_allclose(through, -0.05, atol=1e-6)
     assert len(heights(torn, case.low, [0, 1])) == 0  # culled, nothing is found
+
+
+def shell(n: int, outer_only: bool = False) -> Mesh:
+    """A hemisphere of two walls 0.002 apart, or the outer one alone."""
+    sheet = plane(2 * n, n)
+    around, down = sheet.uvs.T * [[2.0 * np.pi], [0.5 * np.pi]]
+    directions = [np.cos(around) * np.cos(down), np.sin(around) * np.cos(down), np.sin(down)]
+    outer = np.stack(directions, axis=1)
+    inner = sheet.faces[:, ::-1] + sheet.n_vertices
+    faces = sheet.faces if outer_only else np.concatenate([sheet.faces, inner])
+    return Mesh(positions=np.concatenate([outer, 0.998 * outer]), faces=faces)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("outer_only", [False, True])
+@pytest.mark.parametrize("n", [4, 8, 32])
+def test_thin_walls_do_not_face_opposite_ways_unless_flipped(
+    n: int, outer_only: bool, flip: bool
+) -> None:
+    """The faces of the low-poly mesh bulge less than the shell by up to ten times its thickness."""
+    low = shell(n, outer_only)
+    low = low.replace(faces=low.faces[:, ::-1]) if flip else low
+    found = check(shell(100), low).finding("opposite-sides")
+    n_flat = 2 * n * (1 if outer_only else 2)  # triangles at the pole without area
+    assert (found.count if found else 0) == (low.n_faces - n_flat if flip else 0)
 
 
 def test_a_limit_on_checked_faces_is_reported(monkeypatch, case_of: Callable) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE
-from texbake.checks.checked_mesh import CheckedMesh, make_finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
 from texbake.core import portable_math as pm
@@ -71,20 +71,24 @@ class MeshPair:
     @cached_property
     def from_low(self) -> ClosestPoints:
         """From the low-poly mesh to the high-poly mesh."""
-        return self._nearest(self.low, self.high)
+        return self._nearest(self.low, self.high_tree)
 
     @cached_property
     def from_high(self) -> ClosestPoints:
         """From the high-poly mesh to the low-poly mesh."""
-        return self._nearest(self.high, self.low)
+        return self._nearest(self.high, self._tree(self.low))
 
-    def _nearest(self, one: CheckedMesh, other: CheckedMesh) -> ClosestPoints:
+    @cached_property
+    def high_tree(self) -> TriangleTree:
+        """Tree of the high-poly mesh."""
+        return self._tree(self.high)
+
+    def _nearest(self, one: CheckedMesh, tree: TriangleTree) -> ClosestPoints:
         threads = one.options.threads
         step = -(-one.mesh.n_faces // _MAX_MEASURED)
         faces = np.arange(0, one.mesh.n_faces, step)
-        distances, others, _ = self._tree(other).closest_points(
-            self._centers(one, faces), threads=threads
-        )
+        points = self._centers(one, faces)
+        distances, others, _ = tree.closest_points(points, threads=threads)
         return ClosestPoints(faces, step, distances, others)
 
     def _centers(self, one: CheckedMesh, faces: npt.NDArray[np.int64]) -> FloatArray:
@@ -112,12 +116,11 @@ class MeshPair:
         step = -(-self.low.mesh.n_faces // _MAX_TRIED)
         faces = np.arange(0, self.low.mesh.n_faces, step)
         arms = scale * (self._centers(self.low, faces) - self.middles[0])
-        tree = self._tree(self.high)
         best, least = None, APART * self.size * scale
         for turn in _right_angle_rotations():
             points = pm.matmul(arms, turn.T) + self.middles[1]
-            distances_to_other, *_ = tree.closest_points(points, threads=self.low.options.threads)
-            median = float(np.median(distances_to_other))
+            measured, *_ = self.high_tree.closest_points(points, threads=self.low.options.threads)
+            median = float(np.median(measured))
             if median <= least:
                 best, least = turn, median
                 if np.trace(turn) == 3.0:
@@ -155,8 +158,33 @@ class MeshPair:
     @cached_property
     def opposite(self) -> bool:
         """Whether most of the low-poly mesh faces against the high-poly surface next to it."""
-        areas = self.low.areas[self.from_low.faces]
-        return float(areas[self.cosines < 0.0].sum()) > 0.5 * float(areas.sum())
+        step = -(-len(self.from_low.faces) // _MAX_TRIED)
+        areas = self.low.areas[self.from_low.faces[::step]]
+        return float(areas[self.lie_against(step)].sum()) > 0.5 * float(areas.sum())
+
+    def lie_against(self, step: int) -> BoolArray:
+        """(n,) bool: low-poly faces closer to a surface that faces against them than to another.
+
+        The center of a face can be nearer to the other side of a thin wall, such as that of a leaf
+        or of clothing, and its corners are not. So the distances of all four points count. Where
+        all are far, the closest surface decides. One of every `step` faces of `from_low` is
+        measured.
+        """
+        faces = self.from_low.faces[::step]
+        corners = self.frame.to_local(self.low.mesh.positions)[self.low.mesh.faces[faces]]
+        points = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
+        normals = np.repeat(self.low.normals[faces], 4, axis=0)
+        limit = _FAR * self.size
+        along, against = (
+            self.high_tree.closest_points(
+                points.reshape(-1, 3), facing=facing, max_distance=limit,
+                threads=self.low.options.threads,
+            )[0]
+            for facing in (normals, -normals)
+        )  # fmt: skip
+        nearer = np.minimum(against, limit) - np.minimum(along, limit)
+        sums = nearer.reshape(-1, 4).sum(axis=1)
+        return np.asarray(np.where(sums == 0.0, self.cosines[::step] < 0.0, sums < 0.0))
 
 
 def distances(pair: MeshPair) -> list[Finding | None]:
@@ -186,10 +214,11 @@ def distances(pair: MeshPair) -> list[Finding | None]:
 
 def opposite_sides(pair: MeshPair) -> Finding | None:
     """Whether most of the low-poly mesh faces against the high-poly surface next to it."""
-    against = pair.cosines < 0.0
+    if not pair.opposite:
+        return None
+    against = pair.lie_against(1)
     faces = pair.from_low.faces[against]
-    count = len(faces) if pair.opposite else 0
-    return make_finding("opposite-sides", "low", count, faces, -pair.cosines[against])
+    return make_finding("opposite-sides", "low", len(faces), faces, -pair.cosines[against])
 
 
 def high_is_coarser(pair: MeshPair) -> Finding | None:
