@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,12 @@ from .types import FileOf
 FORMATS = ("png", "exr", "tif", "tga")
 HITS_SUFFIXES = (".npz",)
 _SECONDARY = ("secondary_rays", "denoise", "occluder_distance", "thickness_distance")
-_PARTS = ("match_by_name", "high_suffix", "low_suffix", "occluders", "texture_sets")
+_PARTS = (
+    *("match_by_name", "join_objects", "high_suffix", "low_suffix", "occluders"),
+    "texture_sets",
+)
+# What only the bake of one mesh onto one set of maps can do.
+OF_ONE_MESH = ("html", "hits", "time_budget", "max_memory")
 
 maps_option = options_of(BakeOptions, "maps")
 height_options = options_of(BakeOptions, "mid", "scale")
@@ -152,10 +157,14 @@ class Asked:
     dry_run: bool
     name: str
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether this is a bake of one high-poly and one low-poly mesh to one set of maps."""
-        return not (self.dry_run or texbake.needs_parts(self.high, self.low, self.options))
+    def is_plain(self, options: Mapping[str, Any]) -> bool:
+        """Whether this is a bake of one high-poly and one low-poly mesh to one set of maps.
+
+        Objects whose names pair up are parts, unless an option is only for the bake of one mesh.
+        """
+        pair = all(options[name] is None for name in OF_ONE_MESH)
+        parts = texbake.needs_parts(self.high, self.low, self.options, pair=pair)
+        return not (self.dry_run or parts)
 
 
 def taken(

@@ -28,7 +28,7 @@ def bake_one(
 
     `choices` are files for the job and fields of `BakeOptions`.
     """
-    names = (*_FILES, *_OF_ONE_MESH, "format", "name_pattern")
+    names = (*_FILES, *_OF_ONE_MESH, "format", "name_pattern", "join_objects")
     given = {name: choices.pop(name) for name in names if name in choices}
     if isinstance(output, Mapping):
         choices["maps"] = tuple(output)

@@ -73,7 +73,8 @@ def bake(
     """
     asked = taken(context, high, low, name_pattern, options)
     options |= {"maps": maps, "format": suffix, "name_pattern": name_pattern}
-    if asked.is_plain:
+    if asked.is_plain(options):
+        options["join_objects"] = asked.options.join_objects
         bake_one(asked.high[0], asked.low[0], output, terminal, **options)
     else:
         bake_parts(asked, output, terminal, **options)

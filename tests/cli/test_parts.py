@@ -197,3 +197,24 @@ def test_an_asset_in_other_units_is_refused(run, tmp_path):
     assert "arm_low.obj and 1 more: The high-poly mesh is 100" in result.stderr
     assert "times as large" in result.stderr
     assert not (tmp_path / "maps").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "is_matched", "has_warning"),
+    [
+        ([], True, False),
+        (["--join-objects"], False, False),
+        (["--hits", "hits.npz"], False, True),
+    ],
+)
+def test_objects_whose_names_pair_up_are_matched(
+    run, tmp_path, monkeypatch, words, is_matched, has_warning
+):
+    monkeypatch.chdir(tmp_path)
+    high, low = ([square("a", 0, z=z), square("b", 2, z=z, u=0.5)] for z in (0.1, 0.0))
+    write_mesh(join_meshes(high), "high.obj")
+    write_mesh(join_meshes(low), "low.obj")
+    result = run("high.obj", "low.obj", *words)
+    assert result.exit_code == 0, result.output
+    assert ("2 objects, each baked from the one with its name" in result.output) == is_matched
+    assert ("have the names of those of" in result.output) == has_warning

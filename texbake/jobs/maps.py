@@ -16,6 +16,8 @@ from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import match_objects
+from texbake.baking.parts.options import PartsOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
@@ -41,6 +43,7 @@ from texbake.jobs.outputs import (
 )
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
@@ -84,6 +87,7 @@ def bake_files(
     skew_mask: PathLike | None = None,
     offset_map: PathLike | None = None,
     miss_map: PathLike | None = None,
+    join_objects: bool = False,
     hits: PathLike | None = None,
     report: PathLike | None = None,
     html: PathLike | None = None,
@@ -112,6 +116,8 @@ def bake_files(
         base-color or roughness, in place of those that its file names.
     skew_mask, offset_map
         Images over the low-poly mesh that change its rays; see `texbake.bake`.
+    join_objects
+        Whether objects of a mesh that touch share normals and ray distances.
     miss_map, hits, report, html
         Further files to write: a picture of the rays that missed, the trace for `remap_files`, the
         figures as JSON, and a page to look at.
@@ -150,6 +156,10 @@ def bake_files(
         n_low = low_mesh.n_faces * (1 if cage is None else 2)
         high_mesh = _read_high(high, n_low, options, progress)
         materials = None
+        if join_objects:
+            low_mesh = joined_objects(low_mesh)
+        if join_objects and isinstance(high_mesh, Mesh):
+            high_mesh = joined_objects(high_mesh)
         if isinstance(high_mesh, Mesh):
             check_fit(high_mesh, low_mesh, threads=options.threads)
         if isinstance(high_mesh, StreamedMesh):
@@ -181,7 +191,8 @@ def bake_files(
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     needless = needless_maps({name: result.maps[name] for name in files}, size)
-    done = replace(done, warnings=(*done.warnings, *why, *needless))
+    apart = _why_not_apart(high_mesh, low_mesh)
+    done = replace(done, warnings=(*done.warnings, *why, *apart, *needless))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):
@@ -198,6 +209,17 @@ def _read_high(
         return read_mesh(path, progress=progress)
     with Stages(progress).stage(f"read {Path(path).name}"):
         return StreamedMesh.open(source, threads=options.threads)
+
+
+def _why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
+    """Say if each object could be baked from the one with its name, and is baked from all."""
+    if isinstance(high, StreamedMesh) or not match_objects([high], [low], PartsOptions()):
+        return ()
+    return (
+        f"the objects of {low.name} have the names of those of {high.name}, but the rays of each "
+        "may hit any of them; to bake each from its own, use texbake bake without `hits`, `html`, "
+        "`time_budget` and `max_memory`",
+    )
 
 
 def _check_streamed(

@@ -14,7 +14,7 @@ from typing import Any
 
 from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts, match_parts
+from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts, match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, Tiles
 from texbake.baking.parts.matching import Match, Matching
 from texbake.baking.parts.options import PartsOptions
@@ -73,18 +73,28 @@ class PartsFiles(JobResult[PartsReport]):
         return {**self.report.to_json(), "bake": asdict(self.options), "files": coded}
 
 
-def needs_parts(high: Sequence[PathLike], low: Sequence[PathLike], parts: PartsOptions) -> bool:
+def needs_parts(
+    high: Sequence[PathLike], low: Sequence[PathLike], parts: PartsOptions, *, pair: bool = True
+) -> bool:
     """Whether `bake_parts_files` has to bake these meshes, and not `bake_files`.
 
-    It has to if there are several meshes on a side, if names are matched, or if there are several
-    sets of maps; one high-poly and one low-poly mesh onto one set of maps are for `bake_files`.
+    It has to if there are several meshes on a side, if names are matched or the names of objects
+    pair up, or if there are several sets of maps; one high-poly and one low-poly mesh onto one set
+    of maps are for `bake_files`. With `pair` False, so are objects whose names pair up.
     """
-    if len(high) != 1 or len(low) != 1 or parts.match_by_name or parts.texture_sets != "none":
+    several = len(high) != 1 or len(low) != 1 or parts.texture_sets != "none"
+    if several or parts.match_by_name or parts.occluders != PartsOptions.occluders:
         return True
-    if not parts.udim:
+    if not parts.udim and not pair:
         return False
     mesh = read_mesh(low[0])
-    return mesh.uvs is not None and Tiles.of(mesh.corner_uvs()).numbers != [FIRST_TILE]
+    tiles = [FIRST_TILE]
+    if parts.udim and mesh.uvs is not None:
+        tiles = Tiles.of(mesh.corner_uvs()).numbers
+    if tiles != [FIRST_TILE]:
+        return True
+    has_objects = pair and len(mesh.group_objects) > 1
+    return has_objects and match_objects([read_mesh(high[0])], [mesh], parts) is not None
 
 
 @appearing_together()
@@ -213,6 +223,8 @@ def match_parts_files(
     highs, lows = _read(high, progress), _read(low, progress)
     if parts.match_by_name:
         matching: Matching = match_parts(highs, lows, parts)[0]
+    elif paired := match_objects(highs, lows, parts):
+        matching = paired[0]
     else:
         everything = tuple(range(len(highs)))
         matching = Matching(

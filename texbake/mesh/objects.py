@@ -12,12 +12,15 @@ ray directions and ray distances of their own.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import weld_rows
+
+BoolArray = npt.NDArray[np.bool_]
 
 # Cosine of the angle between faces at which a surface may go on in another object: 60 degrees.
 _GOES_ON = 0.5
@@ -44,22 +47,33 @@ def face_objects(mesh: Mesh) -> IntArray | None:
 
 def _connected(mesh: Mesh, of_faces: IntArray) -> IntArray:
     """(n, 2) pairs of objects that share a vertex, or of which one goes on in the other."""
-    of_vertices = np.empty(mesh.n_vertices, np.int32)
-    of_vertices[mesh.faces] = of_faces[:, None]
-    shared = np.stack([of_vertices[mesh.faces].ravel(), np.repeat(of_faces, 3)], axis=1)
-    welded = weld_rows(mesh.positions)[mesh.faces]
-    solid = (welded != np.roll(welded, 1, axis=1)).all(axis=1)
-    across = opposite_half_edges(welded, solid=solid)
-    first = np.flatnonzero(across >= 0) // 3
-    pairs = np.stack([first, across[across >= 0] // 3])
+    places = weld_rows(mesh.positions)[mesh.faces]
+    objects = np.repeat(of_faces[:, None], 3, axis=1)
+    shared, found = _seen_otherwise(mesh.faces, objects)
+    at_border = np.zeros(mesh.n_vertices, np.bool_)
+    at_border[places[_seen_otherwise(places, objects)[0]]] = True
+    # Where one goes on in the other, both ends of an edge are places of both.
+    near = np.flatnonzero(at_border[places].sum(axis=1) >= 2)
+    solid = (places[near] != np.roll(places[near], 1, axis=1)).all(axis=1)
+    across = opposite_half_edges(places[near], solid=solid)
+    first = np.flatnonzero(across >= 0)
+    pairs = near[np.stack([first, across[first]]) // 3]
     pairs = pairs[:, of_faces[pairs[0]] < of_faces[pairs[1]]]
     corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[pairs]]
     sides = corners[:, :, 1:] - corners[:, :, :1]
     normals = np.cross(sides[:, :, 0], sides[:, :, 1])
     lengths = pm.norm(normals, axis=2)
     goes_on = pm.vecdot(normals[0], normals[1]) > _GOES_ON * lengths[0] * lengths[1]
-    joined = np.concatenate([shared, of_faces[pairs[:, goes_on]].T])
-    return np.unique(joined[joined[:, 0] != joined[:, 1]], axis=0)
+    sharing = np.stack([objects[shared], found[shared]], axis=1)
+    return np.unique(np.concatenate([sharing, of_faces[pairs[:, goes_on]].T]), axis=0)
+
+
+def _seen_otherwise(rows: IntArray, objects: IntArray) -> tuple[BoolArray, IntArray]:
+    """(F, 3) bool: corners whose row is another object's as well; and (F, 3) one of its objects."""
+    last = np.empty(int(rows.max()) + 1, np.int32)
+    last[rows] = objects
+    found = last[rows]
+    return found != objects, found
 
 
 def vertex_objects(mesh: Mesh) -> IntArray | None:

@@ -6,7 +6,7 @@ import pytest
 from tests.models import model, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import bake_parts
+from texbake.baking.parts.bake_parts import bake_parts, match_objects
 from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.rays import RayMaps
@@ -73,9 +73,48 @@ def test_adaptive_samples_of_each_part_equal_those_of_it_alone():
 
 def test_without_matching_rays_hit_all_parts():
     chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
-    plain = bake_parts([HIGH], [LOW], chosen).targets[ONLY]
+    plain = bake_parts([HIGH], [LOW], chosen, PartsOptions(join_objects=True)).targets[ONLY]
     matched = bake_parts([HIGH], [LOW], chosen, MATCH).targets[ONLY]
     assert not np.array_equal(plain.maps["normal"].values, matched.maps["normal"].values)
+
+
+def renamed(mesh, *names):
+    return mesh.replace(group_names=names, group_objects=mesh.group_objects)
+
+
+@pytest.mark.parametrize(
+    ("high_names", "low_names", "are_paired"),
+    [
+        (("LEFT_high", "right_high_01"), ("left_low", "Right_low"), True),
+        (("a", "b_high"), ("a_low", "b"), True),
+        (("a", "b"), ("a", "b"), True),
+        (("a", "b", "c"), ("a", "b"), False),
+        (("a", "c"), ("a", "b"), False),
+        (("a", "b"), ("a", "a_low"), False),
+    ],
+)
+def test_objects_are_matched_if_all_names_pair_up(high_names, low_names, are_paired):
+    chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
+    highs = [*HIGHS, ball("far", 9.0)][: len(high_names)]
+    high, low = renamed(join_meshes(highs), *high_names), renamed(LOW, *low_names)
+    result = bake_parts([high], [low], chosen)
+    assert (result.report.matching is not None) == are_paired == result.report.is_paired
+    expected = bake_parts([HIGH], [LOW], chosen, MATCH) if are_paired else bake(high, low, chosen)
+    expected = expected.targets[ONLY] if are_paired else expected
+    assert np.array_equal(
+        result.targets[ONLY].maps["normal"].values, expected.maps["normal"].values
+    )
+    assert (
+        bake_parts([high], [low], chosen, PartsOptions(join_objects=True)).report.matching is None
+    )
+
+
+def test_a_surface_of_several_groups_is_not_matched_by_itself():
+    """Rays at the border of one group would miss what the next group has there."""
+    groups = np.arange(LOWS[0].n_faces, dtype=np.int32) % 2
+    fields = {"face_groups": groups, "group_names": ("a", "b"), "group_objects": (0, 1)}
+    low = LOWS[0].replace(**fields)
+    assert match_objects([renamed(HIGH, "a", "b")], [low], PartsOptions()) is None
 
 
 @pytest.mark.parametrize("samples", [1, 4, "adaptive"])
@@ -83,7 +122,8 @@ def test_one_of_each_is_a_plain_bake(samples):
     maps = ("normal", "displacement") if samples == "adaptive" else MAPS
     chosen = options(samples=samples, maps=maps, fill="push-pull")
     plain = bake(HIGH, LOW, chosen)
-    for parts in (PartsOptions(), PartsOptions(udim=True)):
+    for udim in (False, True):
+        parts = PartsOptions(udim=udim, join_objects=True)
         result = bake_parts([HIGH], [LOW], chosen, parts)
         assert list(result.targets) == [ONLY]
         found = result.targets[ONLY]
@@ -162,7 +202,8 @@ def test_tiles_are_shifted_bakes(samples, tile):
 def test_sets_of_groups_together_cover_what_one_set_covers():
     chosen = options(maps=("normal",), padding=0)
     plain = bake(HIGH, LOW, chosen)
-    result = bake_parts([HIGH], [LOW], chosen, PartsOptions(texture_sets="groups"))
+    by_group = PartsOptions(texture_sets="groups", join_objects=True)
+    result = bake_parts([HIGH], [LOW], chosen, by_group)
     assert [target.texture_set for target in result.targets] == ["left_low", "Right_low"]
     left, right = result.targets.values()
     assert not ((left.texel_faces >= 0) & (right.texel_faces >= 0)).any()
@@ -336,6 +377,7 @@ BARE = LOWS[0].replace(uvs=None, uv_faces=None)
         (([], [LOW]), {}, OptionError, "high, low: give at least one"),
         (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time_budget"),
         (([HIGH], [LOW]), {"options": BakeOptions(keep_hits=True)}, OptionError, "hits"),
+        (([HIGHS[0]], [LOW]), {"parts": PartsOptions(occluders="match")}, OptionError, "by_name"),
         (([HIGH], [BARE]), {}, UvError, "no texture coordinates"),
         (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: it belongs to one"),
         (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage must have the faces"),

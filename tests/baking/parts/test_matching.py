@@ -103,9 +103,7 @@ def test_every_part_is_matched_left_over_or_ignored_once(bases, random):
         assert {base_of(high[i], "_high") for i in match.highs} == {match.base}
 
 
-@pytest.mark.parametrize(
-    "choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}, {"occluders": "match"}]
-)
+@pytest.mark.parametrize("choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}])
 def test_options_of_matching_need_matching(choice: dict[str, str]) -> None:
     with pytest.raises(OptionError, match="match_by_name"):
         PartsOptions(**choice)

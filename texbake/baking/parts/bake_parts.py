@@ -19,9 +19,9 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.high_parts import HighMeshes, NamedPart, named_parts
+from texbake.baking.parts.high_parts import HighMeshes, NamedPart, named_objects, named_parts
 from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
-from texbake.baking.parts.matching import Matching, match_names
+from texbake.baking.parts.matching import Matching, match_names, pair_names
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.report import PartFigures, PartsReport, target_name
 from texbake.baking.parts.result import PartsResult
@@ -35,6 +35,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.objects import joined_objects
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orient import OrientationReport
 from texbake.raycast.scene import RayScene
@@ -210,6 +211,21 @@ def match_parts(
     return match_names(*names, parts), highs, lows
 
 
+def match_objects(
+    high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
+) -> tuple[Matching, list[NamedPart], list[NamedPart]] | None:
+    """Return which object would be baked from which, as `match_parts`.
+
+    None unless the names of the objects pair up and parts are not matched or joined on demand.
+    """
+    if parts.match_by_name or parts.join_objects:
+        return None
+    lows = named_objects(low)
+    highs = named_objects(high) if lows else []
+    matching = pair_names([part.name for part in highs], [part.name for part in lows], parts)
+    return None if matching is None else (matching, highs, lows)
+
+
 def bake_parts(
     high: Sequence[Mesh],
     low: Sequence[Mesh],
@@ -229,7 +245,7 @@ def bake_parts(
     ----------
     high, low
         High-poly and low-poly meshes, at least one of each. Their groups are parts if parts are
-        matched by name.
+        matched by name, and their objects if all names of these pair up; see `pair_names`.
     options
         None for `BakeOptions()`; without a time budget, and without keeping hits.
     parts
@@ -282,6 +298,8 @@ def bake_parts(
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give only one of the two")
         check_cage(cage, low[0])
+    if parts.join_objects:
+        high, low = ([joined_objects(mesh) for mesh in meshes] for meshes in (high, low))
     high_meshes = HighMeshes(high, high_materials)
     if "vertex-color" in options.maps and options.vertex_colors == "auto":
         high_meshes.check_colors()
@@ -337,19 +355,22 @@ def _low_parts(
         LowMesh(mesh, cage, item)
         for mesh, item in zip(low, materials or [None] * len(low), strict=True)
     ]
-    if not parts.match_by_name:
+    found = match_objects(high, low, parts)
+    if found is None and not parts.match_by_name:
+        parts.check_matched()
         everything = [NamedPart(mesh.name, i) for i, mesh in enumerate(high)]
         low_parts = [
             mesh.part(NamedPart(mesh.mesh.name, i), everything, parts, mesh.mesh.name)
             for i, mesh in enumerate(whole)
         ]
         return None, low_parts, everything
-    matching, highs, lows = match_parts(high, low, parts)
+    matching, highs, lows = found or match_parts(high, low, parts)
     low_parts = []
     for match in matching.matches:
         low_part = lows[match.low]
         # Texture sets that follow the parts have the name that both parts share.
-        name = match.base if parts.texture_sets == "groups" else low_part.name
+        by_base = parts.match_by_name and parts.texture_sets == "groups"
+        name = match.base if by_base else low_part.name
         sources = [highs[i] for i in match.highs]
         low_parts.append(whole[low_part.mesh].part(low_part, sources, parts, name))
     ignored = {*matching.high_ignored}

@@ -19,6 +19,7 @@ from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals
+from texbake.mesh.objects import face_objects, object_names
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -72,6 +73,22 @@ def named_parts(meshes: Sequence[Mesh], suffix: str) -> list[NamedPart]:
             NamedPart(name, i, tuple(ids) if len(groups) > 1 else None)
             for name, ids in groups.items()
         ]
+    return found
+
+
+def named_objects(meshes: Sequence[Mesh]) -> list[NamedPart]:
+    """Return the objects of meshes; nothing if the objects of a mesh are not apart."""
+    found = []
+    for i, mesh in enumerate(meshes):
+        groups: dict[int, list[int]] = {}
+        if mesh.face_groups is not None and mesh.group_objects:
+            for group in np.unique(mesh.face_groups).tolist():
+                groups.setdefault(mesh.group_objects[group], []).append(group)
+        apart = face_objects(mesh)
+        if apart is None or len(np.unique(apart)) < len(groups):
+            return []
+        names = object_names(mesh)
+        found += [NamedPart(names[ids[0]], i, tuple(ids)) for ids in groups.values()]
     return found
 
 

@@ -124,6 +124,41 @@ def match_names(
     """
     low_bases = [base_of(name, options.low_suffix, exact=True) for name in low_names]
     high_bases = [base_of(name, options.high_suffix) for name in high_names]
+    return _match_bases(high_names, low_names, high_bases, low_bases, options)
+
+
+def pair_names(
+    high_names: Sequence[str], low_names: Sequence[str], options: PartsOptions
+) -> Matching | None:
+    """Find the high-poly object of each low-poly object; None unless all names pair up.
+
+    A name without a suffix counts as a whole, so that `crate` pairs with `crate` and `crate_high`.
+    There must be several low-poly objects, no two of one name.
+
+    Examples
+    --------
+    >>> pair_names(["lid", "box_high"], ["box_low", "lid"], PartsOptions()).table()
+    [('box_low', 'from box_high'), ('lid', 'from lid')]
+    """
+    low_bases = [base_of(name, options.low_suffix, exact=True) or name for name in low_names]
+    high_bases = [base_of(name, options.high_suffix) or name for name in high_names]
+    lows, highs = (
+        [base.lower() for base, name in zip(bases, names, strict=True) if not _IGNORED.search(name)]
+        for bases, names in ((low_bases, low_names), (high_bases, high_names))
+    )
+    if len(lows) < 2 or len(set(lows)) < len(lows) or set(lows) != set(highs):
+        return None
+    return _match_bases(high_names, low_names, high_bases, low_bases, options)
+
+
+def _match_bases(
+    high_names: Sequence[str],
+    low_names: Sequence[str],
+    high_bases: Sequence[str | None],
+    low_bases: Sequence[str | None],
+    options: PartsOptions,
+) -> Matching:
+    """Match parts whose names are equal without their suffixes, whatever their case."""
     low_ignored = tuple(i for i, name in enumerate(low_names) if _IGNORED.search(name))
     high_ignored = tuple(i for i, name in enumerate(high_names) if _IGNORED.search(name))
     sources: dict[str, list[int]] = {}

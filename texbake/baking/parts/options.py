@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -22,6 +23,14 @@ class PartsOptions(CheckedOptions):
             "Bake each part only from the high-poly parts with its name: body_low from body_high, "
             "body_high_01 and so on. A part is a group of a mesh, or a file. Names with _ignore "
             "are left out."
+        ),
+    ] = False
+    join_objects: Annotated[
+        bool,
+        Option(
+            "Bake the objects of a mesh as one. Otherwise objects that touch have normals and ray "
+            "distances of their own, and each is baked from its match if all of them have the "
+            "same names in both meshes, with or without their suffixes."
         ),
     ] = False
     high_suffix: Annotated[
@@ -58,14 +67,20 @@ class PartsOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.match_by_name:
-            for name in ("high_suffix", "low_suffix", "occluders"):
-                if getattr(self, name) != getattr(PartsOptions, name):
-                    raise OptionError(
-                        f"{name}: this is for parts that are matched by name; give "
-                        "`match_by_name=True` as well"
-                    )
+            self.check_matched(("high_suffix", "low_suffix"))
             return
+        if self.join_objects:
+            raise OptionError("join_objects, match_by_name: give only one of the two")
         if not self.high_suffix or not self.low_suffix:
             raise OptionError("high_suffix, low_suffix: neither may be empty; use such as _high")
         if self.high_suffix.lower() == self.low_suffix.lower():
             raise OptionError("high_suffix, low_suffix: both are the same; they have to differ")
+
+    def check_matched(self, names: Iterable[str] = ("occluders",)) -> None:
+        """Raise `OptionError` if options are given that are only for parts matched by name."""
+        for name in names:
+            if getattr(self, name) != getattr(PartsOptions, name):
+                raise OptionError(
+                    f"{name}: this is for parts that are matched by name; give "
+                    "`match_by_name=True` as well"
+                )

@@ -74,6 +74,11 @@ class PartsReport:
     stages: list[StageRecord] = field(default_factory=list)
 
     @property
+    def is_paired(self) -> bool:
+        """Whether parts were matched because all their names pair up."""
+        return self.matching is not None and not self.options.match_by_name
+
+    @property
     def warnings(self) -> list[str]:
         """What the user should check, a sentence each."""
         found = [] if self.matching is None else list(self.matching.warnings)
@@ -101,7 +106,8 @@ class PartsReport:
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, to print."""
-        rows = [("parts", "")]
+        own = f"{len(self.parts):,} objects, each baked from the one with its name"
+        rows = [("parts", own if self.is_paired else "")]
         several = len(self.targets) > 1
         for part in self.parts:
             where = f" on {target_name(part.target)}" if several else ""
