@@ -43,6 +43,20 @@ def options(**changes) -> BakeOptions:
     return BakeOptions(**{"size": 96, "maps": MAPS, "secondary_rays": 16, **changes})
 
 
+@pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
+@pytest.mark.parametrize("named", [(), ("Right_low",)])
+def test_parts_that_share_texels_are_baked_in_order_after_those_named(as_files, named):
+    lows = [LOWS[0], ball("Right_low", 1.9)]
+    high, low = (HIGHS, lows) if as_files else ([HIGH], [join_meshes(lows)])
+    baked = bake_parts(high, low, options(maps=("position",), bake_island=named), MATCH)
+    one = len(named)
+    alone = bake(HIGHS[one], lows[one], options(maps=("position",)))
+    found, wanted = (each.maps["position"].values for each in (baked.targets[ONLY], alone))
+    assert np.array_equal(found[alone.has_data], wanted[alone.has_data])
+    with pytest.raises(OptionError, match="no part that is baked is called 'middle'"):
+        bake_parts(high, low, options(bake_island=("middle",)), MATCH)
+
+
 @pytest.mark.parametrize("samples", [1, 4])
 @pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
 def test_each_part_equals_a_bake_of_it_alone(samples, as_files):

@@ -30,7 +30,7 @@ from texbake.baking.rays import RayMaps, check_cage
 from texbake.baking.report import DistanceSummary
 from texbake.baking.result import BakeResult
 from texbake.baking.scenes import BakeScenes
-from texbake.errors import OptionError, TexbakeError, UvError
+from texbake.errors import OptionError, TexbakeError, UvError, quoted
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
@@ -304,6 +304,9 @@ def bake_parts(
     if "vertex-color" in options.maps and options.vertex_colors == "auto":
         high_meshes.check_colors()
     matching, low_parts, occluders = _low_parts(high, low, parts, cage, low_materials)
+    if options.bake_island and (matching is not None or len(low) > 1):
+        low_parts = _first(options.bake_island, low_parts)
+        options = replace(options, bake_island=())
     layout = TargetLayout.of(low_parts, parts)
     kinds = map_kinds(options.maps)
     for part in low_parts:
@@ -320,6 +323,18 @@ def bake_parts(
     if matching is not None and parts.occluders == "all":
         bake.build_occluders(occluders, low)
     return bake.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
+
+
+def _first(names: Sequence[str], low_parts: list[LowPart]) -> list[LowPart]:
+    """Return the parts with those of some names first, which are baked where parts are stacked."""
+    known = [part.name for part in low_parts]
+    for name in names:
+        if name not in known:
+            raise OptionError(
+                f"bake_island: no part that is baked is called {quoted(name)}; name one of "
+                f"{', '.join(known)}"
+            )
+    return sorted(low_parts, key=lambda part: part.name not in names)
 
 
 def _check_sources(
