@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from texbake.baking.parts.bake_parts import match_objects
+from texbake.baking.parts.options import PartsOptions
 from texbake.baking.report import BakeReport
 from texbake.errors import MeshError
 from texbake.mesh.mesh import Mesh
@@ -65,3 +67,14 @@ def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tupl
     if why and orientation != "keep":
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
     return why
+
+
+def why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
+    """Say if each object could be baked from the one with its name, and is baked from all."""
+    if isinstance(high, StreamedMesh) or not match_objects([high], [low], PartsOptions()):
+        return ()
+    return (
+        f"the objects of {low.name} have the names of those of {high.name}, but the rays of each "
+        "may hit any of them; to bake each from its own, use texbake bake without `hits`, `html`, "
+        "`time_budget` and `max_memory`",
+    )

@@ -16,8 +16,6 @@ from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import match_objects
-from texbake.baking.parts.options import PartsOptions
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
@@ -30,7 +28,7 @@ from texbake.files import (
     make_folder,
     scratch_folder,
 )
-from texbake.jobs.fit import check_fit, why_missed
+from texbake.jobs.fit import check_fit, why_missed, why_not_apart
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.outputs import (
     JobResult,
@@ -151,15 +149,11 @@ def bake_files(
     _check_outputs(files, folder, options, miss_map, html, (report, hits))
     stages = Stages(progress)
     with stages.part("read meshes"):
-        low_mesh = read_mesh(low, progress=progress)
+        low_mesh = _read_whole(low, join_objects, progress)
         cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
         n_low = low_mesh.n_faces * (1 if cage is None else 2)
-        high_mesh = _read_high(high, n_low, options, progress)
+        high_mesh = _read_high(high, n_low, options, progress, join_objects)
         materials = None
-        if join_objects:
-            low_mesh = joined_objects(low_mesh)
-        if join_objects and isinstance(high_mesh, Mesh):
-            high_mesh = joined_objects(high_mesh)
         if isinstance(high_mesh, Mesh):
             check_fit(high_mesh, low_mesh, threads=options.threads)
         if isinstance(high_mesh, StreamedMesh):
@@ -177,7 +171,7 @@ def bake_files(
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(files)),
     )
-    why = why_missed(high_mesh, low_mesh, baked.report)
+    why = why_missed(high_mesh, low_mesh, baked.report) + why_not_apart(high_mesh, low_mesh)
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
         written = _written(result, files, folder)
@@ -191,8 +185,7 @@ def bake_files(
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     needless = needless_maps({name: result.maps[name] for name in files}, size)
-    apart = _why_not_apart(high_mesh, low_mesh)
-    done = replace(done, warnings=(*done.warnings, *why, *apart, *needless))
+    done = replace(done, warnings=(*done.warnings, *why, *needless))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):
@@ -200,26 +193,24 @@ def bake_files(
     return done
 
 
+def _read_whole(path: PathLike, join_objects: bool, progress: ProgressSink | None) -> Mesh:
+    mesh = read_mesh(path, progress=progress)
+    return joined_objects(mesh) if join_objects else mesh
+
+
 def _read_high(
-    path: PathLike, n_low_faces: int, options: BakeOptions, progress: ProgressSink | None
+    path: PathLike,
+    n_low_faces: int,
+    options: BakeOptions,
+    progress: ProgressSink | None,
+    join_objects: bool,
 ) -> Mesh | StreamedMesh:
     """Read the high-poly mesh; one that is too large for `max_memory` stays in its file."""
     source = None if options.max_memory is None else open_source(path)
     if source is None or not options.must_stream(source.n_rows, n_low_faces):
-        return read_mesh(path, progress=progress)
+        return _read_whole(path, join_objects, progress)
     with Stages(progress).stage(f"read {Path(path).name}"):
         return StreamedMesh.open(source, threads=options.threads)
-
-
-def _why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
-    """Say if each object could be baked from the one with its name, and is baked from all."""
-    if isinstance(high, StreamedMesh) or not match_objects([high], [low], PartsOptions()):
-        return ()
-    return (
-        f"the objects of {low.name} have the names of those of {high.name}, but the rays of each "
-        "may hit any of them; to bake each from its own, use texbake bake without `hits`, `html`, "
-        "`time_budget` and `max_memory`",
-    )
 
 
 def _check_streamed(
