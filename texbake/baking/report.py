@@ -150,7 +150,8 @@ class BakeReport:
     def warnings(self) -> list[str]:
         """What the user should check, a sentence each."""
         counts = self.counts
-        hint = "see them with `miss_map`"
+        # `run` makes this report as well, and has no option for a miss map.
+        hint = "texbake check may say why, and texbake bake --miss-map shows where"
         if self.miss_percent > 50.0:
             hint = "is the mesh turned inside out, or are the ray distances too short?"
         checks = (
