@@ -34,7 +34,7 @@ SAID = {
     "coordinates of area down to 1e-24": "faces-without-texel",
     "needle thinner than a texel": "thin-charts",
     "mirrored coordinates": "mirrored-coordinates",
-    "coordinates three deep": "overlapping-coordinates",
+    "coordinates three deep": "stacked-coordinates",
     "coordinates outside the tile": "outside-tile",
     "coordinates of 1e9": "outside-tile",
     "coordinates of 1e200": "outside-tile",

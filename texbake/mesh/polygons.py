@@ -48,7 +48,7 @@ def triangulated(
         The file, for warnings.
     positions : (V, 3) float64
     vertices : (C,) integers
-        Vertex of each corner. Polygons with one that is out of range are fanned out.
+        Vertex of each corner. One that is out of range counts as the first or the last vertex.
     sizes : (P,) integers
         Corners of each polygon, whose corners are numbered on from those of the one before.
 
@@ -82,6 +82,8 @@ def triangulated(
         noun = "face" if n_short == 1 else "faces"
         warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
     is_crossed = np.zeros(len(sizes), np.bool_)
+    if len(positions) == 0:
+        positions = np.zeros((1, 3))
     known = np.clip(vertices, 0, len(positions) - 1).astype(np.int32)
     n_triangles = np.maximum(sizes - 2, 0)
     first_triangles = np.cumsum(n_triangles) - n_triangles

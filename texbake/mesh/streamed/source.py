@@ -165,8 +165,9 @@ def _ply_blocks(
                 path, vertices.data, start, rows, header.order, first_row=first
             )
             sizes, corners = ply.read_polygons(path, polygons, name)
-            used, local = np.unique(np.clip(corners, 0, vertices.n - 1), return_inverse=True)
-            positions = vertices.read(used, threads)
+            known = np.clip(corners, 0, max(vertices.n - 1, 0))
+            used, local = np.unique(known, return_inverse=True)
+            positions = vertices.read(used, threads) if vertices.n else np.empty((0, 3))
             faces = corners[triangulated(path, positions, local, sizes)[0]]
             _check_indices(path, faces, n_before, vertices.n)
         n_before += len(faces)
