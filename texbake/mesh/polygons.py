@@ -142,7 +142,7 @@ def outlines(mesh: Mesh) -> Outlines:
     polygons, n_split = mesh.polygon_of, 0
     if polygons is None:
         slots = np.arange(3 * mesh.n_faces)
-        return Outlines(np.full(mesh.n_faces, 3), slots, slots[::3] // 3, 0)
+        return Outlines(np.full(mesh.n_faces, 3), slots, np.arange(mesh.n_faces), 0)
     is_large = np.bincount(polygons)[polygons] > 1
     corners = np.flatnonzero(np.repeat(is_large, 3))
     n_left, bad = _outer_edges(mesh, polygons[corners // 3], corners)

@@ -287,10 +287,16 @@ def _split_vertices(
         A corner of each, -1 for those that no face uses.
     faces : (F, 3) int32
     """
+    used = np.full(mesh.n_vertices, -1)
     keys = [mesh.faces.ravel()]
     for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
-        if values is not None and ids is not None:
+        if values is None or ids is None:
+            continue
+        used[keys[0]] = np.arange(mesh.faces.size)
+        if not np.array_equal(ids.ravel()[used[mesh.faces]], ids):
             keys.append(weld_rows(values)[ids.ravel()])
+    if len(keys) == 1:  # each vertex has the values of the last corner that uses it
+        return np.arange(mesh.n_vertices), used, mesh.faces
     firsts = weld_rows(np.stack(keys, axis=1))
     places = np.flatnonzero(firsts == np.arange(len(firsts)))  # a corner of each new vertex
     vertices, of_vertex = np.unique(mesh.faces.ravel()[places], return_index=True)
@@ -355,6 +361,12 @@ def _write_lists(
     for start in range(0, len(sizes), _BLOCK):
         part = sizes[start : start + _BLOCK]
         first, stop = int(ends[start] - part[0]), int(ends[start + len(part) - 1])
+        if (part == part[0]).all():
+            row = [("count", "<" + count), ("indices", "<i4", (int(part[0]),))]
+            table = np.empty(len(part), row)
+            table["count"], table["indices"] = part[0], indices[first:stop].reshape(len(part), -1)
+            file.write(table.tobytes())
+            continue
         is_count = np.zeros(4 * (stop - first) + width * len(part), np.bool_)
         heads = 4 * (np.cumsum(part) - part) + width * np.arange(len(part))
         is_count[heads[:, None] + np.arange(width)] = True
