@@ -18,13 +18,12 @@ from texbake.mesh.weld import weld_rows
 _ROUNDING = 1e-6
 # A surface is curved where half its facets turn by less than this from one to the next. Edges of
 # what is built of flat sides, such as a crate, turn by more.
-_CURVED = 30.0  # degrees
+_CURVED = pm.cos(np.radians(30.0))
 
 
-def is_flat_shaded(mesh: Mesh, *, most_turn: float = _CURVED, threads: int | None = None) -> bool:
+def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
     """Whether a curved surface has a single normal on each of its facets.
 
-    `most_turn` is the angle between facets, in degrees, that half of them stay below.
     A facet is a triangle or a polygon that was cut into triangles. False for a mesh without normals
     and for one whose facets mostly meet at sharp edges.
     """
@@ -40,7 +39,7 @@ def is_flat_shaded(mesh: Mesh, *, most_turn: float = _CURVED, threads: int | Non
     if 2 * np.count_nonzero(hard) < len(a) or not len(a):
         return False
     cosines = pm.vecdot(mesh.normals[a[hard]], mesh.normals[b[hard]])
-    return bool(np.median(cosines) > pm.cos(np.radians(most_turn)))
+    return bool(np.median(cosines) > _CURVED)
 
 
 def _differ(normals: FloatArray, one: IntArray, other: IntArray) -> npt.NDArray[np.bool_]:

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core
-from texbake.mesh.flat_shading import is_flat_shaded
+from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.normals import weighted_normals
+from texbake.mesh.normals import face_normals, weighted_normals
 
 Indices = npt.NDArray[np.int64]
 
-# Degrees that facets turn by from one to the next if they are too fine to be meant.
+# Angle in degrees between neighboring facets that are too fine to be meant as flat.
 _FINE = 5.0
 
 
@@ -133,8 +132,8 @@ def with_smoothing_groups(
 ) -> Mesh:
     """Return a mesh with normals that are hard between groups; itself where no edge is hard.
 
-    It also stays as it is where no polygon has a group and the facets are too fine to be meant:
-    many programs write so of every scan.
+    It also stays as it is if no polygon has a group and its facets are fine, as those of a scan
+    are: many programs write `s off` for every mesh.
 
     Parameters
     ----------
@@ -148,12 +147,26 @@ def with_smoothing_groups(
     if slots is None:
         slots = np.arange(len(polygons.vertices)).reshape(-1, 3)
     pairs = polygons.pairs(slots)
+    if not groups.any() and _has_fine_facets(mesh, slots, pairs):
+        return mesh
     group_of = np.repeat(groups, polygons.sizes)
     one, other = group_of[pairs.one], group_of[pairs.other]
     is_smooth = (one == other) & (one != 0)
     normals = smoothed_normals(mesh.positions, mesh.faces, polygons, slots, pairs, is_smooth)
-    made = mesh.replace(**normals)
-    return mesh if not groups.any() and is_flat_shaded(made, most_turn=_FINE) else made
+    return mesh.replace(**normals)
+
+
+def _has_fine_facets(mesh: Mesh, slots: Indices, pairs: EdgePairs) -> bool:
+    """Whether facets turn at most edges, by less than `_FINE` at half of these."""
+    face_of = np.zeros(len(pairs.keys), np.int64)
+    face_of[slots.ravel()] = np.arange(slots.size) // 3
+    sides = face_normals(mesh)
+    one, other = sides[face_of[pairs.one]], sides[face_of[pairs.other]]
+    turns = (one != other).any(axis=1)
+    if 2 * np.count_nonzero(turns) < len(one) or not len(one):
+        return False
+    cosines = pm.vecdot(one[turns], other[turns])
+    return bool(np.median(cosines) > pm.cos(np.radians(_FINE)))
 
 
 def joined_normals(
