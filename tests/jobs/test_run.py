@@ -313,7 +313,7 @@ def test_the_padding_follows_from_the_size_and_the_charts(
 
 @pytest.mark.parametrize(
     ("n_per_side", "size", "padding", "hint"),
-    [(6, 64, None, "use a greater `size`$"), (4, 96, 2, "`size` or less `padding`$")],
+    [(6, 64, None, "use a larger `size`$"), (4, 96, 2, "`size` or less `padding`$")],
 )
 def test_an_atlas_finer_than_its_texels_is_an_error(
     tmp_path: Path, n_per_side: int, size: int, padding: int | None, hint: str

@@ -234,6 +234,7 @@ _LIDS = ("f 5 6 8 7\n", "f 1 3 4 2\n")
         ("s 0\n{0}{1}{2}", 6),
         ("{0}{1}{2}s 2\n", 6),  # nothing follows the group
         ("s 1\n{0}s 2\n{1}s 3\n{2}", 10),
+        ("f\ns 1\n{0}f\ns 2\n{1}s 3\nf\n{2}f\n", 10),  # faces without corners
         ("s 1\n{0}s off # lids\n{1}{2}", 10),
         ("s 7\n{0}{1}s 8\n{2}", 9),
         ("{1}s 1\n{0}{2}", 9),

@@ -257,7 +257,7 @@ def canonical_triangles(corners):
     return least[np.lexsort(least.T[::-1])]
 
 
-def same_triangles(path):
+def assert_same_triangles(path):
     import trimesh
 
     mesh = read_mesh(path)
@@ -276,7 +276,7 @@ def test_a_file_of_trimesh_has_the_triangles_that_trimesh_reads(tmp_path, name, 
     mesh = model(name)
     made = trimesh.Trimesh(mesh.positions, mesh.faces, process=False)
     made.export(tmp_path / f"a.{suffix}")
-    same_triangles(tmp_path / f"a.{suffix}")
+    assert_same_triangles(tmp_path / f"a.{suffix}")
 
 
 @pytest.mark.realdata
@@ -285,7 +285,7 @@ def test_real_files_have_the_triangles_that_trimesh_reads(data_dir):
     few = (name for name, count in FACES.items() if count < 20_000 and "Perry" not in name)
     others = ("busted.STL", "featuretype.STL")
     for name in (*few, "meshes/sword.obj", *(f"meshes/{name}" for name in others)):
-        same_triangles(data_dir / name)
+        assert_same_triangles(data_dir / name)
 
 
 def test_import_of_the_package_loads_no_other_reader():

@@ -269,7 +269,7 @@ def _result(
     if n_covered == 0:
         raise UvError(
             f"{inputs.low.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} map; use a greater `size` or new coordinates"
+            f"{options.width_px} x {options.height_px} map; use a larger `size` or new coordinates"
         )
     _check_misses(n_missed, n_covered, inputs)
     charts = texel_charts_of(inputs, trace.texel_faces)

@@ -223,5 +223,5 @@ def check_texels(low: Mesh, baked: BakeResult) -> None:
         raise UvError(
             f"{low.name}: {int(unseen.sum()):,} of {low.n_faces:,} faces, {100.0 * share:.1f} % of "
             f"the area, own no texel at {options.width_px} x {options.height_px} with a padding of "
-            f"{options.padding}; use a greater `size`{less}"
+            f"{options.padding}; use a larger `size`{less}"
         )

@@ -251,8 +251,8 @@ _COORDINATES = (
         problem="Faces share texels. Each texel is baked from the first of them, and the others "
         "show detail that is not theirs.{unsure}",
         remedy="Separate the charts: texbake unwrap. Islands that are meant to share texels must "
-        "lie exactly on one another, all of one on all of the other. Accept what is meant so: "
-        "texbake check --allow overlapping-coordinates.",
+        "coincide completely. To accept the overlap: texbake check --allow "
+        "overlapping-coordinates.",
     ),
     Kind(
         name="shared-coordinates",
@@ -271,9 +271,9 @@ _COORDINATES = (
         problem="These islands lie exactly on others, as they are, mirrored, or moved by whole "
         "tiles. One of each stack is baked, and the others share its texels. Ambient occlusion, "
         "and normals in object or world space, fit only the one that is baked.",
-        remedy="Nothing, if they are alike in the high-poly mesh as well. Choose which to bake "
-        "with `bake_island`. If each group has its own texture, bake with `texture_sets`; if they "
-        "differ, unwrap them: texbake unwrap.",
+        remedy="No change is needed if they are alike in the high-poly mesh as well. Choose which "
+        "to bake with `bake_island`. If each group has its own texture, bake with `texture_sets`; "
+        "if they differ, unwrap them: texbake unwrap.",
     ),
     Kind(
         name="mirrored-coordinates",

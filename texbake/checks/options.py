@@ -34,8 +34,8 @@ class CheckOptions(TextureOptions):
     allow: Annotated[
         tuple[str, ...],
         Option(
-            "Accept findings of this kind, such as mirrored-coordinates: they are listed, and fail "
-            "nothing; repeatable.",
+            "Accept findings of this kind, such as mirrored-coordinates; they are listed, but do "
+            "not fail the check; repeatable.",
             metavar="KIND",
             many=True,
         ),

@@ -1,10 +1,9 @@
 """Islands of texture coordinates that lie on one another on purpose, and share what is baked.
 
 Mirrored halves, and parts that repeat, are often given the same texels. Such islands have the same
-corners and the same outline, as they are or moved by whole tiles, which a repeated texture cannot
-tell apart, and about the same shape in space. An island is a chart, or each side of one that is
-folded over at a line of symmetry. Islands that overlap in any other way are not stacked, nor is a
-mesh whose faces all fill the texture.
+corners and the same outline in the texture, but for whole tiles, and about the same shape in space.
+An island is a chart, or one side of a chart that is folded at a line of symmetry. Islands that
+overlap in any other way are not stacked, nor are faces that each fill the whole texture.
 """
 
 from __future__ import annotations

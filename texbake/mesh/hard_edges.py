@@ -4,10 +4,10 @@ Edges are compared by where they lie, not by their indices. Across a hard edge n
 each vertex, corners between hard edges share a normal, weighted by angle. Edges at the boundary, of
 more than two faces, or of two faces that are wound in opposite ways join nothing.
 
-A surface has sharp edges if those at which faces meet at a large angle run on from one to the next,
-and it is mostly flat or gently curved elsewhere, as machined parts and buildings are. Of scans,
-noise turns single edges, and of coarse organic shapes, most. Measured on 23 meshes: of the sharp
-edges' ends, 0.94 to 1.00 run on where a mesh is made of sides, 0.65 to 0.87 elsewhere.
+Edges at which faces meet at a large angle are sharp if they form long lines on a surface that is
+mostly flat or gently curved elsewhere, as on machined parts and buildings. Noise in scans makes
+single such edges, and in coarse organic shapes most edges are such. In 23 meshes, 0.94 to 1.00 of
+the ends of such edges meet another one on hard-surface models, and 0.65 to 0.87 on others.
 """
 
 from __future__ import annotations

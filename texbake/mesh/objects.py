@@ -2,8 +2,8 @@
 
 The groups of a mesh are objects, parts of objects, or neither, which only the reader of its file
 can tell; `Mesh.group_objects` says so. An object of two materials has two groups. Two objects count
-as one where they share a vertex, or where the surface of one goes on in the other: an edge at which
-both end, as the head and the torso of a figure do.
+as one if they share a vertex, or if the surface of one continues in the other: both end at a common
+edge, as the head and the torso of a figure do.
 
 Vertices at one place belong together if they are of one object. So objects that touch have normals,
 ray directions and ray distances of their own.
@@ -22,7 +22,7 @@ from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
 
-# Cosine of the angle between faces at which a surface may go on in another object: 60 degrees.
+# Cosine of 60 degrees, below which faces at an edge continue one surface in another object.
 _GOES_ON = 0.5
 
 
@@ -46,13 +46,13 @@ def face_objects(mesh: Mesh) -> IntArray | None:
 
 
 def _connected(mesh: Mesh, of_faces: IntArray) -> IntArray:
-    """(n, 2) pairs of objects that share a vertex, or of which one goes on in the other."""
+    """(n, 2) pairs of objects that share a vertex, or whose surfaces continue in one another."""
     places = weld_rows(mesh.positions)[mesh.faces]
     objects = np.repeat(of_faces[:, None], 3, axis=1)
     shared, found = _seen_otherwise(mesh.faces, objects)
     at_border = np.zeros(mesh.n_vertices, np.bool_)
     at_border[places[_seen_otherwise(places, objects)[0]]] = True
-    # Where one goes on in the other, both ends of an edge are places of both.
+    # Where one continues in the other, both ends of an edge are places of both.
     near = np.flatnonzero(at_border[places].sum(axis=1) >= 2)
     solid = (places[near] != np.roll(places[near], 1, axis=1)).all(axis=1)
     across = opposite_half_edges(places[near], solid=solid)

@@ -27,14 +27,12 @@ NORMALS_OPTION = Option(
     choices=NORMALS,
 )
 ANGLE_OPTION = Option(
-    "Angle from which on edges are hard, for normals by angle.",
+    "Angle between faces above which an edge is hard, for normals by angle.",
     metavar="DEG",
     above=0,
     below=180,
     unit="degrees",
 )
-
-
 LOW_NORMALS_OPTION = replace(
     NORMALS_OPTION,
     help="Normals of the low-poly mesh: hard at the sharp edges of the high-poly mesh, which also "
@@ -125,7 +123,7 @@ class TransformOptions(CheckedOptions):
     subdivide: Annotated[
         int,
         Option(
-            "Subdivisions after Catmull and Clark; normals of the mesh are lost.",
+            "Levels of Catmull-Clark subdivision; the mesh loses its normals.",
             low=0,
             high=MOST_SUBDIVISIONS,
         ),

@@ -34,6 +34,15 @@ def polygon_of_triangles(sizes: npt.NDArray[Any]) -> Indices:
     return np.repeat(np.arange(len(sizes)), np.maximum(sizes.astype(np.int64) - 2, 0))
 
 
+def next_corners(sizes: Indices) -> Indices:
+    """(C,) corner that follows each one in its polygon; (P,) sizes are numbers of corners."""
+    sizes = sizes[sizes > 0]
+    following = np.arange(1, sizes.sum() + 1)
+    ends = np.cumsum(sizes)
+    following[ends - 1] = ends - sizes
+    return following
+
+
 def triangulated(
     path: PathLike,
     positions: npt.NDArray[np.float64],

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
+from texbake.mesh.polygons import next_corners
 
 Indices = npt.NDArray[np.int64]
 
@@ -65,16 +66,9 @@ class Polygons:
         """Return polygons by integers of any type."""
         return cls(vertices.astype(np.int64), sizes.astype(np.int64))
 
-    def next_corners(self) -> Indices:
-        """(C,) corner that follows in the same polygon."""
-        following = np.arange(1, len(self.vertices) + 1)
-        ends = np.cumsum(self.sizes)
-        following[ends - 1] = ends - self.sizes
-        return following
-
     def pairs(self, slots: Indices) -> EdgePairs:
         """Find the edges of two polygons, of those whose corners `slots` are in triangles."""
-        following = self.next_corners()
+        following = next_corners(self.sizes)
         keys = self.edge_keys(following)
         in_triangle = np.zeros(len(self.vertices), np.bool_)
         in_triangle[slots] = True  # left out are holes, and corners that are no vertices
@@ -116,7 +110,7 @@ def smoothed_normals(
     """
     if is_smooth.all() and pairs.n_more == 0:
         return {}
-    following = polygons.next_corners()
+    following = next_corners(polygons.sizes)
     one, other = pairs.one[is_smooth], pairs.other[is_smooth]
     # Polygons that run along an edge in opposite ways have its ends at opposite corners.
     is_opposite = polygons.vertices[one] != polygons.vertices[other]

@@ -21,7 +21,7 @@ from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh, check_face_count
 from texbake.mesh.options import MOST_SUBDIVISIONS
-from texbake.mesh.polygons import Outlines, outlines, triangulated
+from texbake.mesh.polygons import Outlines, next_corners, outlines, triangulated
 from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
 
@@ -119,9 +119,7 @@ def _refined(
     sizes, n = polygons.sizes, len(values)
     corners = ids.ravel()[polygons.slots].astype(np.int64)
     polygon_of = np.repeat(np.arange(len(sizes)), sizes)
-    firsts = np.cumsum(sizes) - sizes
-    following = np.arange(1, len(corners) + 1)
-    following[firsts + sizes - 1] = firsts
+    following = next_corners(sizes)
     ends = np.stack([corners, corners[following]], axis=1)
     keys = np.sort(ends, axis=1).astype(np.int32)
     at, edge_of = np.unique(weld_rows(keys), return_inverse=True)

@@ -105,7 +105,7 @@ class PartsBake:
         if not done:
             raise UvError(
                 f"{self.low_parts[0].mesh.name}: its texture coordinates cover no texel of any "
-                "map; use a greater `size` or new coordinates"
+                "map; use a larger `size` or new coordinates"
             )
         report = PartsReport(
             options=parts,

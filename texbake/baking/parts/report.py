@@ -97,7 +97,7 @@ class PartsReport:
             ),
         )
         found += [message for count, message in checks if count]
-        found += [f"{what}; use a greater `size`" for what in self.without_texel]
+        found += [f"{what}; use a larger `size`" for what in self.without_texel]
         several = len(self.targets) > 1
         for target, report in self.targets.items():
             start = f"{target_name(target)}: " if several else ""

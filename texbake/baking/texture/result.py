@@ -237,7 +237,7 @@ def finish_texture(
     if not covered.any():
         raise UvError(
             f"{mesh.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} texture; use a greater `size`"
+            f"{options.width_px} x {options.height_px} texture; use a larger `size`"
         )
     n_unseen = int(np.count_nonzero(covered & ~has_color))
     known = has_color
