@@ -205,7 +205,6 @@ from .mesh.materials import (
     ChannelSource as ChannelSource,
     Materials as Materials,
     MeshMaterial as MeshMaterial,
-    read_materials as read_materials,
 )
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import vertex_curvatures as vertex_curvatures
@@ -337,6 +336,7 @@ from .texture.mipmaps import (
     MipChain as MipChain,
     mip_chain as mip_chain,
 )
+from .texture.model_materials import read_materials as read_materials
 from .texture.options import MipOptions as MipOptions, PackOptions as PackOptions
 from .texture.pack import (
     PackedTextures as PackedTextures,

@@ -1,15 +1,21 @@
-"""A model whose images are missing, or whose materials ask for more than texbake knows."""
+"""A model whose images are missing or damaged, or whose materials ask for what is not known."""
 
+import base64
+import io
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 from texbake_cli.main import texbake
 
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_document import read_document
-from texbake.mesh.materials import read_materials
+from texbake.mesh.materials import ChannelSource, read_materials
 from texbake.mesh.shapes import plane
+from texbake.texture.png_files import png_parts
 
 RED = [0.5, 0.0, 0.0, 1.0]
 
@@ -72,13 +78,56 @@ def test_a_missing_image_is_one_warning_and_neutral(tmp_path, monkeypatch, comma
         assert material.channels["base-color"].factor == tuple(RED[:3])
 
 
-def test_an_image_that_an_option_names_must_be_there(tmp_path):
-    write_mesh(plane(), tmp_path / "plane.glb")
-    for option in ("--albedo", "--normal-map"):
-        out = ["-o", str(tmp_path / "out.png")]
-        command = ["preview", str(tmp_path / "plane.glb"), *out, option, "gone.png"]
-        result = CliRunner().invoke(texbake, command)
-        assert result.exit_code == 1 and "gone.png: there is no such file" in result.stderr
+def jpeg_bytes():
+    file = io.BytesIO()
+    Image.linear_gradient("L").save(file, "JPEG")
+    return file.getvalue()
+
+
+DAMAGED = {
+    "no image": b"version https://git-lfs.github.com/spec/v1",
+    "empty": b"",
+    "half a PNG": b"".join(png_parts(np.zeros((9, 9, 3), np.uint8)))[:-20],
+    "half a JPEG": jpeg_bytes()[:-200],
+}
+
+
+@pytest.mark.parametrize("data", DAMAGED.values(), ids=DAMAGED)
+@pytest.mark.parametrize("command", ["convert", "preview", "lighten", "bake"])
+@pytest.mark.parametrize("place", ["beside", "inside", "OBJ"])
+def test_a_damaged_image_is_as_if_it_were_missing(tmp_path, monkeypatch, command, data, place):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.png").write_bytes(data)
+    inside = "data:image/png;base64," + base64.b64encode(data).decode()
+    model(tmp_path, inside if place == "inside" else "bad.png")
+    line = COMMANDS[command]
+    if place == "OBJ":
+        (tmp_path / "a.mtl").write_text("newmtl skin\nKd 0.5 0 0\nmap_Kd bad.png\nmap_Ke bad.png\n")
+        square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3 4/1\n"
+        (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nusemtl skin\n{square}")
+        line = ["a.obj" if word == "a.gltf" else word for word in line]
+    result = CliRunner().invoke(texbake, line)
+    assert result.exit_code == 0, result.stderr
+    lines = [line for line in result.stderr.splitlines() if "keeps its factors" in line]
+    assert len(lines) == 1 and "skin: " in lines[0]
+    if (tmp_path / "out.glb").exists():
+        mesh = read_mesh(tmp_path / "out.glb")
+        (material,) = read_materials(tmp_path / "out.glb", mesh).materials
+        assert all(source.image is None for source in material.channels.values())
+        assert material.channels["base-color"].factor == tuple(RED[:3])
+        assert not any(material.channels.get("emissive", ChannelSource((0.0,))).factor)
+
+
+@pytest.mark.parametrize("option", ["--albedo", "--normal-map"])
+def test_an_image_that_an_option_names_must_be_sound(tmp_path, monkeypatch, option):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(plane(), "plane.glb")
+    command = ["preview", "plane.glb", "-o", "out.png", option, "bad.png"]
+    result = CliRunner().invoke(texbake, command)
+    assert result.exit_code == 1 and "bad.png: there is no such file" in result.stderr
+    Path("bad.png").write_bytes(b"no image")
+    result = CliRunner().invoke(texbake, command)
+    assert result.exit_code == 1 and "bad.png: it is not an image" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["convert", "preview", "lighten"])

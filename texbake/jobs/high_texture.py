@@ -9,10 +9,11 @@ from texbake.baking.map_names import MATERIAL_MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.mesh.materials import CHANNELS, Materials, read_materials
+from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.texture.gray import check_gray
 from texbake.texture.image import read_image
+from texbake.texture.model_materials import read_materials
 
 
 def check_high_texture(image: PathLike | None, maps: Iterable[str]) -> None:

@@ -47,13 +47,14 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
-from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial, model_materials
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
+from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
 _MOST_PARTS = 1000

@@ -14,7 +14,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import Materials, model_materials
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.maps import MapSource
@@ -23,6 +23,7 @@ from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
+from texbake.texture.model_materials import model_materials
 
 _MODELS = (".glb", ".gltf")
 # Texels along one side of the room that metals reflect if a file has no environment.

@@ -46,7 +46,7 @@ from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.materials import Materials, model_materials
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
@@ -56,6 +56,7 @@ from texbake.raycast.orient import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
+from texbake.texture.model_materials import model_materials
 
 if TYPE_CHECKING:
     from texbake.pages.asset_page import Plot

@@ -27,6 +27,7 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.texture.gltf_images import gltf_images
+from texbake.texture.model_materials import without_damaged_images
 from texbake.texture.mtl_images import mtl_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
@@ -166,11 +167,14 @@ def write_with_materials(
         lost.append("materials")
         write_mesh(mesh, output)
     elif Path(output).suffix.lower() == ".glb":
-        materials = gltf_images(_of_colors(mesh, _of_uvs(mesh, materials, lost), lost))
-        notes += materials.notes()
+        materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
+        materials = gltf_images(_of_colors(mesh, materials, lost))
+        notes += (*damaged, *materials.notes())
         write_mesh(mesh, output, materials=materials)
     else:
-        materials, without = mtl_images(_of_uvs(mesh, materials, lost))
+        materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
+        materials, without = mtl_images(materials)
+        notes += damaged
         lost += without
         files = write_obj_materials(mesh, output, materials)
     if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:

@@ -123,11 +123,14 @@ class ChannelSource:
         Linear once decoded; 1 without one, and (0, 0, 1) for `normal`.
     offset : float
         Added to the product. It is that of an occlusion whose strength is less than 1.
+    fallback : tuple of float, optional
+        Factor if the image turns out to be damaged; by default `factor`.
     """
 
     factor: tuple[float, ...]
     image: ChannelImage | None = None
     offset: float = 0.0
+    fallback: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,29 +322,7 @@ _READERS = {
 
 
 def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
-    """Read the materials of a mesh file: of OBJ with its .mtl files, glTF, FBX and USD.
-
-    A warning names each missing image, and its material keeps the factors of its channels.
-
-    Parameters
-    ----------
-    path
-        The file that the mesh was read from.
-    mesh
-        As it was read.
-
-    Returns
-    -------
-    Materials or None
-        None where the format or the file has none.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is damaged.
-    """
+    """Read materials as `texbake.read_materials` does, without decoding their images."""
     mesh = as_mesh(mesh)
     reader = _READERS.get(Path(path).suffix.lower())
     if reader is None:
@@ -353,22 +334,3 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     for line in () if materials is None else materials.notes():
         warn_of(path, line)
     return materials
-
-
-def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Return the materials of a model file, or else its vertex colors; None if it has neither."""
-    found = read_materials(path, mesh)
-    if found is not None and mesh.uvs is None and found.has_images:
-        warn_of(path, "it has no texture coordinates; its images are left out")
-        found = found.without_images()
-    if found is not None and any(material.channels for material in found.materials):
-        return found
-    if mesh.colors is None:
-        return found
-    return Materials(
-        face_materials=np.zeros(mesh.n_faces, np.int32),
-        materials=(MeshMaterial(name=mesh.name),),
-        has_vertex_colors=True,
-        missing=() if found is None else found.missing,
-        missing_images=() if found is None else found.missing_images,
-    )

@@ -20,7 +20,6 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
-from texbake.mesh.materials import read_materials
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, share_environment
@@ -32,6 +31,7 @@ from texbake.rendering.scene.lights import Environment, Lighting
 from texbake.rendering.scene.scene import Scene, outline
 from texbake.rendering.studio import STUDIO_ROOM
 from texbake.texture.encoding import quantize_srgb
+from texbake.texture.model_materials import read_materials
 
 N_VIEWS = 12
 _PICTURE_PX = 512

@@ -11,7 +11,7 @@ OpenImageIO reads all formats and writes all but PNG, which `png_files` writes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -354,6 +354,17 @@ def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = N
     with _as_file(data, name) as path:
         image = read_image(path, color=color, threads=threads)
     return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)
+
+
+def require_whole(image: PathLike | bytes, name: str = "") -> None:
+    """Raise `FileFormatError` if an image is damaged: PNG by its checksums, others by decoding.
+
+    `image` is a file, or the bytes of one with a name for messages.
+    """
+    with _as_file(image, name) if isinstance(image, bytes) else nullcontext(image) as path:
+        _opened(path)[0].close()
+        if not is_png(path):
+            _read_with_openimageio(path)
 
 
 def image_shape(data: bytes, name: str) -> tuple[int, int, int]:

@@ -50,8 +50,6 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 
     Raises
     ------
-    FileError
-        An image that is there cannot be read.
     FileFormatError
         The file is damaged.
     MeshError
@@ -189,7 +187,10 @@ class _MaterialReader:
                 continue
             image = self._image(material, channel, texture)
             if image is not None:
-                channels[channel] = ChannelSource((1.0,) * len(CHANNELS[channel].default), image)
+                default = CHANNELS[channel].default
+                factor = channels.get(channel, ChannelSource(default)).factor
+                ones = (1.0,) * len(default)
+                channels[channel] = ChannelSource(ones, image, fallback=factor)
         mode = "blend" if "alpha" in channels else "opaque"
         return MeshMaterial(name=material.name, channels=channels, alpha_mode=mode)
 

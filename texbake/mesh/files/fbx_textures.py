@@ -20,7 +20,6 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileError
 from texbake.files import read_bytes
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
@@ -65,14 +64,12 @@ def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
     for name in chain.from_iterable(map(image_names, holders)):
         try:
             place = file_beside(scene.path, name)
-            is_there = place.is_file()
-        except (FileError, OSError, ValueError):
-            continue
-        if is_there:
             real = real_path(scene.path, name)
             if real not in scene.images:
                 scene.images[real] = read_bytes(place)
-            yield scene.images[real], str(place)
+        except (OSError, ValueError):
+            continue
+        yield scene.images[real], str(place)
 
 
 def image_names(holder: FbxObject) -> Iterator[str]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from texbake.errors import FileError, quoted
+from texbake.errors import FileError, FileFormatError, quoted
 from texbake.files import read_bytes
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
@@ -28,7 +28,7 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
 _FILTERS_WITHOUT_MIPS = (9728, 9729)
 _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
-NO_IMAGE = "a texture has no image in a supported format"
+_NO_IMAGE = "a texture has no image in a supported format"
 # Material extensions that are read, and their parts that are not.
 _EXTENSIONS = {
     EMISSIVE_STRENGTH,
@@ -294,3 +294,21 @@ def image_bytes(document: Document, index: int) -> bytes:
         return base64.b64decode(uri.partition(",")[2])
     except ValueError:
         document.fail(f"the data of images[{index}] is not base64")
+
+
+def image_or_reason(document: Document, index: int | None) -> bytes | str:
+    """Content of an image, or why there is none: it is missing, empty or outside the folder.
+
+    Raises
+    ------
+    FileFormatError
+        The document is damaged.
+    """
+    if index is None:
+        return _NO_IMAGE
+    try:
+        return image_bytes(document, index)
+    except FileError as error:
+        if isinstance(error, FileFormatError) and image_path(document, index) is None:
+            raise
+        return str(error)

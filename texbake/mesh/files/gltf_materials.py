@@ -15,15 +15,14 @@ from urllib.parse import unquote
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileError, FileFormatError, shortened
+from texbake.errors import shortened
 from texbake.files import PathLike
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
-    NO_IMAGE,
     GltfSource,
     GltfTexture,
-    image_bytes,
+    image_or_reason,
     image_source,
     material_index,
     read_material,
@@ -192,7 +191,7 @@ class _MaterialReader:
         index = texture.image
         source = None if index is None else image_source(self.document, index)
         if source not in self._images:
-            self._images[source] = self._bytes(index), index
+            self._images[source] = image_or_reason(self.document, index), index
         data, first = self._images[source]
         if isinstance(data, str):
             line = f"{shortened(material)}: {data}; the material keeps its factors"
@@ -212,17 +211,6 @@ class _MaterialReader:
         """Name of the file of an image; None where it has none of its own."""
         uri = None if index is None else self.document.items("images")[index].get("uri")
         return unquote(uri) if isinstance(uri, str) and not uri.startswith("data:") else None
-
-    def _bytes(self, index: int | None) -> bytes | str:
-        """Content of an image, or why there is none."""
-        if index is None:
-            return NO_IMAGE
-        try:
-            return image_bytes(self.document, index)
-        except FileFormatError:
-            raise
-        except FileError as error:
-            return str(error)
 
 
 def _placing(texture: GltfTexture) -> Placing:

@@ -191,9 +191,8 @@ def _with_statement(
     if statement.lower() in IMAGES:
         channel = IMAGES[statement.lower()]
         try:
-            channels[channel] = _mapped(path, channel, words, images)
-        except FileFormatError:
-            raise
+            factor = channels.get(channel, ChannelSource(CHANNELS[channel].default)).factor
+            channels[channel] = _mapped(path, channel, words, images, factor)
         except FileError as error:
             line = f"{shortened(material.name)}: {error}; the material keeps its factors"
             missing.add(channel, line, image=Path(map_name(words)[0]).name)
@@ -225,7 +224,9 @@ def _numbers(path: Path, statement: str, words: str, width: int) -> tuple[float,
     return tuple(numbers * width if len(numbers) == 1 else numbers)
 
 
-def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSource:
+def _mapped(
+    path: Path, channel: str, words: str, images: Images, fallback: tuple[float, ...]
+) -> ChannelSource:
     """Read the image that a statement names, if it has not been read."""
     name, wrap = map_name(words)
     alone = Path(name).name
@@ -243,7 +244,7 @@ def _mapped(path: Path, channel: str, words: str, images: Images) -> ChannelSour
         components=_RED if len(kind.default) == 1 else (0, 1, 2),
         wraps=(wrap, wrap),
     )
-    return ChannelSource((1.0,) * len(kind.default), image)
+    return ChannelSource((1.0,) * len(kind.default), image, fallback=fallback)
 
 
 def map_name(words: str) -> tuple[str, str]:

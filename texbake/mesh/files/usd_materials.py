@@ -203,10 +203,11 @@ class _MaterialReader:
                 return ChannelSource(values)
             return ChannelSource(tuple(min(max(value, 0.0), bound) for value in values))
         image = self._image(channel, shader, output)
+        fallback = _numbers(_value(shader.GetInput("fallback")), (*default, 1.0, 1.0, 1.0)[:4])
+        fallback = fallback[: len(default)]
         if isinstance(image, str):
-            fallback = _numbers(_value(shader.GetInput("fallback")), (*default, 1.0, 1.0, 1.0)[:4])
             self.missing.add(channel, f"{material}: {image}")
-            return ChannelSource(fallback[: len(default)])
+            return ChannelSource(fallback)
         scale = _numbers(_value(shader.GetInput("scale")), (1.0,) * 4)
         factor = tuple(scale[i] for i in image.components)
         bias = _numbers(_value(shader.GetInput("bias")), (0.0,) * 4)
@@ -218,7 +219,7 @@ class _MaterialReader:
         elif any(added):
             line = f"{material}: what is added to the image of its {channel} is left out"
             self.missing.add(channel, line)
-        return ChannelSource(factor, image)
+        return ChannelSource(factor, image, fallback=fallback)
 
     def _image(self, channel: str, shader: Any, output: str) -> ChannelImage | str:
         """Read the image of a texture, or say why there is none."""

@@ -17,16 +17,15 @@ from pathlib import Path
 from typing import Any
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileError, FileFormatError, shortened
-from texbake.files import require_file
+from texbake.errors import FileFormatError, shortened
 from texbake.limits import require_few_pixels
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
-    NO_IMAGE,
     GltfMaterial,
     GltfSource,
     GltfTexture,
     image_bytes,
+    image_or_reason,
     image_path,
     image_source,
     read_material,
@@ -34,7 +33,7 @@ from texbake.mesh.files.gltf_material_read import (
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
 from texbake.texture.channel_codes import image_size
-from texbake.texture.image import Image, decode_image, read_header
+from texbake.texture.image import Image, decode_image, read_header, require_whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,8 @@ class MaterialReader:
     document
         The file.
     missing : list of str
-        Lines about images that could not be read; appended to. Their channels keep their factors.
+        Lines about images that are missing or damaged; appended to. Their channels keep their
+        factors.
     """
 
     document: Document
@@ -76,7 +76,7 @@ class MaterialReader:
     _first_set: int = 0
     _name: str = ""  # of the material that is being read
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
-    # A missing image is a line that says why.
+    # In the place of an image that is missing or damaged, a line says why.
     _images: dict[tuple[str | int | None, bool], Path | Image | str] = field(default_factory=dict)
     _is_checked: bool = False  # how many pixels all images have together
 
@@ -148,7 +148,7 @@ class MaterialReader:
         channel: int | None = None,
         factor: Constant = 1.0,
     ) -> ImageTexture | None:
-        """Return a texture; None if there is none, or if its image is missing."""
+        """Return a texture; None if there is none, or if its image is missing or damaged."""
         image = None if texture is None else self._image(texture.image, color)
         if texture is None or image is None:
             return None
@@ -173,7 +173,7 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image | None:
-        """Return the image of an index; if it is missing, None, and add a line to `missing`."""
+        """Return the image of an index; if there is none, None, and add a line to `missing`."""
         if not self._is_checked:
             self._is_checked = True
             self._require_few_pixels()
@@ -203,20 +203,18 @@ class MaterialReader:
         return image_size(image_bytes(self.document, index), f"images[{index}]")
 
     def _opened(self, index: int | None, color: bool) -> Path | Image | str:
-        """Return an image's path beside the file, its pixels in the file, or why it is missing."""
-        if index is None:
-            return NO_IMAGE
+        """Return an image's path beside the file, its pixels in the file, or why there is none."""
+        data = image_or_reason(self.document, index)
+        if index is None or isinstance(data, str):
+            return str(data)
+        path, where = image_path(self.document, index), f"{self.document.path}: images[{index}]"
         try:
-            path = image_path(self.document, index)
-            if path is not None:
-                require_file(path)
-                return path
-        except FileFormatError:
-            raise
-        except FileError as error:
+            if path is None:
+                return decode_image(data, where, color=color)
+            require_whole(data, where)
+        except FileFormatError as error:
             return str(error)
-        where = f"{self.document.path}: images[{index}]"
-        return decode_image(image_bytes(self.document, index), where, color=color)
+        return path
 
 
 # Textures of channels as glTF calls them, in the order in which they choose the first set. Metallic
