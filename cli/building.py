@@ -51,4 +51,4 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
     if (n_more := len(result.failed) - _MOST_SHOWN) > 0:
         complain(f"{n_more:,} more assets failed; build.json lists them")
     terminal.summary(result.table())
-    terminal.wrote([result.folder / "build.json"])
+    terminal.wrote([result.folder / "build.json"] if result.is_written else [])

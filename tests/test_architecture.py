@@ -236,7 +236,7 @@ _OF_MATH = (
 _OF_NUMPY = (
     f"{_OF_MATH}|sinc|logaddexp|power|float_power|arctan2|arc(sin|cos|tan)h?|i0|angle|einsum|v?dot|"
     "inner|tensordot|matmul|vecdot|matvec|vecmat|linalg|fft|convolve|correlate|polyfit|roots|cov|"
-    "corrcoef|partition|argpartition"
+    "corrcoef|partition|argpartition|interp"
 )
 _OF_C = r"(?:sin|cos|tan|exp2?|log(?:2|10|1p)?|pow|a?(?:sin|cos|tan)h?|atan2|hypot|cbrt|fma)f?"
 

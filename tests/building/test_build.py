@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from texbake_cli.main import texbake as command
 
 from texbake import FileError, OptionError
 from texbake.building import locations
@@ -702,6 +704,8 @@ def test_a_build_with_nothing_to_do_needs_no_lock(scans: Path, contents: Content
     again = build(scans, listener=events.append)
     states = {step.state for asset in again.assets for step in asset.steps}
     assert again.ok and states == {"current"}
+    assert first.is_written and not again.is_written
+    assert "wrote" not in CliRunner().invoke(command, ["build", str(scans)]).output
     assert len(events) == 2 + len(first.assets) * 2
     assert contents(folder) == before
     write_mesh(uv_sphere(9, 8), scans.parent / "a.ply")

@@ -223,3 +223,11 @@ def test_least_squares_of_a_matrix_without_full_rank() -> None:
     found, rank = pm.lstsq(matrix, sides, rcond=1e-10)
     assert rank == 2
     np.testing.assert_allclose(found, np.linalg.lstsq(matrix, sides, rcond=1e-10)[0], atol=1e-13)
+
+
+def test_interpolation_is_that_of_numpy() -> None:
+    rng = np.random.default_rng(5)
+    places, values = np.sort(rng.normal(size=9)), rng.normal(size=9)
+    x = np.concatenate([rng.normal(scale=2.0, size=1000), places, [-np.inf, np.inf]])
+    np.testing.assert_allclose(pm.interp(x, places, values), np.interp(x, places, values), 1e-14)
+    assert pm.interp(places, places, values).tolist() == values.tolist()

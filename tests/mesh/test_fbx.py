@@ -18,7 +18,7 @@ from tests.hard_cases.fbx_writer import (
     shape,
     written,
 )
-from texbake.errors import FileFormatError, MeshError, TexbakeError, heard_warnings
+from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError, heard_warnings
 from texbake.mesh.files import read_mesh
 
 FORMS = [(v, form) for v in (6100, 7100, 7400, 7500, 7700) for form in ("binary", "ascii")]
@@ -217,8 +217,9 @@ def test_hidden_models_are_left_out(read):
     models = {"a": ({"Show": [0]}, None), "b": ({"Lcl Translation": [0.0, 0.0, 7.0]}, None)}
     mesh = read(scene(models=models))
     assert mesh.group_names == ("b",)
-    with pytest.raises(MeshError, match=r"meshes are hidden or empty"):
-        read(scene(models={"a": ({"Visibility": [0.0]}, None)}))
+    with pytest.warns(ReadWarning, match="all its meshes are hidden; they are read") as warned:
+        mesh = read(scene(models={"a": ({"Visibility": [0.0]}, None)}))
+    assert mesh.group_names == ("a",) and len(warned) == 1
 
 
 def test_zero_scale_is_read(read):

@@ -16,7 +16,7 @@ import pytest
 import trimesh
 
 import texbake
-from texbake.errors import FileError, FileFormatError, MeshError, TexbakeError
+from texbake.errors import FileError, FileFormatError, MeshError, ReadWarning, TexbakeError
 from texbake.mesh.files import (
     MESH_SUFFIXES,
     WRITABLE_MESH_SUFFIXES,
@@ -50,6 +50,30 @@ def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Pat
     with zipfile.ZipFile(tmp_path / "sphere.zae", "w") as archive:
         archive.write(tmp_path / "sphere.dae", "sphere.dae")
     assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == mesh.n_faces
+
+
+@pytest.mark.parametrize("word", ["NaN", "-nan", "inf"])
+def test_collada_without_finite_numbers_is_as_in_other_formats(tmp_path: Path, word: str) -> None:
+    path = tmp_path / "a.dae"
+    texbake.to_trimesh(uv_sphere(6, 8)).export(path)
+    text = path.read_text()
+
+    def read_with(source: str) -> texbake.Mesh:
+        """Read the file with a first number of a source that is not finite."""
+        changed = re.sub(rf'(<float_array[^>]*id="{source}[^>]*>)\S+', rf"\1{word}", text)
+        assert changed != text
+        path.write_text(changed)
+        return texbake.read_mesh(path)
+
+    with pytest.warns(ReadWarning, match="1 of .* normals are not finite"):
+        assert np.isfinite(read_with("normals").normals).all()
+    with pytest.warns(ReadWarning, match=r"1 of .* texture coordinates are not finite; \(0, 0\)"):
+        assert np.isfinite(read_with("texcoords").uvs).all()
+    with pytest.raises(MeshError, match="a position is not finite"):
+        read_with("verts")
+    path.write_text(re.sub('(<float_array[^>]*id="verts[^>]*>[^<]*)', rf"\1 {word} 0 0", text))
+    with pytest.warns(ReadWarning, match="1 of 62 vertices are not finite; no face uses them"):
+        assert texbake.read_mesh(path).n_faces == uv_sphere(6, 8).n_faces
 
 
 def test_a_xaml_file_is_read(tmp_path: Path) -> None:

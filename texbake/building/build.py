@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -260,7 +260,8 @@ def _current_result(
             )
         )
     listener(BuildEvent(event="ended", done=len(steps), total=len(steps)))
-    return _result(pipeline, site, options, assets, states, FINISHED, begun)
+    result = _result(pipeline, site, options, assets, states, FINISHED, begun)
+    return replace(result, is_written=False)
 
 
 def _now() -> tuple[str, float]:

@@ -118,6 +118,8 @@ class BuildResult:
     seconds : float
     options : dict
     assets : tuple of AssetResult
+    is_written : bool
+        Whether it is in `build.json`: not if there was nothing to do in a read-only folder.
     """
 
     pipeline: str
@@ -127,6 +129,7 @@ class BuildResult:
     seconds: float
     options: Mapping[str, Any]
     assets: tuple[AssetResult, ...]
+    is_written: bool = True
 
     @property
     def failed(self) -> list[AssetResult]:

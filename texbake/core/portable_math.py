@@ -154,6 +154,16 @@ def norm(
     return np.sqrt((values * values).sum(axis=axis, keepdims=keepdims))
 
 
+def interp(x: npt.ArrayLike, places: npt.ArrayLike, values: npt.ArrayLike) -> Array:
+    """Interpolate between values at rising places as `np.interp` does, without fused products."""
+    x, places, values = np.asarray(x), np.asarray(places), np.asarray(values)
+    left = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(places) - 2)
+    slopes = np.diff(values) / np.diff(places)
+    inside = np.clip(x, places[0], places[-1])
+    found = slopes[left] * (inside - places[left]) + values[left]
+    return np.asarray(np.where(inside == places[-1], values[-1], found))
+
+
 def det(matrices: npt.ArrayLike) -> Any:
     """Determinants of square matrices (..., n, n)."""
     a = np.array(matrices, np.float64)

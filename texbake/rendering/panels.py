@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage
 
@@ -114,7 +115,7 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     """(..., 3): sRGB colors for levels from 0 to 1."""
     knots = np.linspace(0.0, 1.0, len(_RAMP))
-    return np.stack([np.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
+    return np.stack([pm.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
 
 
 def _over_paper(color: FloatImage) -> FloatImage:

@@ -9,9 +9,9 @@ twice. Differences between files are removed, as the reader of USD does:
 Each model is a group with its name; if it has several materials, each of them is a group named
 ``model/material``. For polygons see `texbake.mesh.polygons`. A subdivision surface is read as its
 control mesh, and a mesh with bones or shapes in the pose it is stored in, without animation. Hidden
-models, NURBS, curves, lights and cameras are left out. A warning names omissions that change the
-surface. Of several sets of texture coordinates or colors, the first is that of the mesh. Corners
-without one get zeros.
+models, unless all are, NURBS, curves, lights and cameras are left out. A warning names omissions
+that change the surface. Of several sets of texture coordinates or colors, the first is that of the
+mesh. Corners without one get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.
@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts, transformed
@@ -65,12 +65,23 @@ def read_fbx(path: PathLike) -> Mesh:
         There are no faces, or a number is not finite.
     """
     scene = read_scene(path)
-    placed = list(placed_models(scene))
+    placed, are_hidden = _models_to_read(scene)
     parts = [part.mesh(path) for part in read_parts(scene, placed)]
     if not parts:
         raise MeshError(f"{path}: {_why_empty(scene)}")
+    if are_hidden:
+        warn_of(path, "all its meshes are hidden; they are read as if they were shown")
     warn_of_fbx(scene, placed)
     return join_parts(parts, Path(path).name)
+
+
+def _models_to_read(scene: FbxScene) -> tuple[list[PlacedModel], bool]:
+    """Models that are shown, or all if none of these has a mesh; and whether that adds any."""
+    shown = list(placed_models(scene))
+    if any(model_geometry(scene, item.model) for item in shown):
+        return shown, False
+    all_models = list(placed_models(scene, hidden=True))
+    return all_models, len(all_models) > len(shown)
 
 
 def _why_empty(scene: FbxScene) -> str:
@@ -82,9 +93,7 @@ def _why_empty(scene: FbxScene) -> str:
             "7.4, or convert it with Autodesk's FBX Converter"
         )
     if any(model_geometry(scene, item) for item in scene.objects.values()):
-        return (
-            "it shows no faces: all meshes are hidden or empty; a mesh needs at least one triangle"
-        )
+        return "all its meshes are empty; a mesh needs at least one triangle"
     others = passed_over_in_fbx(scene)
     has = f", but {', '.join(others)}" if others else ""
     return f"it has no faces{has}; a mesh needs at least one triangle"
@@ -125,13 +134,13 @@ class FbxPart:
 def read_parts(scene: FbxScene, models: Iterable[PlacedModel] | None = None) -> Iterator[FbxPart]:
     """Yield the geometry that the models of a scene show, in the order of the tree.
 
-    `models` are the result of `placed_models`, if it is known.
+    `models` are the result of `_models_to_read`, if it is known.
     """
     read: dict[Id, FbxGeometry | None] = {}
     triangles = most_triangles(_LEAST_TRIANGLES)
     most = max(3 * triangles, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
-    for placed in placed_models(scene) if models is None else models:
+    for placed in _models_to_read(scene)[0] if models is None else models:
         materials = scene.members_of(placed.model.key, "Material")
         for item in model_geometry(scene, placed.model):
             if item.key not in read:

@@ -209,8 +209,8 @@ class PlacedModel:
     matrix: FloatArray
 
 
-def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
-    """Models that are shown, depth first, each after its parent.
+def placed_models(scene: FbxScene, *, hidden: bool = False) -> Iterator[PlacedModel]:
+    """Models that are shown, or with `hidden` all, depth first, each after its parent.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def placed_models(scene: FbxScene) -> Iterator[PlacedModel]:
                 f"{scene.path}: model {quoted(model.name)}: its transform is not finite"
             )
         shown = is_shown and _is_visible(properties)
-        if shown:
+        if shown or hidden:
             yield PlacedModel(model, matrix)
         pending += [(child, here, shown) for child in reversed(children.get(key, ()))]
     if n_placed < len(models):

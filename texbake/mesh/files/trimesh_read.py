@@ -7,6 +7,7 @@ splits them at every corner; texture coordinates and normals keep their own indi
 
 from __future__ import annotations
 
+import re
 import threading
 import warnings
 import zlib
@@ -18,9 +19,10 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
 
 import numpy as np
 
-from texbake.errors import FileFormatError, one_line, warn_of
+from texbake.errors import FileFormatError, MeshError, one_line, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.collada_instances import require_few_instances
+from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unused
 from texbake.mesh.files.source import damaged, read_array
 from texbake.mesh.files.threemf_instances import require_few_objects
 from texbake.mesh.interchange import from_trimesh
@@ -32,6 +34,7 @@ _LEAST_UNPACKED = 1 << 26
 _MOST_TIMES = 20
 _PIECE = 1 << 20  # bytes unpacked at once
 _COLLADA = threading.Lock()
+_NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
@@ -57,6 +60,7 @@ def read_with_trimesh(path: PathLike) -> Mesh:
         require_few_objects(path)
     with _warned_of_geometries(path) if is_collada else nullcontext():
         scene = _load(path, suffix)
+    _replace_unknown(path, scene)
     return _welded(from_trimesh(scene, name=Path(path).name))
 
 
@@ -115,17 +119,32 @@ def _load(path: PathLike, suffix: str) -> Any:
         raise damaged(path, error) from error
 
 
+def _replace_unknown(path: PathLike, scene: Any) -> None:
+    """Replace texture coordinates and normals that are not finite, with a warning."""
+    for mesh in scene.geometry.values():
+        if getattr(getattr(mesh, "visual", None), "uv", None) is not None:
+            mesh.visual.uv = finite_rows(path, mesh.visual.uv, "uvs")
+        normals = mesh._cache.cache.get("vertex_normals")
+        if normals is not None:
+            mesh._cache.cache["vertex_normals"] = finite_rows(path, normals, "normals")
+
+
 @contextmanager
 def _warned_of_geometries(path: PathLike) -> Iterator[None]:
-    """Warn of geometries that pycollada leaves out, of which trimesh does not say a word."""
+    """Warn of geometries that pycollada leaves out, and keep numbers that are not finite."""
     import collada
 
     broken: list[Exception] = []
+    primitives: list[Any] = []
 
     def heard(reader: Any) -> None:
+        for numbers in reader.xmlnode.iter(collada.tag("float_array")):
+            # pycollada makes NaN 0, and leaves infinities.
+            numbers.text = _NAN.sub("inf", numbers.text or "")
         n_before = len(reader.errors)
         load(reader)
         broken.extend(reader.errors[n_before:])
+        primitives.extend(part for item in reader.geometries for part in item.primitives)
 
     with _COLLADA:
         load = collada.Collada._loadGeometry
@@ -137,6 +156,22 @@ def _warned_of_geometries(path: PathLike) -> Iterator[None]:
     if broken:
         noun = "geometry" if len(broken) == 1 else "geometries"
         warn_of(path, f"left out {len(broken):,} damaged {noun}: {one_line(broken[0])}")
+    _check_positions(path, primitives)
+
+
+def _check_positions(path: PathLike, primitives: list[Any]) -> None:
+    """Raise if a face uses a position that is not finite; trimesh leaves such faces out."""
+    from collada.lineset import LineSet
+
+    found = {}
+    for part in primitives:
+        if isinstance(part, LineSet) or part.vertex is None:
+            continue
+        found[id(part.vertex)] = is_bad = rows_not_finite(part.vertex)
+        if is_bad[part.vertex_index].any():
+            raise MeshError(f"{path}: a position is not finite; correct it where it was made")
+    if n_bad := sum(map(np.count_nonzero, found.values())):
+        warn_unused(path, f"{n_bad:,} of {sum(map(len, found.values())):,}")
 
 
 def _welded(mesh: Mesh) -> Mesh:

@@ -42,7 +42,7 @@ def own_ramp(name: str, distribution: str) -> Ramp:
     t = (np.arange(_N_VALUES) + 0.5) / _N_VALUES
     values = t if distribution == "even" else 0.5 + 0.5 * pm.sin(2.0 * np.pi * t)
     places = np.linspace(0.0, 1.0, len(stops))
-    mean = np.array([np.interp(values, places, channel).mean() for channel in stops.T])
+    mean = np.array([pm.interp(values, places, channel).mean() for channel in stops.T])
     stops.flags.writeable = False
     mean.flags.writeable = False
     return Ramp(stops, mean)
