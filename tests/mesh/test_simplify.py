@@ -6,9 +6,11 @@ from skimage import measure
 
 from tests.models import BROKEN, HAS_REAL, model, real
 from texbake.errors import MeshError, OptionError
+from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.decimate import bring_down
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import face_objects, joined_objects, object_names
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import simplify, simplify_with_report
 from texbake.mesh.simplify_options import QUALITIES
@@ -16,6 +18,24 @@ from texbake.mesh.topology import face_components, find_edges, genus
 from texbake.mesh.vertex_stream import gather, weld_corners, weld_positions
 
 BOTH = pytest.mark.parametrize("quality", QUALITIES)
+
+
+def divided(mesh, times):
+    """Mesh with four triangles for each, again and again."""
+    for _ in range(times):
+        corners = mesh.positions[mesh.faces]
+        middles = (corners + np.roll(corners, -1, axis=1)) / 2.0
+        near = [np.stack([corners[:, i], middles[:, i], middles[:, i - 1]], 1) for i in range(3)]
+        rows = np.concatenate([*near, middles]).reshape(-1, 3)
+        positions, ids = np.unique(rows, axis=0, return_inverse=True)
+        mesh = Mesh(positions=positions, faces=ids.reshape(-1, 3))
+    return mesh
+
+
+def shift(x):
+    matrix = np.eye(4)
+    matrix[0, 3] = x
+    return matrix
 
 
 def open_edges(mesh):
@@ -514,6 +534,32 @@ def test_texture_coordinates_without_any_area_are_left_out(quality):
     )
     assert_same(low, simplify(mesh, 300, quality=quality))
     assert report.notes == ("its texture coordinates, where no face has an area, were left out",)
+
+
+@BOTH
+@pytest.mark.parametrize("n_materials", [1, 2])
+@pytest.mark.parametrize("n_faces", [400, 36])
+def test_objects_that_touch_stay_apart_with_their_names(quality, n_materials, n_faces):
+    fine = divided(cube(), 3)
+    bricks = join_meshes([transformed(fine, shift(i)).replace(name=f"brick{i}") for i in range(3)])
+    upper = (bricks.positions[bricks.faces].mean(axis=1)[:, 1] > 0) & (n_materials > 1)
+    bricks = bricks.replace(
+        face_groups=2 * bricks.face_groups + upper,
+        group_names=tuple(f"{name}/{end}" for name in bricks.group_names for end in "ab"),
+        group_objects=(0, 0, 1, 1, 2, 2),
+    )
+    low = simplify(bricks, n_faces, quality=quality)
+    names = np.array(object_names(low))[low.face_groups]
+    assert low.n_faces <= n_faces
+    assert len(np.unique(low.face_groups)) == 3 * n_materials
+    for i in range(3):
+        reach = low.positions[low.faces[names == f"brick{i}"]][..., 0]
+        assert (
+            np.abs([reach.min() - i + 0.5, reach.max() - i - 0.5]).max() < 1e-5
+        )  # quadrics are solved approximately
+    assert len(np.unique(face_objects(low))) == 3
+    joined = simplify(joined_objects(bricks), n_faces, quality=quality)
+    assert joined.n_vertices < low.n_vertices
 
 
 def test_fewer_faces_than_requested_are_explained():

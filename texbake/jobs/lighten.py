@@ -49,6 +49,7 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import joined_objects, without_borders
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
@@ -320,6 +321,7 @@ def _lightened(
     progress: ProgressSink | None,
 ) -> _Lightened:
     with stages.part("simplify"):
+        source = joined_objects(source) if options.join_objects else source
         high, turned = oriented(source, options.orientation, threads=options.threads)
         rule = LowNormals(options.normals, options.angle)
         high = rule.of_high(high, threads=options.threads)
@@ -368,10 +370,8 @@ def _simplified(
     n_faces = options.n_faces
     if n_faces is None:
         n_faces = max(round(SHARE * high.n_faces), LEAST_FACES)
-    # Of the attributes only hard edges matter: all others are baked.
-    bare = high.replace(
-        uvs=None, uv_faces=None, tangents=None, colors=None, face_groups=None, group_names=()
-    )
+    # Of the attributes only hard edges and objects matter: all others are baked.
+    bare = without_borders(high).replace(uvs=None, uv_faces=None, tangents=None, colors=None)
     closed, why = wrapped_if(
         bare, options.remesh, n_faces, threads=options.threads, progress=progress
     )

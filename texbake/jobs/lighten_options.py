@@ -11,6 +11,7 @@ from texbake.mapping.options.texture import Size
 from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
+    JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
     ORIENTATION_OPTION,
     check_angle,
@@ -47,6 +48,7 @@ class LightenOptions(CheckedOptions):
     ] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = "best"
     remesh: Annotated[str, REMESH_OPTION] = "never"
+    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
     normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE

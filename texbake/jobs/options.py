@@ -19,6 +19,7 @@ from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
     DEFAULT_ORIENTATION,
+    JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
     check_angle,
 )
@@ -48,6 +49,7 @@ class RunOptions(CheckedOptions):
     quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
+    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
     size: Annotated[Size, option(BakeOptions, "size")] = 2048

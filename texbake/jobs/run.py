@@ -49,6 +49,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
+from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.wrapping import wrapped_if
 from texbake.progress import ProgressSink, StageRecord, Stages
@@ -189,6 +190,8 @@ def run(
     """
     high = as_mesh(high)
     options = options or RunOptions()
+    if options.join_objects:
+        high = joined_objects(high)
     channels = () if materials is None else carried_channels(materials)
     files = _files_in(folder, high, channels, pictures=options.compare != "off")
     stages = Stages()

@@ -18,6 +18,7 @@ from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_ma
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import with_normals
+from texbake.mesh.objects import joined_objects
 from texbake.mesh.options import DEFAULT_ANGLE, DEFAULT_ORIENTATION
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
@@ -34,6 +35,7 @@ def simplify_file(
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
+    join_objects: bool = False,
     normals: str = "keep",
     angle: float = DEFAULT_ANGLE,
     report: PathLike | None = None,
@@ -52,6 +54,8 @@ def simplify_file(
         As for `simplify`.
     orientation
         `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
+    join_objects
+        Whether objects that touch become one surface.
     normals, angle
         As for `with_normals`; normals that are kept are those that `simplify` leaves.
     report
@@ -74,6 +78,7 @@ def simplify_file(
         quality=quality,
         seams=seams,
         orientation=orientation,
+        join_objects=join_objects,
         normals=normals,
         angle=angle,
         mtl=mtl,
@@ -95,6 +100,7 @@ def simplify_levels(
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
     orientation: str = DEFAULT_ORIENTATION,
+    join_objects: bool = False,
     normals: str = "keep",
     angle: float = DEFAULT_ANGLE,
     mtl: bool = True,
@@ -111,7 +117,7 @@ def simplify_levels(
     mesh
     levels
         Number of triangles and file of each level; without a number, as few as `error` allows.
-    error, quality, seams, orientation, normals, angle, mtl, threads, progress
+    error, quality, seams, orientation, join_objects, normals, angle, mtl, threads, progress
         As for `simplify_file`.
     """
     from texbake.raycast.orient import oriented
@@ -122,6 +128,8 @@ def simplify_levels(
     with parsed_once():
         read = read_mesh(mesh, progress=progress)
         materials = SourceMaterials.read(mesh, read)
+    if join_objects:
+        read = joined_objects(read)
     high, turned = oriented(read, orientation, threads=threads)
     done = []
     for n_faces, output in levels:

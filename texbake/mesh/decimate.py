@@ -222,7 +222,13 @@ def move_and_collapse(
         vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, n_faces, True, lock_boundary
     )
     moved = VertexStream(
-        faces[:n_left], points[vertex_of], vertex_of, uv_rows, normal_rows, stream.group_ids
+        faces[:n_left],
+        points[vertex_of],
+        vertex_of,
+        uv_rows,
+        normal_rows,
+        stream.group_ids,
+        stream.object_ids,
     )
     return MovedStream(moved, points, uvs, normals)
 
@@ -289,6 +295,9 @@ def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
         _, cell_of = np.unique(
             (cells[:, 0] << 40) | (cells[:, 1] << 20) | cells[:, 2], return_inverse=True
         )
+        if stream.object_ids is not None:
+            both = np.stack([cell_of.ravel(), stream.object_ids], axis=1)
+            _, cell_of = np.unique(weld_rows(both), return_inverse=True)
         faces = _clustered(stream, cell_of.ravel())
         if len(faces) <= n_faces:
             best, least = faces, n_cells + 1

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.weld import weld_rows
 
@@ -33,7 +34,7 @@ def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
     firsts = np.repeat(corners[:, :1], 3, axis=1)
     if _differ(mesh.normals, corners.ravel(), firsts.ravel()).any():
         return False
-    neighbors = edge_neighbors(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    neighbors = edge_neighbors(weld_vertices(mesh, threads=threads)[mesh.faces])
     a, b = corners[neighbors.first, 0], corners[neighbors.second, 0]
     hard = _differ(mesh.normals, a, b)
     if 2 * np.count_nonzero(hard) < len(a) or not len(a):

@@ -25,6 +25,7 @@ from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals, smooth_normals
+from texbake.mesh.objects import weld_vertices
 from texbake.mesh.options import DEFAULT_ANGLE, NORMALS
 from texbake.mesh.smoothing_groups import joined_normals
 from texbake.mesh.weld import weld_rows
@@ -101,7 +102,7 @@ def with_sharp_edges(mesh: Mesh, *, threads: int | None = None) -> Mesh:
     n_curved = int(np.count_nonzero(cosines < _GENTLE)) - n_sharp
     if n_sharp == 0 or n_curved > _MOST_CURVED * (len(one) - n_sharp):
         return mesh
-    places = weld_rows(mesh.positions)[mesh.faces].ravel()
+    places = weld_vertices(mesh)[mesh.faces].ravel()
     ends = places[np.stack([one[is_sharp], next_half_edges(one[is_sharp])])]
     runs_on = np.bincount(ends.ravel())[ends] > 1
     if np.count_nonzero(runs_on) < _RUNNING_ON * runs_on.size:
@@ -156,7 +157,7 @@ class LowNormals:
 
 def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges, HalfEdges]:
     """(E,) both half-edges of each edge across which a surface, or a region of it, continues."""
-    places = weld_rows(mesh.positions)[mesh.faces]
+    places = weld_vertices(mesh)[mesh.faces]
     everywhere = np.ones(mesh.n_faces, dtype=np.bool_)
     opposite = opposite_half_edges(places, solid=everywhere, regions=regions)
     one = np.flatnonzero(opposite > np.arange(len(opposite)))

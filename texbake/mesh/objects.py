@@ -11,13 +11,15 @@ ray directions and ray distances of their own.
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.half_edges import opposite_half_edges
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh, frozen
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
@@ -26,11 +28,22 @@ BoolArray = npt.NDArray[np.bool_]
 _GOES_ON = 0.5
 
 
+_known: WeakKeyDictionary[Mesh, IntArray | None] = WeakKeyDictionary()
+
+
 def face_objects(mesh: Mesh) -> IntArray | None:
     """(F,) int32: object of each face.
 
-    None where all faces are of one object, or the groups of the mesh are not objects.
+    None where all faces are of one object, or the groups of the mesh are not objects. Found once
+    for each mesh.
     """
+    if mesh not in _known:
+        of_faces = _face_objects(mesh)
+        _known[mesh] = None if of_faces is None else frozen(of_faces)
+    return _known[mesh]
+
+
+def _face_objects(mesh: Mesh) -> IntArray | None:
     if mesh.face_groups is None or len(set(mesh.group_objects)) < 2:
         return None
     objects = np.unique(mesh.group_objects, return_inverse=True)[1].astype(np.int32)
@@ -98,6 +111,24 @@ def weld_vertices(mesh: Mesh, *, threads: int | None = None) -> IntArray:
 def joined_objects(mesh: Mesh) -> Mesh:
     """Return a mesh whose groups are not objects, so that all of it is one."""
     return mesh.replace(group_objects=()) if mesh.group_objects else mesh
+
+
+def has_borders(mesh: Mesh) -> bool:
+    """Whether an object has several groups."""
+    if mesh.face_groups is None or len(mesh.group_names) < 2:
+        return False
+    of_objects = without_borders(mesh).face_groups
+    return of_objects is None or not np.array_equal(of_objects, mesh.face_groups)
+
+
+def without_borders(mesh: Mesh) -> Mesh:
+    """Return a mesh each object of which has one group, its first; without groups if it is one."""
+    of_faces = face_objects(mesh)
+    if of_faces is None or mesh.face_groups is None:
+        return mesh.replace(face_groups=None, group_names=())
+    firsts = np.full(int(of_faces.max()) + 1, len(mesh.group_names), np.int32)
+    np.minimum.at(firsts, of_faces, mesh.face_groups)
+    return mesh.replace(face_groups=firsts[of_faces])
 
 
 def object_names(mesh: Mesh) -> tuple[str, ...]:

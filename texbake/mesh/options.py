@@ -18,6 +18,10 @@ ORIENTATION_OPTION = Option(
     choices=ORIENTATIONS,
 )
 
+JOIN_OBJECTS_OPTION = Option(
+    "Treat all objects as one surface. Otherwise objects that touch stay apart, with their names."
+)
+
 NORMALS: Final = ("smooth", "angle", "uv", "keep")
 DEFAULT_ANGLE: Final = 60.0
 

@@ -30,9 +30,10 @@ from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.flat_shading import is_flat_shaded
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.simplify_options import DEFAULT_SEAMS
 from texbake.mesh.topology import find_edges
-from texbake.mesh.triangle_tree import with_nearest_attributes
+from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
 from texbake.mesh.vertex_stream import (
     VertexStream,
     gather,
@@ -97,7 +98,10 @@ def reduced(
     note = _why_not(result, n_faces)
     if note is not None:
         result = noted(result, note)
-    return replace(result, mesh=with_nearest_attributes(result.mesh, mesh, threads))
+    made = result.mesh
+    if has_borders(mesh):
+        made = with_nearest_groups(made, mesh, threads)
+    return replace(result, mesh=with_nearest_attributes(made, mesh, threads))
 
 
 def _is_without_charts(mesh: Mesh) -> bool:
@@ -188,7 +192,7 @@ def _attempts(
         if not given_up.has_seams:
             break
         notes = (f"{_GIVEN_UP} {_seams(given_up)}",)
-        smooth = mesh.replace(normals=None, normal_faces=None, face_groups=None, group_names=())
+        smooth = without_borders(mesh.replace(normals=None, normal_faces=None))
         if seams != "keep":
             smooth = smooth.replace(uvs=None, uv_faces=None)
         stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)

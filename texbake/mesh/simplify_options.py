@@ -10,6 +10,7 @@ from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
     DEFAULT_ORIENTATION,
+    JOIN_OBJECTS_OPTION,
     NORMALS_OPTION,
     ORIENTATION_OPTION,
     check_angle,
@@ -81,6 +82,7 @@ class SimplifyOptions(CheckedOptions):
         ),
     ] = DEFAULT_SEAMS
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
+    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
 

@@ -14,6 +14,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.objects import face_objects, without_borders
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13
@@ -151,6 +152,37 @@ def _morton_order(
     ids = (keys & np.uint64((1 << id_bits) - 1)).astype(np.int32)
     keys >>= np.uint64(id_bits)
     return ids, keys
+
+
+def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
+    """Give the faces of objects the groups that another mesh has within the same objects.
+
+    Parameters
+    ----------
+    mesh
+        With the names of `source`, and one group for each object; else it is left as it is.
+    source, threads
+        As for `with_nearest_attributes`.
+    """
+    apart, groups_of_objects = face_objects(source), without_borders(source).face_groups
+    if apart is None or groups_of_objects is None or mesh.face_groups is None:
+        return mesh
+    assert source.face_groups is not None
+    if not np.isin(mesh.face_groups, groups_of_objects).all():
+        return mesh
+    object_of = np.zeros(len(source.group_names), np.int32)
+    object_of[source.face_groups] = apart
+    of_faces = object_of[mesh.face_groups]
+    frame = LocalFrame.around(source)
+    points = frame.to_local(source.positions)
+    centers = frame.to_local(mesh.positions)[mesh.faces].mean(axis=1)
+    groups = mesh.face_groups.copy()
+    for number in np.unique(of_faces).tolist():
+        own, chosen = np.flatnonzero(apart == number), of_faces == number
+        tree = TriangleTree.build(points, source.faces[own], threads=threads)
+        _, nearest, _ = tree.closest_points(centers[chosen], threads=threads)
+        groups[chosen] = source.face_groups[own[nearest]]
+    return mesh.replace(face_groups=groups)
 
 
 def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:

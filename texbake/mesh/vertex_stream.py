@@ -2,7 +2,7 @@
 
 Where corners at one position differ in texture coordinates, hard normals or group, the stream has a
 vertex for each; a library that sees several vertices at one position takes the edges between them
-for a seam and keeps it.
+for a seam and keeps it. Vertices of two objects are never at one position, however close they lie.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.objects import has_borders, weld_vertices, without_borders
 from texbake.mesh.weld import weld_rows
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
@@ -33,6 +34,8 @@ class VertexStream:
         Positions in the mesh's local frame.
     position_ids : (S,) int32
     uv_ids, normal_ids, group_ids : (S,) int32, optional
+    object_ids : (S,) int32, optional
+        A group of the object of each vertex, where the mesh has several objects.
     """
 
     faces: IntArray
@@ -41,6 +44,7 @@ class VertexStream:
     uv_ids: IntArray | None = None
     normal_ids: IntArray | None = None
     group_ids: IntArray | None = None
+    object_ids: IntArray | None = None
 
     @property
     def has_seams(self) -> bool:
@@ -58,7 +62,7 @@ class VertexStream:
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""
         faces, used = _compact(faces, len(self.points))
-        ids = (self.uv_ids, self.normal_ids, self.group_ids)
+        ids = (self.uv_ids, self.normal_ids, self.group_ids, self.object_ids)
         return VertexStream(
             faces,
             self.points[used],
@@ -69,27 +73,32 @@ class VertexStream:
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    corners = _proper(weld_rows(mesh.positions, threads=threads)[mesh.faces])
+    corners = _proper(weld_vertices(mesh, threads=threads)[mesh.faces])
     corners = _without_stacks(corners, corners, mesh.n_vertices)
     faces, position_ids = _compact(corners, mesh.n_vertices)
-    return VertexStream(faces, _local_points(mesh, position_ids), position_ids)
+    return VertexStream(
+        faces,
+        _local_points(mesh, position_ids),
+        position_ids,
+        object_ids=_object_groups(mesh, position_ids),
+    )
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream with a vertex for each combination of texture coordinate, hard normal and group.
 
-    Normals count where the mesh has hard edges, and groups where it has more than one.
+    Normals count where the mesh has hard edges, and groups where an object has more than one.
     """
     columns = {}
     if mesh.uvs is not None:
         columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
     if mesh.normals is not None and has_hard_edges(mesh, threads=threads):
         columns["normal_ids"] = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
-    if mesh.face_groups is not None and len(mesh.group_names) > 1:
+    if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
     if not columns:
         return weld_positions(mesh, threads=threads)
-    positions = weld_rows(mesh.positions, threads=threads)[mesh.faces]
+    positions = weld_vertices(mesh, threads=threads)[mesh.faces]
     rows = np.stack([ids.ravel() for ids in (positions, *columns.values())], axis=1)
     corners = _proper(weld_rows(rows, threads=threads).reshape(-1, 3))
     corners = _without_stacks(corners, positions.ravel()[corners], mesh.n_vertices)
@@ -100,14 +109,25 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
         _local_points(mesh, position_ids),
         position_ids,
         **dict(zip(columns, others, strict=True)),
+        object_ids=_object_groups(mesh, position_ids),
     )
+
+
+def _object_groups(mesh: Mesh, position_ids: IntArray) -> IntArray | None:
+    """First group of the object of each vertex; None if the mesh is one object."""
+    groups = without_borders(mesh).face_groups
+    if groups is None:
+        return None
+    found = np.zeros(mesh.n_vertices, np.int32)
+    found[mesh.faces] = groups[:, np.newaxis]
+    return found[position_ids]
 
 
 def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
     """Whether the mesh's own normals differ between corners at one position."""
     if mesh.normals is None or mesh.normal_faces is None:
         return False
-    positions = weld_rows(mesh.positions, threads=threads)[mesh.faces].ravel()
+    positions = weld_vertices(mesh, threads=threads)[mesh.faces].ravel()
     normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces].ravel()
     normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
     normal_of[positions] = normals  # of several, any one
@@ -140,9 +160,10 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     if mesh.normals is not None and stream.normal_ids is not None:
         normal_faces, normal_ids = _compact(stream.normal_ids[faces], len(mesh.normals))
         low = low.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
-    if stream.group_ids is not None:
+    groups = stream.object_ids if stream.group_ids is None else stream.group_ids
+    if groups is not None:
         low = low.replace(
-            face_groups=stream.group_ids[faces[:, 0]],
+            face_groups=groups[faces[:, 0]],
             group_names=mesh.group_names,
             group_objects=mesh.group_objects,
         )

@@ -4,7 +4,7 @@ One closed surface with few handles is not. Of other meshes, a coarse wrap tells
 where much of it has the mesh's outside on both sides, the mesh is an open surface, such as a range
 scan, cloth, leaves or terrain, and stays one. Where much of the mesh lies inside of the wrap, or
 its edges have more than two faces, simplifying it would spend triangles on what is not seen, or
-tear it.
+tear it. Several objects stay apart, although they hide what lies between them.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from texbake.errors import MeshError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.objects import face_objects, weld_vertices
 from texbake.mesh.remesh import remesh, remesh_with_thinness
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.topology import (
@@ -25,7 +26,6 @@ from texbake.mesh.topology import (
     repeated_vertices,
 )
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.mesh.weld import weld_rows
 from texbake.progress import ProgressSink
 
 _COARSE = RemeshOptions(resolution=128)
@@ -53,7 +53,7 @@ def reason_to_wrap(mesh: Mesh, *, threads: int | None = None) -> str | None:
     >>> reason_to_wrap(icosphere(3)) is None, reason_to_wrap(plane(8, 8)) is None
     (True, True)
     """
-    faces = weld_rows(mesh.positions)[mesh.faces]
+    faces = weld_vertices(mesh, threads=threads)[mesh.faces]
     faces = np.ascontiguousarray(faces[~repeated_vertices(faces)], dtype=np.int32)
     edges = find_edges(faces)
     n_torn = int(np.count_nonzero(edges.non_manifold))
@@ -68,6 +68,8 @@ def reason_to_wrap(mesh: Mesh, *, threads: int | None = None) -> str | None:
         return None
     if n_torn > _TORN * len(edges.vertices):
         return f"{n_torn:,} of its edges have more than two faces"
+    if face_objects(mesh) is not None:  # they would become one
+        return None
     hidden = _share_inside(bare, wrap, voxel, threads)
     return f"{100.0 * hidden:.0f} % of its surface lies inside" if hidden > _HIDDEN else None
 

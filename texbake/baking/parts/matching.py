@@ -133,6 +133,7 @@ def pair_names(
     """Find the high-poly object of each low-poly object; None unless all names pair up.
 
     A name without a suffix counts as a whole, so that `crate` pairs with `crate` and `crate_high`.
+    What `simplify` makes of `crate_high` keeps that name.
     There must be several low-poly objects, no two of one name.
 
     Examples
@@ -140,8 +141,11 @@ def pair_names(
     >>> pair_names(["lid", "box_high"], ["box_low", "lid"], PartsOptions()).table()
     [('box_low', 'from box_high'), ('lid', 'from lid')]
     """
-    low_bases = [base_of(name, options.low_suffix, exact=True) or name for name in low_names]
     high_bases = [base_of(name, options.high_suffix) or name for name in high_names]
+    low_bases = [
+        base_of(name, options.low_suffix, exact=True) or base_of(name, options.high_suffix) or name
+        for name in low_names
+    ]
     lows, highs = (
         [base.lower() for base, name in zip(bases, names, strict=True) if not _IGNORED.search(name)]
         for bases, names in ((low_bases, low_names), (high_bases, high_names))
