@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -274,6 +275,7 @@ class BakeReport:
         return values
 
 
+@cache
 def library_versions() -> dict[str, str]:
     """Versions of texbake and of the libraries that its results depend on."""
     return {name: _version_of(name) for name in ("texbake", "numpy", "openimageio")}

@@ -32,6 +32,8 @@ from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
+# Of all parts of a bake together, and of each at least, where there are many.
+_PARTS_POINTS, _PART_POINTS = 8 * _LOW_POINTS, 2_000
 # Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
 _POINTS_PER_FACE = 4
 # Size of both meshes in model units: float32 holds a ten millionth of it with all its digits, and
@@ -64,11 +66,14 @@ class BakeScenes:
         The low-poly mesh; bakes of only some of its faces can use these scenes as well.
     occluders : RayScene, optional
         What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
+    n_points : int
+        Points of the low-poly mesh at which distances are measured.
     """
 
     high: RayScene
     low: Mesh
     occluders: RayScene | None = None
+    n_points: int = _LOW_POINTS
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
     _looks: dict[str, Look] = field(default_factory=dict, init=False, repr=False)
     _reaches: dict[str, CornerReach] = field(default_factory=dict, init=False, repr=False)
@@ -83,6 +88,7 @@ class BakeScenes:
         stages: Stages,
         *,
         occluders: RayScene | None = None,
+        n_parts: int = 1,
         chunk_faces: int | None = None,
         compact: bool = False,
         threads: int | None = None,
@@ -91,6 +97,8 @@ class BakeScenes:
 
         Parameters
         ----------
+        n_parts
+            Low-poly meshes of the bake, each with scenes of its own.
         chunk_faces, compact
             As for `RayScene.build`.
 
@@ -105,7 +113,8 @@ class BakeScenes:
             scene = RayScene.build(
                 high, frame, chunk_faces=chunk_faces, compact=compact, threads=threads
             )
-        return cls(scene, low, occluders)
+        n_points = max(min(_LOW_POINTS, _PARTS_POINTS // n_parts), _PART_POINTS)
+        return cls(scene, low, occluders, n_points)
 
     @property
     def frame(self) -> LocalFrame:
@@ -118,7 +127,7 @@ class BakeScenes:
         if key not in self._extents:
             measured = []
             for kind in kinds:
-                extent, look = _measured(self.high, low, kind, threads)
+                extent, look = _measured(self.high, low, kind, self.n_points, threads)
                 measured.append(extent)
                 if low is self.low:
                     self._looks[kind] = look
@@ -135,7 +144,7 @@ class BakeScenes:
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
             if look is None or n_points > len(look.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
-                n_points = max(n_points, _LOW_POINTS)
+                n_points = max(n_points, self.n_points)
                 look = look_both_ways(self.high, self.low, kind, n_points, limit, threads)
             self._reaches[kind] = measure_reach(
                 self.high.source, self.low, self.frame, look, threads=threads
@@ -173,7 +182,7 @@ class BakeScenes:
         with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
             high = self.high
             scene = RayScene.build(turned, self.frame, compact=high.compact, threads=high.threads)
-        return BakeScenes(scene, self.low, self.occluders, self._extents)
+        return BakeScenes(scene, self.low, self.occluders, self.n_points, self._extents)
 
     def close(self) -> None:
         """Free the scene of the high-poly mesh."""
@@ -202,14 +211,16 @@ def measure_extent(
     kind
         Direction of the rays: `smooth`, `vertex` or `face`.
     """
-    return _measured(scene, low, kind, threads)[0]
+    return _measured(scene, low, kind, _LOW_POINTS, threads)[0]
 
 
-def _measured(scene: RayScene, low: Mesh, kind: str, threads: int | None) -> tuple[RayExtent, Look]:
+def _measured(
+    scene: RayScene, low: Mesh, kind: str, n_points: int, threads: int | None
+) -> tuple[RayExtent, Look]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
     out_high, in_high = _from_high(scene, low, _spread_points(scene.source), threads)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-    look = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+    look = look_both_ways(scene, low, kind, n_points, limit, threads)
     if ((look.out.faces == NO_HIT) & (look.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
@@ -217,7 +228,7 @@ def _measured(scene: RayScene, low: Mesh, kind: str, threads: int | None) -> tup
         if max(out_mid, in_mid) > max(out_high, in_high):
             out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
             limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-            look = look_both_ways(scene, low, kind, _LOW_POINTS, limit, threads)
+            look = look_both_ways(scene, low, kind, n_points, limit, threads)
     out_low, in_low = _from_low(look)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(

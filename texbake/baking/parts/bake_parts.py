@@ -169,6 +169,7 @@ class PartsBake:
             part.mesh,
             self.stages,
             occluders=self.occluders,
+            n_parts=len(self.low_parts),
             chunk_faces=options.chunk_faces(high.n_faces, part.mesh.n_faces),
             threads=options.threads,
         )
@@ -267,7 +268,7 @@ def bake_parts(
     -------
     PartsResult
         The same, byte for byte, for any number of threads. Each part is baked as `bake` bakes it
-        alone from its match.
+        alone from its match; of more than eight parts, ray distances are measured at fewer points.
 
     Raises
     ------

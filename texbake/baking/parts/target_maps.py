@@ -55,22 +55,23 @@ class TargetMaps:
     def add(self, result: BakeResult, inputs: BakeInputs, n_faces: int) -> None:
         """Add a part that was baked without padding and has `n_faces` faces on these maps."""
         covered = result.texel_faces != NO_FACE
-        if self._values:
-            taken = self._faces != NO_FACE
-            self.n_overlapping += int(np.count_nonzero(covered & taken))
-            # A hit of another part replaces a miss.
-            mine = np.where(taken, result.has_data & ~self._has_data, covered)
-            for kind in self._kinds:
-                np.copyto(
-                    self._values[kind], result.maps[kind.name].values, where=mine[:, :, np.newaxis]
-                )
-        else:
-            mine = covered
+        first = not self._values
+        if first:
             self._values = {kind: result.maps[kind.name].values for kind in self._kinds}
+        # Of many parts, each covers a small window of the maps.
+        at = _window(covered)
+        covered, faces, has_data = covered[at], result.texel_faces[at], result.has_data[at]
+        taken = self._faces[at] != NO_FACE
+        self.n_overlapping += int(np.count_nonzero(covered & taken))
+        # A hit of another part replaces a miss.
+        mine = np.where(taken, has_data & ~self._has_data[at], covered)
+        for kind in [] if first else self._kinds:
+            values = result.maps[kind.name].values[at]
+            np.copyto(self._values[kind][at], values, where=mine[:, :, np.newaxis])
         charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
-        np.copyto(self._charts, charts[result.texel_faces] + np.int32(self._n_charts), where=mine)
-        np.copyto(self._faces, result.texel_faces + np.int32(self._n_faces), where=mine)
-        np.copyto(self._has_data, result.has_data, where=mine)
+        np.copyto(self._charts[at], charts[faces] + np.int32(self._n_charts), where=mine)
+        np.copyto(self._faces[at], faces + np.int32(self._n_faces), where=mine)
+        np.copyto(self._has_data[at], has_data, where=mine)
         self._n_faces += inputs.low.n_faces
         self._n_charts += int(charts.max()) + 1
         report = result.report
@@ -107,6 +108,13 @@ class TargetMaps:
             stages=stages.records,
         )
         return BakeResult(maps, report, None, self._faces, self._has_data)
+
+
+def _window(covered: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns that hold all covered texels, of which there is one at least."""
+    rows = np.flatnonzero(covered.any(axis=1))
+    columns = np.flatnonzero(covered[rows[0] : rows[-1] + 1].any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def joined_reports(reports: list[BakeReport]) -> BakeReport:
