@@ -7,8 +7,12 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import bake_objects
+from texbake.jobs.options import RunOptions
+from texbake.jobs.run import run
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.parametric.make import make
@@ -98,6 +102,43 @@ def test_rays_of_objects_that_touch_hit(name):
     assert len(set(low.group_objects)) == len(high)
     report = bake(join_meshes(high), low, BakeOptions(size=128)).report
     assert report.miss_percent <= MOST_MISSED
+
+
+def named(meshes, ending):
+    return join_meshes([mesh.replace(name=f"{i}{ending}") for i, mesh in enumerate(meshes)])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_objects_whose_names_pair_up_are_each_baked_from_their_own(name):
+    high, low = named(SCENES[name][0], "_high"), unwrap(named(SCENES[name][1], "_low"), size=128)
+    mixed = np.arange(low.n_faces)[::-1]
+    low = low.replace(
+        faces=low.faces[mixed], uv_faces=low.uv_faces[mixed], face_groups=low.face_groups[mixed]
+    )
+    options = BakeOptions(size=128)
+    paired = bake_objects(high, low, options)
+    assert paired.report.n_objects == len(SCENES[name][0])
+    assert paired.report.miss_percent <= MOST_MISSED
+    assert np.array_equal(paired.texel_faces, bake(high, low, options).texel_faces)
+    assert bake_objects(joined_objects(high), low, options) is None
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("join", [False, True])
+def test_run_keeps_objects_that_touch_apart(tmp_path, name, join):
+    high = named(SCENES[name][0], "_high")
+    options = RunOptions(
+        n_faces=min(high.n_faces * 3 // 4, 2000),
+        size=256,
+        samples=1,
+        compare="off",
+        join_objects=join,
+    )
+    result = run(high.replace(name="high.obj"), tmp_path, options)
+    low = read_mesh(result.files["mesh"])
+    assert result.baked.report.n_objects == (0 if join else len(SCENES[name][0]))
+    assert join or result.baked.report.miss_percent <= MOST_MISSED
+    assert join or bake_objects(high, low, BakeOptions(size=128)) is not None
 
 
 def test_objects_that_are_joined_miss():

@@ -110,6 +110,8 @@ class BakeReport:
     median_reach : (float, float) or None
         Front and back at the median vertex, where each vertex has its own; `front` and `back` are
         then the greatest, which rays that find nothing take.
+    n_objects : int
+        Objects, each baked from the one with its name; 0 where all are baked from all.
     """
 
     high: str
@@ -136,11 +138,17 @@ class BakeReport:
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None
     median_reach: tuple[float, float] | None = None
+    n_objects: int = 0
 
     @property
     def miss_percent(self) -> float:
         """Missed texels, in percent of the covered ones."""
         return 100.0 * self.texels_missed / max(self.texels_covered, 1)
+
+    @property
+    def objects(self) -> str:
+        """Say which objects were baked from which."""
+        return f"{self.n_objects:,}, each baked from the one with its name"
 
     @property
     def seconds(self) -> float:
@@ -201,6 +209,7 @@ class BakeReport:
         median = self.distance_percentiles.get(50, 0.0)
         return [
             ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
+            *([("objects", self.objects)] if self.n_objects else []),
             (
                 "size",
                 f"{self.options.width_px} x {self.options.height_px}, {self._samples()}",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from texbake.baking.bake import bake
+from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError
@@ -341,7 +342,9 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        baked = bake(high, low, chosen, materials=materials, progress=progress)
+        baked = bake_objects(high, low, chosen, materials=materials, progress=progress) or bake(
+            high, low, chosen, materials=materials, progress=progress
+        )
         check_texels(low, baked)
     with stages.part("encode images"):
         channels = encoded_channels(

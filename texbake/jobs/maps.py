@@ -16,6 +16,8 @@ from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
+from texbake.baking.parts.bake_parts import bake_objects
+from texbake.baking.rays import RayMaps
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
@@ -160,18 +162,32 @@ def bake_files(
             _check_streamed(high_mesh, high_texture, html)
         elif hits is not None or needs_materials(files, options):
             materials = materials_of(high, high_mesh, high_texture, files)
-    baked = bake(
+    masks = read_ray_image(skew_mask), read_ray_image(offset_map)
+    baked = None
+    if isinstance(high_mesh, Mesh) and html is None:
+        baked = bake_objects(
+            high_mesh,
+            low_mesh,
+            options,
+            cage=cage_mesh,
+            materials=materials,
+            ray_maps=RayMaps.of(*masks),
+            progress=progress,
+        )
+    baked = baked or bake(
         high_mesh,
         low_mesh,
         options if html is None else _with_maps_of_page(options),
         cage=cage_mesh,
         materials=materials,
-        skew_mask=read_ray_image(skew_mask),
-        offset_map=read_ray_image(offset_map),
+        skew_mask=masks[0],
+        offset_map=masks[1],
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(files)),
     )
-    why = why_missed(high_mesh, low_mesh, baked.report) + why_not_apart(high_mesh, low_mesh)
+    why = why_missed(high_mesh, low_mesh, baked.report)
+    if not baked.report.n_objects:
+        why += why_not_apart(high_mesh, low_mesh)
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
         written = _written(result, files, folder)

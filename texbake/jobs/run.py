@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from texbake.baking.bake import bake
+from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.result import BakeResult, check_texels
 from texbake.files import (
     PathLike,
@@ -124,7 +125,7 @@ class RunResult:
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
-        distance = self.simplified.distance
+        distance, baked = self.simplified.distance, self.baked.report
         compared = [] if self.comparison is None else comparison_table(self.comparison)
         return [
             ("Stages", ""),
@@ -132,6 +133,7 @@ class RunResult:
             ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
             *_sampling_rows(self.baked),
             ("Texture", ""),
+            *([("  objects", baked.objects)] if baked.n_objects else []),
             ("  charts", f"{self.unwrapped.n_charts:,}, padding {self.unwrapped.options.padding}"),
             ("Compared with the high-poly mesh", ""),
             *((f"  {label}", figures) for label, figures in compared),
@@ -214,7 +216,9 @@ def run(
         write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
         chosen = options.bake_options(channels, unwrapped.options.padding)
-        baked = bake(high, low, chosen, materials=materials, progress=progress)
+        baked = bake_objects(high, low, chosen, materials=materials, progress=progress) or bake(
+            high, low, chosen, materials=materials, progress=progress
+        )
         check_texels(low, baked)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):

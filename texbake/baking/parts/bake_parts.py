@@ -141,7 +141,7 @@ class PartsBake:
                 )
                 continue
             self.inputs = inputs
-            maps.add(result, inputs, int(chosen.sum()))
+            maps.add(result, inputs, part.face_ids, int(chosen.sum()))
             report = result.report
             self.figures.append(
                 PartFigures(
@@ -324,6 +324,38 @@ def bake_parts(
     if matching is not None and parts.occluders == "all":
         bake.build_occluders(occluders, low)
     return bake.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
+
+
+def bake_objects(
+    high: Mesh,
+    low: Mesh,
+    options: BakeOptions,
+    *,
+    cage: Mesh | None = None,
+    materials: Materials | None = None,
+    ray_maps: RayMaps | None = None,
+    progress: ProgressSink | None = None,
+) -> BakeResult | None:
+    """Bake each object from the one with its name; None unless all names pair up.
+
+    Also None for a time budget, and if hits are kept.
+    """
+    if options.time_budget is not None or options.keep_hits:
+        return None
+    paired = match_objects([high], [low], PartsOptions())
+    if paired is None:
+        return None
+    done = bake_parts(
+        [high],
+        [low],
+        options,
+        cage=cage,
+        high_materials=[materials],
+        ray_maps=lambda _: ray_maps,
+        progress=progress,
+    )
+    (baked,) = done.targets.values()
+    return replace(baked, report=replace(baked.report, n_objects=len(paired[0].matches)))
 
 
 def _first(names: Sequence[str], low_parts: list[LowPart]) -> list[LowPart]:

@@ -123,6 +123,8 @@ class LowPart:
     set_ids : (F,) int32
         Index into `set_names`, per face.
     set_names : tuple of str
+    face_ids : (F,) int32
+        Its faces in the whole mesh.
     cage : Mesh, optional
     """
 
@@ -131,6 +133,7 @@ class LowPart:
     sources: tuple[NamedPart, ...]
     set_ids: IntArray
     set_names: tuple[str, ...]
+    face_ids: IntArray
     cage: Mesh | None = None
 
     @cached_property
@@ -186,11 +189,14 @@ class LowMesh:
         """
         mesh, cage = self.mesh, self.cage
         set_ids, set_names = _sets(mesh, options, name, self.materials)
+        face_ids = np.arange(mesh.n_faces, dtype=np.int32)
         if part.groups is not None:
             chosen = part.faces_of(mesh)
             mesh, set_ids = excerpt(self._shaded, chosen), set_ids[chosen]
+            face_ids = face_ids[chosen]
             cage = None if cage is None else excerpt(cage, chosen)
-        return LowPart(name, mesh.replace(name=name), tuple(sources), set_ids, set_names, cage)
+        mesh = mesh.replace(name=name)
+        return LowPart(name, mesh, tuple(sources), set_ids, set_names, face_ids, cage)
 
     @cached_property
     def _shaded(self) -> Mesh:

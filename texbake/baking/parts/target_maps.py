@@ -43,7 +43,7 @@ class TargetMaps:
         self._charts: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
         self._faces: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
         self._has_data = np.zeros(shape, dtype=np.bool_)
-        self._n_faces = self._n_charts = 0
+        self._n_charts = 0
         self._reports: list[BakeReport] = []
         self.n_overlapping = 0
 
@@ -52,8 +52,16 @@ class TargetMaps:
         """Whether no part was added."""
         return not self._reports
 
-    def add(self, result: BakeResult, inputs: BakeInputs, n_faces: int) -> None:
-        """Add a part that was baked without padding and has `n_faces` faces on these maps."""
+    def add(self, result: BakeResult, inputs: BakeInputs, face_ids: IntArray, n_faces: int) -> None:
+        """Add a part that was baked without padding.
+
+        Parameters
+        ----------
+        face_ids : (F,) int32
+            Faces of the part in the whole mesh.
+        n_faces
+            Number of them on these maps.
+        """
         covered = result.texel_faces != NO_FACE
         first = not self._values
         if first:
@@ -70,9 +78,8 @@ class TargetMaps:
             np.copyto(self._values[kind][at], values, where=mine[:, :, np.newaxis])
         charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
         np.copyto(self._charts[at], charts[faces] + np.int32(self._n_charts), where=mine)
-        np.copyto(self._faces[at], faces + np.int32(self._n_faces), where=mine)
+        np.copyto(self._faces[at], face_ids[faces], where=mine)
         np.copyto(self._has_data[at], has_data, where=mine)
-        self._n_faces += inputs.low.n_faces
         self._n_charts += int(charts.max()) + 1
         report = result.report
         n_absent = inputs.low.n_faces - n_faces

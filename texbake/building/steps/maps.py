@@ -106,7 +106,7 @@ BAKE = StepKind(
     outputs=_map_files,
     run=_bake,
     memory=maps_memory,
-    revision=3,
+    revision=4,
 )
 
 
