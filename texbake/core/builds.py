@@ -12,7 +12,6 @@ sources, and uses the builds beside it.
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import zlib
 from contextlib import suppress
@@ -101,6 +100,8 @@ def _cached_builds(folder: Path, checksum: str) -> dict[str, Path]:
 
 
 def _compile(folder: Path) -> None:
+    import subprocess  # takes 1 % of the processor time of a short command
+
     print(f"texbake: compiling the core for {FOLDER.parents[1]}, once", file=sys.stderr)
     with TemporaryDirectory(dir=folder) as unfinished:  # all levels appear together
         command = [sys.executable, str(FOLDER / "compile_core.py"), "--folder", unfinished]

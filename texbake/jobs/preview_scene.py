@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.maps import MapSource
@@ -23,9 +22,12 @@ from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
-from texbake.texture.model_materials import model_materials
+
+if TYPE_CHECKING:
+    from texbake.mesh.materials import Materials
 
 _MODELS = (".glb", ".gltf")
+_WITHOUT_MATERIALS = (".ply", ".stl", ".off")
 # Texels along one side of the room that metals reflect if a file has no environment.
 _ROOM_SIZE = 128
 
@@ -99,6 +101,11 @@ def open_preview(
 
 def _materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Return the materials of a mesh file, or the colors of its vertices; None without either."""
+    if mesh.colors is None and Path(path).suffix.lower() in _WITHOUT_MATERIALS:
+        return None
+    # Imported here, so that meshes without materials do not load it.
+    from texbake.texture.model_materials import model_materials
+
     found = model_materials(path, mesh)
     if found is None or not (found.has_vertex_colors or any(m.channels for m in found.materials)):
         return None

@@ -14,7 +14,6 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
 from texbake.rendering.exposure import exposed
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.render import draw_picture
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.scene import Scene, camera_of
@@ -75,6 +74,8 @@ def render_side_by_side(
         )
     if all(options.exposes for _, options in variants):
         frames = exposed(frames, variants[0][1], threads=threads)
+    from texbake.rendering.panels import Panel, side_by_side
+
     panels = [
         Panel(frame.color, caption, "")
         for frame, (caption, _) in zip(frames, variants, strict=True)

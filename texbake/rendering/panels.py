@@ -32,8 +32,6 @@ _RAMP = np.array(
         (0.988, 0.998, 0.645),
     ]
 )
-# Linear light for each 8-bit code.
-_LEVELS = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
 # Background in sRGB, 0 to 255.
 _PAPER = (24, 26, 29)
 _INK = (232, 232, 232)
@@ -109,7 +107,8 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
             _legend(draw, left, below + line, size, panel_width)
         else:
             _text(draw, left, below + line, panel.note, size, _FAINT, panel_width)
-    return np.asarray(_LEVELS[np.asarray(sheet)])
+    levels = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
+    return np.asarray(levels[np.asarray(sheet)])
 
 
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
