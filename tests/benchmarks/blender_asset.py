@@ -1,12 +1,14 @@
-"""A .glb or USD file as Blender has it, in a Python that has `bpy` 5.0.1.
+"""A .glb, .obj, .ply or USD file as Blender has it, in a Python that has `bpy` 5.0.1.
 
     python blender_asset.py JOB.json ...
 
 A job names a `file` and what is wanted of it: `picture`, an .exr file, for which `width`, `height`,
 `fov` (vertical, radians), `world_from_camera`, `to_light` and `light`, or `lights`, are as for
 `peer_gltf_threejs`, and `engine`, CYCLES where it is not given; `export`, a .glb, .usda or .usdz
-file to export what was imported to; and `mesh`, an .npz file of its triangles: positions (F, 3, 3)
-and uvs (F, 3, 2), Y up.
+file to export what was imported to; `mesh`, an .npz file of its triangles: positions (F, 3, 3)
+and uvs (F, 3, 2), Y up; and `polygons`, an .npz file of its polygons: names (P,) of objects and
+sizes (P,), positions (C, 3), normals (C, 3) and uvs (C, 2) of their corners, Y up, and n_vertices.
+With a `normal_map`, the picture is that of the normals, as colors (n + 1) / 2, Z up.
 """
 
 import json
@@ -24,6 +26,10 @@ Z_FROM_Y = Matrix(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
 def read(path):
     if path.endswith(".glb"):
         bpy.ops.import_scene.gltf(filepath=path)
+    elif path.endswith(".obj"):
+        bpy.ops.wm.obj_import(filepath=path)
+    elif path.endswith(".ply"):
+        bpy.ops.wm.ply_import(filepath=path, forward_axis="NEGATIVE_Z", up_axis="Y")
     else:
         bpy.ops.wm.usd_import(filepath=path)
 
@@ -50,6 +56,51 @@ def triangles():
             if mesh.uv_layers:
                 uvs.append([mesh.uv_layers[0].data[i].uv[:] for i in triangle.loops])
     return np.array(positions), np.array(uvs)
+
+
+def polygons():
+    """Corners of all polygons in the world, Y up, with the names of their objects."""
+    found = {key: [] for key in ("names", "sizes", "positions", "normals", "uvs")}
+    n_vertices = 0
+    for thing in bpy.context.scene.objects:
+        if thing.type != "MESH":
+            continue
+        mesh = thing.data
+        n_vertices += len(mesh.vertices)
+        matrix = np.array(Z_FROM_Y.inverted() @ thing.matrix_world)
+        upright = np.linalg.inv(matrix[:3, :3]).T
+        for polygon in mesh.polygons:
+            found["names"].append(thing.name)
+            found["sizes"].append(polygon.loop_total)
+            for loop in polygon.loop_indices:
+                place = np.array(mesh.vertices[mesh.loops[loop].vertex_index].co[:])
+                normal = upright @ np.array(mesh.corner_normals[loop].vector[:])
+                found["positions"].append(matrix[:3, :3] @ place + matrix[:3, 3])
+                found["normals"].append(normal / np.linalg.norm(normal))
+                if mesh.uv_layers:
+                    found["uvs"].append(mesh.uv_layers[0].data[loop].uv[:])
+    return {"n_vertices": n_vertices, **{key: np.array(rows) for key, rows in found.items()}}
+
+
+def show_normals(path):
+    """Let everything shine in the colors (n + 1) / 2 of its normals, Z up, with a normal map."""
+    material = bpy.data.materials.new("map")
+    material.use_nodes = True
+    nodes, link = material.node_tree.nodes, material.node_tree.links.new
+    light, code = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeVectorMath")
+    code.operation = "MULTIPLY_ADD"
+    code.inputs[1].default_value = code.inputs[2].default_value = (0.5, 0.5, 0.5)
+    image, normal = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeNormalMap")
+    image.image = bpy.data.images.load(path)
+    image.image.colorspace_settings.name = "Non-Color"
+    link(image.outputs["Color"], normal.inputs["Color"])
+    link(normal.outputs["Normal"], code.inputs[0])
+    link(code.outputs["Vector"], light.inputs["Color"])
+    link(light.outputs["Emission"], nodes["Material Output"].inputs["Surface"])
+    for thing in bpy.context.scene.objects:
+        if thing.type == "MESH":
+            thing.data.materials.clear()
+            thing.data.materials.append(material)
 
 
 def add_light(scene, light):
@@ -117,6 +168,10 @@ def do(job):
     if "mesh" in job:
         positions, uvs = triangles()
         np.savez(job["mesh"], positions=positions, uvs=uvs)
+    if "polygons" in job:
+        np.savez(job["polygons"], **polygons())
+    if "normal_map" in job:
+        show_normals(job["normal_map"])
     if "export" in job:
         export(job["export"])
     if "picture" in job:

@@ -260,7 +260,7 @@ def test_the_material_is_a_preview_surface_of_its_textures(tmp_path, image):
     path.parent.mkdir()
     write_mesh(plane(), path, normal_map=image, base_color=(0.9, 0.4, 0.1), orm=image)
     stage = Usd.Stage.Open(str(path))
-    mesh = stage.GetDefaultPrim().GetChild("mesh")
+    mesh = stage.GetDefaultPrim().GetChild("a")
     material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
     surface, _, _ = material.ComputeSurfaceSource()
     assert surface.GetIdAttr().Get() == "UsdPreviewSurface"

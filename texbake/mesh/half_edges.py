@@ -37,7 +37,11 @@ def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integ
 
 
 def opposite_half_edges(
-    corners: IntArray, *, solid: npt.NDArray[np.bool_], regions: IntArray | None = None
+    corners: IntArray,
+    *,
+    solid: npt.NDArray[np.bool_],
+    regions: IntArray | None = None,
+    polygons: IntArray | None = None,
 ) -> IntArray:
     """The half-edge opposite to each, across which the surface continues.
 
@@ -48,7 +52,9 @@ def opposite_half_edges(
     solid : (F,) bool
         Faces to consider, as if there were no others.
     regions : (F,) int32, optional
-        Faces of different regions are not neighbors.
+        Faces of different regions are not neighbors; each region is as if it were alone.
+    polygons : (F,) int32, optional
+        Polygon of each face. Triangles of one are neighbors even where other faces meet there too.
 
     Returns
     -------
@@ -71,11 +77,30 @@ def opposite_half_edges(
     keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
     order = np.argsort(keys, kind="stable")
     begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    first = begins[np.diff(np.append(begins, len(keys))) == 2]
-    one, other = half_edges[order[first]], half_edges[order[first + 1]]
+    counts = np.diff(np.append(begins, len(keys)))
+    pairs = [order[begins[counts == 2] + side] for side in (0, 1)]
+    crowded = order[np.repeat(counts > 2, counts)]
+    for labels in (regions, polygons):
+        if labels is not None and len(crowded):
+            more = _pairs_within(labels[half_edges[crowded] // 3], keys[crowded])
+            pairs = [
+                np.append(side, crowded[found]) for side, found in zip(pairs, more, strict=True)
+            ]
+    one, other = half_edges[pairs[0]], half_edges[pairs[1]]
     glued = (starts[one] == ends[other]) & (ends[one] == starts[other]) & (one // 3 != other // 3)
     glued &= starts[one] != ends[one]
     if regions is not None:
         glued &= regions[one // 3] == regions[other // 3]
     opposite[one[glued]], opposite[other[glued]] = other[glued], one[glued]
     return opposite
+
+
+def _pairs_within(
+    labels: IntArray, keys: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Places of two equal keys that no third one of the same label is equal to."""
+    order = np.lexsort((keys, labels))
+    differs = (np.diff(keys[order]) != 0) | (np.diff(labels[order]) != 0)
+    begins = np.flatnonzero(np.concatenate([[True], differs]))
+    first = begins[np.diff(np.append(begins, len(keys))) == 2]
+    return order[first], order[first + 1]

@@ -159,7 +159,9 @@ def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges,
     """(E,) both half-edges of each edge across which a surface, or a region of it, continues."""
     places = weld_vertices(mesh)[mesh.faces]
     everywhere = np.ones(mesh.n_faces, dtype=np.bool_)
-    opposite = opposite_half_edges(places, solid=everywhere, regions=regions)
+    opposite = opposite_half_edges(
+        places, solid=everywhere, regions=regions, polygons=mesh.polygon_of
+    )
     one = np.flatnonzero(opposite > np.arange(len(opposite)))
     return one, opposite[one].astype(np.intp)
 

@@ -89,6 +89,17 @@ def _seen_otherwise(rows: IntArray, objects: IntArray) -> tuple[BoolArray, IntAr
     return found != objects, found
 
 
+def separate_objects(mesh: Mesh) -> IntArray | None:
+    """(F,) int32: object of each face; None where there is one, or two share a vertex."""
+    if mesh.face_groups is None or len(set(mesh.group_objects)) < 2:
+        return None
+    of_faces = np.array(mesh.group_objects, np.int32)[mesh.face_groups]
+    objects = np.repeat(of_faces[:, None], 3, axis=1)
+    if (of_faces == of_faces[0]).all() or _seen_otherwise(mesh.faces, objects)[0].any():
+        return None
+    return of_faces
+
+
 def vertex_objects(mesh: Mesh) -> IntArray | None:
     """(V,) int32: object of each vertex, -1 for one that no face uses; None as `face_objects`."""
     of_faces = face_objects(mesh)

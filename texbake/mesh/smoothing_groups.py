@@ -124,7 +124,7 @@ def smoothed_normals(
 def with_smoothing_groups(
     mesh: Mesh, polygons: Polygons, slots: Indices | None, groups: IntArray
 ) -> Mesh:
-    """Return a mesh with normals that are hard between groups; itself where no edge is hard.
+    """Return a mesh with normals that are hard between groups; itself if all are of one group.
 
     It also stays as it is if no polygon has a group and its facets are fine, as those of a scan
     are: many programs write `s off` for every mesh.
@@ -140,6 +140,8 @@ def with_smoothing_groups(
     """
     if slots is None:
         slots = np.arange(len(polygons.vertices)).reshape(-1, 3)
+    if groups[0] != 0 and (groups == groups[0]).all():
+        return mesh
     pairs = polygons.pairs(slots)
     if not groups.any() and _has_fine_facets(mesh, slots, pairs):
         return mesh

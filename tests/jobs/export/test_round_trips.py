@@ -6,7 +6,6 @@ with the reason. `pytest -rP` prints how similar the pictures are.
 """
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -116,25 +115,6 @@ def by_threejs(assets, tmp_path_factory):
         pytest.skip(f"three.js: {done.stderr.strip()}")
     assert done.returncode == 0, done.stderr
     return {name: np.load(folder / f"{name}.npy") for name in assets}
-
-
-@pytest.fixture(scope="module")
-def blender(tmp_path_factory):
-    """Run a job in Blender."""
-    python = os.environ.get("TEXBAKE_BLENDER_PYTHON")
-    if not python:
-        pytest.skip("TEXBAKE_BLENDER_PYTHON names no Python with bpy")
-    folder = tmp_path_factory.mktemp("blender")
-
-    def run(job):
-        (folder / "job.json").write_text(json.dumps(job))
-        done = subprocess.run(
-            [python, PROGRAMS / "blender_asset.py", folder / "job.json"],
-            capture_output=True, text=True, check=False, timeout=180,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-
-    return run
 
 
 def alike(ours, theirs):

@@ -23,6 +23,7 @@ from texbake.mapping.options.atlas import fitting_padding
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 
 # Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
@@ -138,7 +139,7 @@ def _packed_charts(
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
     """Make the charts of one mesh, in model units."""
-    regions = mesh.face_groups if options.by_group else None
+    regions = mesh.face_groups if options.by_group else face_objects(mesh)
     if options.keep:
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
     hard_edges = options.seams_at_hard_edges or options.normals == "angle"
@@ -146,7 +147,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
         mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
     )
     points = snap_points(mesh)
-    lone, others = find_lone_faces(points, mesh.faces, regions, threads)
+    lone, others = find_lone_faces(points, mesh.faces, regions, threads, polygons=mesh.polygon_of)
     if not len(lone):
         charts = _connected_charts(mesh, points, options, regions, stages, threads)
     else:
@@ -195,7 +196,12 @@ def _connected_charts(
     if options.max_stretch is not None:
         with stages.stage("bound stretch"):
             charts = bound_charts(
-                points, mesh.faces, charts, max_stretch=options.max_stretch, threads=threads
+                points,
+                mesh.faces,
+                charts,
+                max_stretch=options.max_stretch,
+                polygons=mesh.polygon_of,
+                threads=threads,
             )
     return charts
 
@@ -225,6 +231,7 @@ def _improved(
             most_chart_l2=options.max_stretch,
             most_length=_JOINED_SIDES,
             regions=regions,
+            polygons=mesh.polygon_of,
             threads=threads,
             most_work=_JOIN_WORK[options.quality],
         )

@@ -19,7 +19,12 @@ _MANY = 1000
 
 
 def find_lone_faces(
-    points: FloatArray, faces: IntArray, regions: IntArray | None, threads: int | None
+    points: FloatArray,
+    faces: IntArray,
+    regions: IntArray | None,
+    threads: int | None,
+    *,
+    polygons: IntArray | None = None,
 ) -> tuple[IntArray, IntArray]:
     """Find the faces that no other one continues across any edge, if there are many.
 
@@ -30,6 +35,8 @@ def find_lone_faces(
     faces : (F, 3) int32
     regions : (F,) int32, optional
         Faces of different regions do not continue each other.
+    polygons : (F,) int32, optional
+        As of `Mesh`.
 
     Returns
     -------
@@ -40,7 +47,7 @@ def find_lone_faces(
     """
     corners = weld_rows(points, threads=threads)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    opposite = opposite_half_edges(corners, solid=solid, regions=regions)
+    opposite = opposite_half_edges(corners, solid=solid, regions=regions, polygons=polygons)
     continued = (opposite.reshape(-1, 3) >= 0).any(axis=1)
     lone = np.flatnonzero(solid & ~continued).astype(np.int32)
     lone = lone[surface_areas(points[faces[lone]]) > 0.0]

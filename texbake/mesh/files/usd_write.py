@@ -1,11 +1,11 @@
-"""Writing USD: one mesh with its groups as subsets, and a UsdPreviewSurface with its textures.
+"""Writing USD: a mesh per object, with groups as subsets, and a UsdPreviewSurface with textures.
 
 A .usdz file contains the textures; .usda, .usdc and .usd files refer to them by a path relative to
 their own folder. The stage is Y up, in meters.
 
 Positions are float32, which is what the format's points are; a mesh that is far from the origin for
 its size is moved there by its transform. Names that are no identifiers of USD are kept as display
-names.
+names. Objects that share a vertex are one mesh.
 
 Based on: Pixar, "Universal Scene Description", UsdGeom and "UsdPreviewSurface Specification",
 version 2.6; "Usdz File Format Specification", version 1.3.
@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 import struct
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from texbake.errors import UvError
 from texbake.files import PathLike, replacing, scratch_folder
+from texbake.mesh.compose import excerpt
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
@@ -35,7 +36,8 @@ from texbake.mesh.files.conversion import (
 )
 from texbake.mesh.files.usd_stage import require_usd
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.normals import shading_normals
+from texbake.mesh.normals import shading_normals, with_shading_normals
+from texbake.mesh.objects import object_names, separate_objects
 from texbake.mesh.polygons import Outlines, outlines
 
 # Bytes of an entry's head before its name, and the field that usdz files pad with.
@@ -62,7 +64,7 @@ def write_usd(
     normal_map, base_color, orm, emissive
         As `write_glb` takes them.
     name
-        Of the mesh and the material; by default that of the file.
+        Of the material, and of the mesh if it has no groups; by default that of the file.
 
     Raises
     ------
@@ -94,14 +96,13 @@ def write_usd(
         check_normal_map(normal_map)
     media = {slot: image_file(file)[1] for slot, file in textures.items()}
     name = Path(path).stem if name is None else name
-    polygons = outlines(mesh)
-    polygons.warn(path)
+    outlines(mesh).warn(path)
     factors = None
     if base_color is not None and "base_color" not in textures:
         factors = color_factors(base_color)  # type: ignore[arg-type]
     if Path(path).suffix.lower() == ".usdz":
         inside = {slot: f"textures/{slot}{_EXTENSIONS[media[slot]]}" for slot in textures}
-        stage = _stage(mesh, polygons, name, inside, factors)
+        stage = _stage(mesh, name, inside, factors)
         with replacing(path) as temporary:
             _package(stage, temporary, {inside[slot]: textures[slot] for slot in textures})
         return
@@ -110,7 +111,7 @@ def write_usd(
         slot: Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
         for slot, file in textures.items()
     }
-    stage = _stage(mesh, polygons, name, beside, factors)
+    stage = _stage(mesh, name, beside, factors)
     with replacing(path) as temporary:
         stage.GetRootLayer().Export(str(temporary))
 
@@ -135,11 +136,7 @@ def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
 
 
 def _stage(
-    mesh: Mesh,
-    polygons: Outlines,
-    name: str,
-    textures: Mapping[str, str],
-    factors: Sequence[float] | None,
+    mesh: Mesh, name: str, textures: Mapping[str, str], factors: Sequence[float] | None
 ) -> Any:
     """Build the stage; `textures` are paths as the file is to have them."""
     from pxr import Sdf, Usd, UsdGeom
@@ -149,16 +146,53 @@ def _stage(
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     root = UsdGeom.Xform.Define(stage, Sdf.Path("/asset"))
     stage.SetDefaultPrim(root.GetPrim())
-    usd_mesh = UsdGeom.Mesh.Define(stage, Sdf.Path("/asset/mesh"))
-    usd_mesh.GetPrim().SetDisplayName(as_text(name))
     origin = far_origin(mesh)
-    if origin.any():
-        usd_mesh.AddTranslateOp().Set(tuple(origin.tolist()))
-    _set_geometry(usd_mesh, mesh, origin, polygons)
-    _set_primvars(usd_mesh, mesh, polygons.slots)
-    _set_groups(usd_mesh, mesh, polygons.firsts)
-    _add_material(stage, usd_mesh, name, textures, factors)
+    taken, usd_meshes = {"material"}, []
+    for title, part in _objects(mesh, name):
+        usd_mesh = UsdGeom.Mesh.Define(stage, Sdf.Path(f"/asset/{_identifier(title, taken)}"))
+        if usd_mesh.GetPrim().GetName() != title:
+            usd_mesh.GetPrim().SetDisplayName(as_text(title))
+        if origin.any():
+            usd_mesh.AddTranslateOp().Set(tuple(origin.tolist()))
+        polygons = outlines(part)
+        _set_geometry(usd_mesh, part, origin, polygons)
+        _set_primvars(usd_mesh, part, polygons.slots)
+        _set_groups(usd_mesh, part, polygons.firsts)
+        usd_meshes.append(usd_mesh)
+    _add_material(stage, usd_meshes, name, textures, factors)
     return stage
+
+
+def _objects(mesh: Mesh, name: str) -> Iterator[tuple[str, Mesh]]:
+    """Yield each object of a mesh with its name; `name` and the mesh if there are none."""
+    objects = separate_objects(mesh)
+    if objects is None:
+        yield mesh.group_names[0] if len(mesh.group_names) == 1 else name, mesh
+        return
+    whole, names = with_shading_normals(mesh), object_names(mesh)
+    for number in np.unique(objects):
+        part = excerpt(whole, objects == number)
+        assert part.face_groups is not None
+        used, groups = np.unique(part.face_groups, return_inverse=True)
+        yield (
+            names[used[0]],
+            part.replace(
+                face_groups=groups.astype(np.int32),
+                group_names=tuple(mesh.group_names[group] for group in used),
+                group_objects=(),
+            ),
+        )
+
+
+def _identifier(name: str, taken: set[str]) -> str:
+    """Return an identifier of USD that is not taken, and take it."""
+    from pxr import Tf
+
+    first = identifier = Tf.MakeValidIdentifier(as_text(name))
+    while identifier in taken:
+        identifier = f"{first}_{len(taken)}"
+    taken.add(identifier)
+    return str(identifier)
 
 
 def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray, polygons: Outlines) -> None:
@@ -208,7 +242,7 @@ def _set_primvars(usd_mesh: Any, mesh: Mesh, slots: npt.NDArray[np.int64]) -> No
 
 def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: npt.NDArray[np.int64]) -> None:
     """Make each group with polygons a subset of them; `firsts` are their first faces."""
-    from pxr import Tf, UsdGeom, Vt
+    from pxr import UsdGeom, Vt
 
     if mesh.face_groups is None or len(mesh.group_names) < 2:
         return
@@ -218,10 +252,7 @@ def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: npt.NDArray[np.int64]) -> Non
         faces = np.flatnonzero(mesh.face_groups[firsts] == number).astype(np.int32)
         if len(faces) == 0:
             continue
-        identifier = Tf.MakeValidIdentifier(as_text(group))
-        if identifier in taken:
-            identifier = f"{identifier}_{number}"
-        taken.add(identifier)
+        identifier = _identifier(group, taken)
         subset = UsdGeom.Subset.CreateGeomSubset(
             UsdGeom.Imageable(usd_mesh),
             identifier,
@@ -236,7 +267,7 @@ def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: npt.NDArray[np.int64]) -> Non
 
 def _add_material(
     stage: Any,
-    usd_mesh: Any,
+    usd_meshes: Sequence[Any],
     name: str,
     textures: Mapping[str, str],
     factors: Sequence[float] | None,
@@ -267,7 +298,8 @@ def _add_material(
                 )
                 surface.CreateInput(input_name, getattr(types, kind)).ConnectToSource(value)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    UsdShade.MaterialBindingAPI.Apply(usd_mesh.GetPrim()).Bind(material)
+    for usd_mesh in usd_meshes:
+        UsdShade.MaterialBindingAPI.Apply(usd_mesh.GetPrim()).Bind(material)
 
 
 # Inputs of the surface that each texture goes to: name, type, and channels.

@@ -131,7 +131,7 @@ def cut_charts(
     regions = np.zeros(mesh.n_faces, dtype=np.int32) if regions is None else regions
     corners = weld_rows(points, threads=threads)[mesh.faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    opposite = opposite_half_edges(corners, solid=solid, regions=regions)
+    opposite = opposite_half_edges(corners, solid=solid, regions=regions, polygons=mesh.polygon_of)
     notes: tuple[str, ...] = ()
     if method == "xatlas":
         if find_spec("xatlas") is None:

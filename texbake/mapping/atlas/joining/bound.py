@@ -19,7 +19,7 @@ from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.piece import ChartPiece, relax_piece
-from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of
+from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of, whole_polygons
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
@@ -38,6 +38,7 @@ def bound_charts(
     charts: Charts,
     *,
     max_stretch: float,
+    polygons: IntArray | None = None,
     threads: int | None = None,
 ) -> Charts:
     """Cut charts in two until no chart is stretched beyond a bound.
@@ -51,6 +52,8 @@ def bound_charts(
     charts : Charts
     max_stretch : float
         Largest L2 stretch of a chart, at the scale that gives it its area in space; above 1.
+    polygons : (F,) int32, optional
+        Polygon of each face; one is cut only if its own chart would be stretched more.
     threads
         None for every processor.
 
@@ -63,7 +66,8 @@ def bound_charts(
     solid = charts.solid
     if not solid.any():
         return charts
-    opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid)
+    corners = weld_rows(points)[mesh_faces]
+    opposite = opposite_half_edges(corners, solid=solid, polygons=polygons)
     pieces = pieces_of(points, mesh_faces, charts, opposite)
     if all(piece.l2 <= max_stretch for piece in pieces):
         return charts
@@ -71,7 +75,7 @@ def bound_charts(
 
     def hold(start: int, stop: int) -> None:
         for index in range(start, stop):
-            held[index] = _held(pieces[index], opposite, max_stretch)
+            held[index] = _held(pieces[index], opposite, polygons, max_stretch)
 
     run_bands(hold, len(pieces), band=1, threads=threads)
     cut = charts_of([part for parts in held for part in parts], charts)
@@ -87,13 +91,16 @@ def bound_charts(
         most_share=1.0,
         most_waste=math.inf,
         regions=origins,
+        polygons=polygons,
         threads=threads,
     )
     missed = [part for parts in held for part in parts if part.l2 > max_stretch]
     return replace(bounded, notes=(*bounded.notes, *_notes(missed, bounded, max_stretch)))
 
 
-def _held(piece: ChartPiece, opposite: IntArray, max_stretch: float) -> list[ChartPiece]:
+def _held(
+    piece: ChartPiece, opposite: IntArray, polygons: IntArray | None, max_stretch: float
+) -> list[ChartPiece]:
     """Parts of a piece that meet the bound or are single faces."""
     parts: list[ChartPiece] = []
     left = [piece]
@@ -104,7 +111,7 @@ def _held(piece: ChartPiece, opposite: IntArray, max_stretch: float) -> list[Cha
         if piece.l2 <= max_stretch or len(piece.faces) == 1:
             parts.append(piece)
         else:
-            left += _halves(piece, opposite)
+            left += _halves(piece, opposite, polygons)
     return parts
 
 
@@ -114,12 +121,13 @@ def _relaxed(piece: ChartPiece, n_iterations: int) -> ChartPiece:
     return relaxed if relaxed is not None and relaxed.l2 < piece.l2 else piece
 
 
-def _halves(piece: ChartPiece, opposite: IntArray) -> list[ChartPiece]:
+def _halves(piece: ChartPiece, opposite: IntArray, polygons: IntArray | None) -> list[ChartPiece]:
     """Cut a piece of two faces or more along the line that leaves the least stretch."""
     best: list[ChartPiece] = []
     least = np.inf
     for sides in _lines(piece):
-        parts = parts_of(piece, sides, opposite)
+        whole = whole_polygons(piece, sides, polygons)
+        parts = parts_of(piece, sides if whole.all() or not whole.any() else whole, opposite)
         relaxed = [_relaxed(part, _ROUGH_ITERATIONS) for part in parts]
         excess = sum(part.excess for part in relaxed)
         if excess < least or not best:

@@ -52,6 +52,7 @@ def join_charts(
     most_waste: float = 0.25,
     most_length: float = math.inf,
     regions: IntArray | None = None,
+    polygons: IntArray | None = None,
     threads: int | None = None,
     most_work: int = 300,
 ) -> Charts:
@@ -83,6 +84,8 @@ def join_charts(
         be as long as one of the charts that were joined.
     regions : (F,) int32, optional
         Faces of different regions share no chart.
+    polygons : (F,) int32, optional
+        Polygon of each face; no polygon is cut.
     threads
         None for every processor.
     most_work : int
@@ -98,14 +101,16 @@ def join_charts(
     solid = charts.solid
     if not solid.any():
         return charts
-    opposite = opposite_half_edges(weld_rows(points)[mesh_faces], solid=solid, regions=regions)
+    opposite = opposite_half_edges(
+        weld_rows(points)[mesh_faces], solid=solid, regions=regions, polygons=polygons
+    )
     pieces = pieces_of(points, mesh_faces, charts, opposite)
     area = math.fsum(piece.area for piece in pieces)
     pieces = [
         part
         for piece in pieces
         for part in compact_parts(
-            piece, opposite, most_waste=most_waste, least_area=_LEAST_CUT * area
+            piece, opposite, polygons, most_waste=most_waste, least_area=_LEAST_CUT * area
         )
     ]
     if most_chart_l2 is None:

@@ -190,8 +190,23 @@ def _settled(piece: ChartPiece) -> FloatArray:
     return np.asarray((piece.uvs - piece.uvs.mean(axis=0)) * scale)
 
 
+def whole_polygons(
+    piece: ChartPiece, sides: npt.NDArray[np.bool_], polygons: IntArray | None
+) -> npt.NDArray[np.bool_]:
+    """(m,) `sides` of the faces of a piece, such that all of a polygon are on the first one's."""
+    if polygons is None:
+        return sides
+    _, firsts, numbers = np.unique(polygons[piece.face_ids], return_index=True, return_inverse=True)
+    return np.asarray(sides[firsts[numbers]])
+
+
 def compact_parts(
-    piece: ChartPiece, opposite: IntArray, *, most_waste: float, least_area: float
+    piece: ChartPiece,
+    opposite: IntArray,
+    polygons: IntArray | None,
+    *,
+    most_waste: float,
+    least_area: float,
 ) -> list[ChartPiece]:
     """Cut a spread-out piece until its parts leave little of their convex hulls empty.
 
@@ -202,6 +217,8 @@ def compact_parts(
     piece : ChartPiece
     opposite : (3 F,) int32
         From `opposite_half_edges`.
+    polygons : (F,) int32, optional
+        Polygon of each face, which is not cut.
     most_waste : float
         Largest waste, as a share of the area of a part. It may be exceeded where no cut helps.
     least_area : float
@@ -219,7 +236,10 @@ def compact_parts(
         if piece.waste > most_waste * piece.area and piece.area > least_area:
             least = piece.waste - _LEAST_SAVED * piece.area
             for sides in _lines(piece):
-                halves = parts_of(piece, sides, opposite)
+                whole = whole_polygons(piece, sides, polygons)
+                if whole.all() or not whole.any():
+                    continue
+                halves = parts_of(piece, whole, opposite)
                 waste = sum(half.waste for half in halves)
                 if waste < least:
                     best, least = halves, waste
