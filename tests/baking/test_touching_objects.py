@@ -1,6 +1,7 @@
 """Objects that touch, as people model them: beveled crates, bricks, a lid, a knob, a cloth."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -8,11 +9,12 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
+from texbake.jobs.maps import bake_files
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes, transformed
-from texbake.mesh.files import read_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.parametric.make import make
@@ -139,6 +141,43 @@ def test_run_keeps_objects_that_touch_apart(tmp_path, name, join):
     assert result.baked.report.n_objects == (0 if join else len(SCENES[name][0]))
     assert join or result.baked.report.miss_percent <= MOST_MISSED
     assert join or bake_objects(high, low, BakeOptions(size=128)) is not None
+
+
+def lifted(low):
+    """The lid, away from the box."""
+    is_lid = np.zeros(low.n_vertices, bool)
+    is_lid[low.faces[low.face_groups == 1]] = True
+    return low.replace(positions=low.positions + is_lid[:, None] * [0.0, 0.3, 0.0])
+
+
+SHORT = {"back": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "cause"),
+    [
+        (lambda low: low, {"join_objects": True}, "^join_objects: "),
+        (lambda low: low, {"front": 0.001, **SHORT}, "^front, back: "),
+        (lambda low: low, {"cage": True, **SHORT}, "the cage lies"),
+        (lifted, {}, "far from the high-poly mesh"),
+        (lambda low: moved(low, (0, 0, 0), 1.3), {"front": 0.001, **SHORT}, "times as large"),
+        (lambda low: low.replace(faces=low.faces[:, ::-1], uv_faces=low.uv_faces[:, ::-1]),
+         {"orientation": "keep"}, "faces against"),
+    ],
+)  # fmt: skip
+def test_a_bake_names_the_cause_of_missed_texels(tmp_path, change, settings, cause):
+    high, low = (named(meshes, "") for meshes in SCENES["lid"])
+    low = change(unwrap(low, size=128))
+    files = [tmp_path / name for name in ("high.obj", "low.obj", "cage.obj")]
+    wider = low.replace(positions=low.positions * 1.01, normals=None, normal_faces=None)
+    for mesh, path in zip((high, low, wider), files, strict=True):
+        write_mesh(mesh, path)
+    more = {name: settings[name] for name in settings if name == "join_objects"}
+    more |= {"cage": files[2]} if "cage" in settings else {}
+    bake_settings = {k: settings[k] for k in settings if k not in ("join_objects", "cage")}
+    options = BakeOptions(size=128, **bake_settings)
+    done = bake_files(files[0], files[1], tmp_path, options, **more)
+    assert len([line for line in done.warnings if re.search(cause, line)]) == 1
 
 
 def test_objects_that_are_joined_miss():

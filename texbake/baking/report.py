@@ -159,15 +159,13 @@ class BakeReport:
     def warnings(self) -> list[str]:
         """What the user should check, a sentence each."""
         counts = self.counts
-        # `run` makes this report as well, and has no option for a miss map.
-        hint = "texbake check may say why, and texbake bake --miss-map shows where"
-        if self.miss_percent > 50.0:
-            hint = "is the mesh turned inside out, or are the ray distances too short?"
         checks = (
             (
                 self.texels_missed,
                 f"the rays of {self.texels_missed:,} texels ({self.miss_percent:.2f} %) missed the "
-                f"high-poly mesh, and these texels are left neutral; {hint}",
+                # `run` makes this report as well, and has no option for a miss map.
+                "high-poly mesh, and these texels are left neutral; texbake bake --miss-map shows "
+                "where",
             ),
             (
                 counts.samples_overlapping,

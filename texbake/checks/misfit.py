@@ -14,7 +14,7 @@ import numpy as np
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.options import CheckOptions
-from texbake.checks.pair import APART, MeshPair, opposite_sides
+from texbake.checks.pair import APART, MeshPair, distances, opposite_sides
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -95,6 +95,16 @@ def why_rays_pass(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple
     pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
     found = opposite_sides(pair)
     return () if found is None else (f"{low.name}: {found.problem} {found.remedy}",)
+
+
+def why_apart(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple[str, ...]:
+    """Say in the words of `check` what lies apart: all of two meshes, or some low-poly faces."""
+    options = CheckOptions(threads=threads)
+    pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
+    found = [finding for finding in misfit(pair) if finding is not None]
+    if not found and (far := distances(pair)[0]) is not None:
+        return (f"{low.name}: {far.count:,} {far.kind.title}. {far.problem} {far.remedy}",)
+    return tuple(f"{low.name}: {finding.problem} {finding.remedy}" for finding in found)
 
 
 def _axes_of(turn: FloatArray) -> str:

@@ -14,6 +14,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 # Share of the smaller diagonal. Meshes whose boxes differ by no more need no closer look.
 _NEAR = 0.02
 _MOST_MISSED = 50.0  # percent of the texels
+_FEW_MISSED = 0.1  # single texels at the edges of charts
 
 
 def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
@@ -47,8 +48,10 @@ def why_rays_would_miss(
     return why_rays_pass(high, low, threads=threads)
 
 
-def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tuple[str, ...]:
-    """Say why most rays of a bake missed, in the words of `check`; nothing if they did not.
+def why_missed(
+    high: Mesh | StreamedMesh, low: Mesh, report: BakeReport, *, join_objects: bool = False
+) -> tuple[str, ...]:
+    """Say why rays of a bake missed, in the words of `check`; nothing if hardly any did.
 
     What faces inwards of the high-poly mesh was turned over for the bake, and is here. The low-poly
     mesh is not: the maps would be those of another mesh than the one in its file, with other
@@ -60,13 +63,38 @@ def why_missed(high: Mesh | StreamedMesh, low: Mesh, report: BakeReport) -> tupl
         The meshes face opposite ways, and `orientation` is not `keep`, which bakes them as they
         are.
     """
-    if isinstance(high, StreamedMesh) or report.miss_percent <= _MOST_MISSED:
+    if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()
+    from texbake.checks.misfit import why_apart
+
     orientation, threads = report.options.orientation, report.options.threads
     why = why_rays_would_miss(high, low, orientation=orientation, threads=threads)
-    if why and orientation != "keep":
+    if why and orientation != "keep" and report.miss_percent > _MOST_MISSED:
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
-    return why
+    if why or (why := why_apart(high, low, threads=threads)):
+        return why
+    if report.cage is not None:
+        return (
+            f"{report.cage}: the cage lies on the wrong side of the high-poly surface there, or "
+            f"rays end before it, {report.back:.4g} behind {low.name}; make a cage with: texbake "
+            "cage",
+        )
+    if not report.measured:
+        return (
+            f"front, back: {low.name} lies near the high-poly surface, but with these distances "
+            "rays end before it or start behind it; leave both out, and they are measured",
+        )
+    if join_objects:
+        return (
+            f"join_objects: objects of {low.name} that touch share normals and ray distances; "
+            "leave it out, and each has its own",
+        )
+    if not report.n_objects and len(set(low.group_objects)) > 1:
+        return (
+            f"{low.name}: where objects touch, rays of one meet the others; give the objects of "
+            "both meshes the same names, and each is baked from its own",
+        )
+    return ()
 
 
 def why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:

@@ -185,7 +185,7 @@ def bake_files(
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(files)),
     )
-    why = why_missed(high_mesh, low_mesh, baked.report)
+    why = why_missed(high_mesh, low_mesh, baked.report, join_objects=join_objects)
     if not baked.report.n_objects:
         why += why_not_apart(high_mesh, low_mesh)
     result = baked if html is None else _without_maps_of_page(baked, options)

@@ -44,6 +44,7 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import joined_objects
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import write_image
 
@@ -299,7 +300,7 @@ def _why_missed(
     lines = [
         line
         for figures in report.targets.values()
-        for line in why_missed(_whole(highs), _whole(lows), figures)
+        for line in why_missed(_whole(highs), joined_objects(_whole(lows)), figures)
     ]
     return tuple(dict.fromkeys(lines))
 

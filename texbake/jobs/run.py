@@ -39,6 +39,7 @@ from texbake.jobs.carried import (
     shared_materials,
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
+from texbake.jobs.fit import why_missed
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -102,6 +103,8 @@ class RunResult:
         Time and memory of the stages, including writing their files.
     missing : tuple of str
         Sentences on what the asset lacks of the high-poly file.
+    why_missed : tuple of str
+        Why rays of the bake missed.
     """
 
     files: dict[str, Path]
@@ -115,13 +118,14 @@ class RunResult:
     comparison: Comparison | None
     stages: list[StageRecord] = field(default_factory=list)
     missing: tuple[str, ...] = ()
+    why_missed: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
         notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
         worse = [] if self.comparison is None else comparison_warnings(self.comparison)
-        return [*self.missing, *notes, *self.baked.report.warnings, *worse]
+        return [*self.missing, *notes, *self.baked.report.warnings, *self.why_missed, *worse]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -220,6 +224,7 @@ def run(
             high, low, chosen, materials=materials, progress=progress
         )
         check_texels(low, baked)
+        why = why_missed(high, low, baked.report, join_objects=options.join_objects)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):
             for name in ("normal", "displacement"):
@@ -243,6 +248,7 @@ def run(
         baked=baked,
         comparison=comparison,
         stages=stages.records,
+        why_missed=why,
     )
     write_report(files["report"], result.to_json())
     return result
