@@ -10,10 +10,8 @@ from .baking.hits_file import (
     write_hits as write_hits,
 )
 from .baking.options import BakeOptions as BakeOptions
-from .baking.parts.bake_parts import (
-    bake_parts as bake_parts,
-    match_parts as match_parts,
-)
+from .baking.parts.bake_parts import bake_parts as bake_parts
+from .baking.parts.high_parts import match_parts as match_parts
 from .baking.parts.low_parts import BakeTarget as BakeTarget
 from .baking.parts.options import PartsOptions as PartsOptions
 from .baking.parts.result import PartsResult as PartsResult

@@ -112,6 +112,8 @@ class BakeReport:
         then the greatest, which rays that find nothing take.
     n_objects : int
         Objects, each baked from the one with its name; 0 where all are baked from all.
+    why_missed : tuple of str
+        Sentences on why rays missed, or could, where that was looked for.
     """
 
     high: str
@@ -139,6 +141,7 @@ class BakeReport:
     budget: TimeBudget | None = None
     median_reach: tuple[float, float] | None = None
     n_objects: int = 0
+    why_missed: tuple[str, ...] = ()
 
     @property
     def miss_percent(self) -> float:
@@ -159,13 +162,15 @@ class BakeReport:
     def warnings(self) -> list[str]:
         """What the user should check, a sentence each."""
         counts = self.counts
+        # `run` makes this report as well, and has no option for a miss map.
+        hint = "texbake bake --miss-map shows where"
+        if self.miss_percent > 50.0:
+            hint = "is the mesh turned inside out, or are the ray distances too short?"
         checks = (
             (
                 self.texels_missed,
                 f"the rays of {self.texels_missed:,} texels ({self.miss_percent:.2f} %) missed the "
-                # `run` makes this report as well, and has no option for a miss map.
-                "high-poly mesh, and these texels are left neutral; texbake bake --miss-map shows "
-                "where",
+                f"high-poly mesh, and these texels are left neutral; {hint}",
             ),
             (
                 counts.samples_overlapping,
@@ -189,6 +194,7 @@ class BakeReport:
             ),
         )
         found = [message for count, message in checks if count]
+        found += self.why_missed
         if counts.islands_sharing:
             found.append(
                 f"stacked islands share texels, and {counts.islands_sharing:,} of them show what "

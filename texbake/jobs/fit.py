@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from texbake.baking.parts.bake_parts import match_objects
+from texbake.baking.parts.high_parts import match_objects
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.report import BakeReport
+from texbake.baking.result import BakeResult
 from texbake.errors import MeshError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
@@ -95,6 +98,19 @@ def why_missed(
             "both meshes the same names, and each is baked from its own",
         )
     return ()
+
+
+def explained(
+    high: Mesh | StreamedMesh, low: Mesh, baked: BakeResult, *, join_objects: bool
+) -> BakeResult:
+    """Return a bake whose report says why rays missed, and what objects could be baked apart.
+
+    Raises as `why_missed` does.
+    """
+    why = why_missed(high, low, baked.report, join_objects=join_objects)
+    if not baked.report.n_objects:
+        why += why_not_apart(high, low)
+    return replace(baked, report=replace(baked.report, why_missed=why))
 
 
 def why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:

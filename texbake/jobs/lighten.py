@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from texbake.baking.bake import bake
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import check_texels
@@ -26,6 +25,7 @@ from texbake.jobs.carried import (
     shared_materials,
     texture_size,
 )
+from texbake.jobs.fit import explained
 from texbake.jobs.lighten_options import (
     LEAST_FACES,
     LEAST_SIZE,
@@ -342,9 +342,8 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        baked = bake_objects(high, low, chosen, materials=materials, progress=progress) or bake(
-            high, low, chosen, materials=materials, progress=progress
-        )
+        baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
+        baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("encode images"):
         channels = encoded_channels(

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from texbake.baking.bake import bake
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
@@ -17,7 +16,6 @@ from texbake.baking.maps import MAPS
 from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
-from texbake.baking.rays import RayMaps
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
@@ -30,7 +28,7 @@ from texbake.files import (
     make_folder,
     scratch_folder,
 )
-from texbake.jobs.fit import check_fit, why_missed, why_not_apart
+from texbake.jobs.fit import check_fit, explained
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.outputs import (
     JobResult,
@@ -162,32 +160,19 @@ def bake_files(
             _check_streamed(high_mesh, high_texture, html)
         elif hits is not None or needs_materials(files, options):
             materials = materials_of(high, high_mesh, high_texture, files)
-    masks = read_ray_image(skew_mask), read_ray_image(offset_map)
-    baked = None
-    if isinstance(high_mesh, Mesh) and html is None:
-        baked = bake_objects(
-            high_mesh,
-            low_mesh,
-            options,
-            cage=cage_mesh,
-            materials=materials,
-            ray_maps=RayMaps.of(*masks),
-            progress=progress,
-        )
-    baked = baked or bake(
+    baked = bake_objects(
         high_mesh,
         low_mesh,
         options if html is None else _with_maps_of_page(options),
+        pair=html is None,
         cage=cage_mesh,
         materials=materials,
-        skew_mask=masks[0],
-        offset_map=masks[1],
+        skew_mask=read_ray_image(skew_mask),
+        offset_map=read_ray_image(offset_map),
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(files)),
     )
-    why = why_missed(high_mesh, low_mesh, baked.report, join_objects=join_objects)
-    if not baked.report.n_objects:
-        why += why_not_apart(high_mesh, low_mesh)
+    baked = explained(high_mesh, low_mesh, baked, join_objects=join_objects)
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
         written = _written(result, files, folder)
@@ -201,7 +186,7 @@ def bake_files(
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     needless = needless_maps({name: result.maps[name] for name in files}, size)
-    done = replace(done, warnings=(*done.warnings, *why, *needless))
+    done = replace(done, warnings=(*done.warnings, *needless))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):

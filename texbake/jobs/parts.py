@@ -14,7 +14,8 @@ from typing import Any
 
 from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts, match_objects, match_parts
+from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts
+from texbake.baking.parts.high_parts import match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, Tiles
 from texbake.baking.parts.matching import Match, Matching
 from texbake.baking.parts.options import PartsOptions

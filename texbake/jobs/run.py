@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from texbake.baking.bake import bake
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.result import BakeResult, check_texels
 from texbake.files import (
@@ -39,7 +38,7 @@ from texbake.jobs.carried import (
     shared_materials,
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
-from texbake.jobs.fit import why_missed
+from texbake.jobs.fit import explained
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -94,7 +93,6 @@ class RunResult:
         Why the low-poly mesh was made from a closed surface around the high-poly one, if no option
         asked for it.
     simplified : SimplifyReport
-        Report for that surface, if there is one.
     unwrapped : UnwrapReport
     baked : BakeResult
     comparison : Comparison, optional
@@ -103,8 +101,6 @@ class RunResult:
         Time and memory of the stages, including writing their files.
     missing : tuple of str
         Sentences on what the asset lacks of the high-poly file.
-    why_missed : tuple of str
-        Why rays of the bake missed.
     """
 
     files: dict[str, Path]
@@ -118,14 +114,13 @@ class RunResult:
     comparison: Comparison | None
     stages: list[StageRecord] = field(default_factory=list)
     missing: tuple[str, ...] = ()
-    why_missed: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
         notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
         worse = [] if self.comparison is None else comparison_warnings(self.comparison)
-        return [*self.missing, *notes, *self.baked.report.warnings, *self.why_missed, *worse]
+        return [*self.missing, *notes, *self.baked.report.warnings, *worse]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -194,23 +189,18 @@ def run(
     UnwrapError
         No atlas could be made, or its charts are too small for the texels.
     """
-    high = as_mesh(high)
     options = options or RunOptions()
-    if options.join_objects:
-        high = joined_objects(high)
+    high = joined_objects(as_mesh(high)) if options.join_objects else as_mesh(high)
     channels = () if materials is None else carried_channels(materials)
     files = _files_in(folder, high, channels, pictures=options.compare != "off")
     stages = Stages()
     rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
         # Who gave a model images has looked at it: cards that are drawn from one side are meant so.
-        high, orientation = oriented(
-            high,
-            options.orientation,
-            keep_open=materials is not None and materials.has_images,
-            threads=options.threads,
-        )
-        high = rule.of_high(high, threads=options.threads)
+        keep_open = materials is not None and materials.has_images
+        turning, threads = options.orientation, options.threads
+        high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
+        high = rule.of_high(high, threads=threads)
         low, simplified, why_closed = _simplified(high, options, rule, progress)
     low = rule.before_unwrap(low.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
@@ -220,11 +210,9 @@ def run(
         write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
         chosen = options.bake_options(channels, unwrapped.options.padding)
-        baked = bake_objects(high, low, chosen, materials=materials, progress=progress) or bake(
-            high, low, chosen, materials=materials, progress=progress
-        )
+        baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
+        baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
-        why = why_missed(high, low, baked.report, join_objects=options.join_objects)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):
             for name in ("normal", "displacement"):
@@ -248,7 +236,6 @@ def run(
         baked=baked,
         comparison=comparison,
         stages=stages.records,
-        why_missed=why,
     )
     write_report(files["report"], result.to_json())
     return result
@@ -275,8 +262,8 @@ def _simplified(
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
     """Return rows of what adaptive samples and a time budget have reached."""
-    parts = [part for part in (baked.report.sampling, baked.report.budget) if part is not None]
-    rows = [(f"  {label}", figures) for part in parts for label, figures in part.table()]
+    parts = (baked.report.sampling, baked.report.budget)
+    rows = [(f"  {label}", figures) for part in parts if part for label, figures in part.table()]
     return [("Samples of the maps", ""), *rows] if rows else []
 
 

@@ -6,7 +6,8 @@ import pytest
 from tests.models import model, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import bake_parts, match_objects
+from texbake.baking.parts.bake_parts import bake_parts
+from texbake.baking.parts.high_parts import match_objects
 from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.rays import RayMaps

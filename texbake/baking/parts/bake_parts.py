@@ -10,18 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from texbake.baking.bake import bake_inputs, check_maps
+from texbake.baking.bake import bake, bake_inputs, check_maps
 from texbake.baking.facing import face_outwards
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.high_parts import HighMeshes, NamedPart, named_objects, named_parts
+from texbake.baking.parts.high_parts import HighMeshes, NamedPart, match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
-from texbake.baking.parts.matching import Matching, match_names, pair_names
+from texbake.baking.parts.matching import Matching
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.report import PartFigures, PartsReport, target_name
 from texbake.baking.parts.result import PartsResult
@@ -36,9 +37,11 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.objects import joined_objects
+from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orient import OrientationReport
 from texbake.raycast.scene import RayScene
+from texbake.sampling.time_budget import BudgetClock
 
 # Returns the images that change the rays of a set of maps.
 RayMapsOf = Callable[[BakeTarget], RayMaps | None]
@@ -196,37 +199,6 @@ class PartsBake:
         self.part = self.inputs = self.scenes = None
 
 
-def match_parts(
-    high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
-) -> tuple[Matching, list[NamedPart], list[NamedPart]]:
-    """Return which part would be baked from which, with the high-poly and low-poly parts.
-
-    Raises
-    ------
-    MeshError
-        Two low-poly parts have the same name, or nothing matches.
-    """
-    highs = named_parts(high, parts.high_suffix)
-    lows = named_parts(low, parts.low_suffix)
-    names = [part.name for part in highs], [part.name for part in lows]
-    return match_names(*names, parts), highs, lows
-
-
-def match_objects(
-    high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
-) -> tuple[Matching, list[NamedPart], list[NamedPart]] | None:
-    """Return which object would be baked from which, as `match_parts`.
-
-    None unless the names of the objects pair up and parts are not matched or joined on demand.
-    """
-    if parts.match_by_name or parts.join_objects:
-        return None
-    lows = named_objects(low)
-    highs = named_objects(high) if lows else []
-    matching = pair_names([part.name for part in highs], [part.name for part in lows], parts)
-    return None if matching is None else (matching, highs, lows)
-
-
 def bake_parts(
     high: Sequence[Mesh],
     low: Sequence[Mesh],
@@ -312,7 +284,7 @@ def bake_parts(
     kinds = map_kinds(options.maps)
     for part in low_parts:
         _check_sources(kinds, options, high_meshes, part)
-    bake = PartsBake(
+    running = PartsBake(
         kinds,
         options,
         high_meshes,
@@ -322,38 +294,35 @@ def bake_parts(
         parts.udim,
     )
     if matching is not None and parts.occluders == "all":
-        bake.build_occluders(occluders, low)
-    return bake.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
+        running.build_occluders(occluders, low)
+    return running.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
 
 
 def bake_objects(
-    high: Mesh,
+    high: Mesh | StreamedMesh,
     low: Mesh,
     options: BakeOptions,
     *,
+    pair: bool = True,
     cage: Mesh | None = None,
-    materials: Materials | None = None,
-    ray_maps: RayMaps | None = None,
-    progress: ProgressSink | None = None,
-) -> BakeResult | None:
-    """Bake each object from the one with its name; None unless all names pair up.
+    skew_mask: FloatArray | None = None,
+    offset_map: FloatArray | None = None,
+    clock: BudgetClock | None = None,
+    **shared: Any,
+) -> BakeResult:
+    """Bake each object from the one with its name if all names pair up, else as `bake` does.
 
-    Also None for a time budget, and if hits are kept.
+    So do bakes with a time budget, and those whose hits are kept. Parameters are those of `bake`.
     """
-    if options.time_budget is not None or options.keep_hits:
-        return None
-    paired = match_objects([high], [low], PartsOptions())
-    if paired is None:
-        return None
-    done = bake_parts(
-        [high],
-        [low],
-        options,
-        cage=cage,
-        high_materials=[materials],
-        ray_maps=lambda _: ray_maps,
-        progress=progress,
-    )
+    paired = None
+    if pair and isinstance(high, Mesh) and options.time_budget is None and not options.keep_hits:
+        paired = match_objects([high], [low], PartsOptions())
+    if paired is None or not isinstance(high, Mesh):
+        shared |= {"skew_mask": skew_mask, "offset_map": offset_map}
+        return bake(high, low, options, cage=cage, clock=clock, **shared)
+    ray_maps = RayMaps.of(skew_mask, offset_map)
+    shared["high_materials"] = [shared.pop("materials", None)]
+    done = bake_parts([high], [low], options, cage=cage, ray_maps=lambda _: ray_maps, **shared)
     (baked,) = done.targets.values()
     return replace(baked, report=replace(baked.report, n_objects=len(paired[0].matches)))
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.parts.matching import has_suffix
+from texbake.baking.parts.matching import Matching, has_suffix, match_names, pair_names
+from texbake.baking.parts.options import PartsOptions
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.materials import Materials, MeshMaterial
@@ -90,6 +91,37 @@ def named_objects(meshes: Sequence[Mesh]) -> list[NamedPart]:
         names = object_names(mesh)
         found += [NamedPart(names[ids[0]], i, tuple(ids)) for ids in groups.values()]
     return found
+
+
+def match_parts(
+    high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
+) -> tuple[Matching, list[NamedPart], list[NamedPart]]:
+    """Return which part would be baked from which, with the high-poly and low-poly parts.
+
+    Raises
+    ------
+    MeshError
+        Two low-poly parts have the same name, or nothing matches.
+    """
+    highs = named_parts(high, parts.high_suffix)
+    lows = named_parts(low, parts.low_suffix)
+    names = [part.name for part in highs], [part.name for part in lows]
+    return match_names(*names, parts), highs, lows
+
+
+def match_objects(
+    high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
+) -> tuple[Matching, list[NamedPart], list[NamedPart]] | None:
+    """Return which object would be baked from which, as `match_parts`.
+
+    None unless the names of the objects pair up and parts are not matched or joined on demand.
+    """
+    if parts.match_by_name or parts.join_objects:
+        return None
+    lows = named_objects(low)
+    highs = named_objects(high) if lows else []
+    matching = pair_names([part.name for part in highs], [part.name for part in lows], parts)
+    return None if matching is None else (matching, highs, lows)
 
 
 def _of_object(name: str) -> str:
