@@ -6,6 +6,10 @@ and place of a model change nothing.
 The scale is a power of two. So scaling changes no bits of a coordinate, only the move to the center
 rounds (by half a unit in the last place), lengths convert exactly both ways, and a model scaled by
 a power of two has bit-equal local coordinates.
+
+Any other scale or move rounds the coordinates of a model. Whatever chooses among things that cost
+the same (which edge collapses next, where a chart is cut) works on a `UnitGrid`, whose points such
+rounding does not change.
 """
 
 from __future__ import annotations
@@ -78,6 +82,62 @@ class LocalFrame:
     def length_to_model(self, lengths: npt.ArrayLike) -> FloatArray:
         """Local lengths in model units, of the same shape."""
         return np.asarray(np.asarray(lengths, dtype=np.float64) / self.scale)
+
+
+# Borders between cells of a grid are shifted by this fraction of a cell, so that coordinates on a
+# regular raster (binary or decimal) do not lie on them, where the last bit would decide.
+_PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
+
+# A sixteenth of what float32 tells apart, so that this grid brings no error that a scan does not
+# have, and 2^24 times what float64 rounds.
+_CELLS = 2.0**28
+
+
+def snapped(values: npt.ArrayLike, cells: float) -> FloatArray:
+    """Values on the grid of 1 / cells, which those that are on it already do not leave."""
+    return np.asarray(np.rint(np.asarray(values) * cells - _PHASE) / cells)
+
+
+@dataclass(frozen=True, eq=False)
+class UnitGrid:
+    """A frame in which the longest side of the bounding box is 1, and points are on a grid.
+
+    Of meshes that differ only in scale and place, points are equal, bit for bit, unless rounding
+    moves a coordinate over a border between two cells. A float64 coordinate of a mesh near the
+    origin does so with a probability of about ``cells / 2^52``.
+
+    Attributes
+    ----------
+    frame : LocalFrame
+    side : float
+        The longest side in local units; 0 where all points are equal.
+    """
+
+    frame: LocalFrame
+    side: float
+
+    @classmethod
+    def around(cls, *meshes: Mesh | StreamedMesh) -> UnitGrid:
+        """Grid about the center of the joint bounding box of meshes."""
+        frame = LocalFrame.around(*meshes)
+        corners = np.concatenate([frame.to_local(mesh.bounds) for mesh in meshes])
+        return cls(frame, float((corners.max(axis=0) - corners.min(axis=0)).max()))
+
+    def to_grid(self, points: npt.ArrayLike, cells: float = _CELLS) -> FloatArray:
+        """(..., 3) float64: points of model space on a grid with as many cells along its side."""
+        # Positions that no face uses may lie anywhere, also where numbers overflow.
+        local = np.clip(self.frame.to_local(points), -1.0, 1.0)
+        return np.asarray(
+            np.rint(local * (cells / self.side if self.side > 0.0 else 0.0) - _PHASE) / cells
+        )
+
+    def length_to_grid(self, lengths: npt.ArrayLike) -> FloatArray:
+        """Lengths in model units as shares of the longest side."""
+        return self.frame.length_to_local(lengths) / (self.side or 1.0)
+
+    def length_to_model(self, lengths: npt.ArrayLike) -> FloatArray:
+        """Shares of the longest side as lengths in model units."""
+        return self.frame.length_to_model(np.asarray(lengths) * (self.side or 1.0))
 
 
 def unit_scale(size: float) -> float:

@@ -23,7 +23,7 @@ from texbake.errors import OptionError
 from texbake.mesh.flat_shading import is_flat_shaded
 from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals, smooth_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.options import DEFAULT_ANGLE, NORMALS
@@ -37,6 +37,9 @@ HalfEdges = npt.NDArray[np.intp]
 # below; the share of ends of sharp edges that must run on, and of other edges that may turn more.
 _SHARP, _GENTLE = pm.cos(math.radians(40.0)), pm.cos(math.radians(20.0))
 _RUNNING_ON, _MOST_CURVED = 0.9, 0.2
+
+# Degrees: above what float32 positions round of an angle between faces that are not slivers.
+_ANGLE_ROUNDING = 1e-3
 
 
 def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAULT_ANGLE) -> Mesh:
@@ -79,10 +82,18 @@ def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAU
     one, other = inner_edges(mesh)
     if normals == "angle":
         sides = face_normals(mesh)
-        is_hard = angles_between(sides[one // 3], sides[other // 3]) > math.radians(angle)
+        is_hard = meet_at_more(sides[one // 3], sides[other // 3], angle)
     else:
         is_hard = _uvs_split(mesh, one, other)
     return hardened(mesh, one, other, is_hard)
+
+
+def meet_at_more(one: FloatArray, other: FloatArray, angle: float) -> BoolArray:
+    """(E,) bool: pairs of face normals (E, 3) that are more than an angle, in degrees, apart.
+
+    Those just at the angle, as between the sides of a prism, are not, however they are rounded.
+    """
+    return np.asarray(angles_between(one, other) > math.radians(angle + _ANGLE_ROUNDING))
 
 
 def with_sharp_edges(mesh: Mesh, *, threads: int | None = None) -> Mesh:

@@ -28,7 +28,7 @@ from texbake.mesh.decimate import (
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.flat_shading import is_flat_shaded
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.simplify_options import DEFAULT_SEAMS
@@ -248,12 +248,16 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
             return None
         mesh, start = welded, weld_positions(welded, threads=threads)
     locks = boundary_fits(start, n_faces)
+    vertex_of, points = start.vertices
+    positions = np.empty_like(points)
+    positions[vertex_of] = mesh.positions[start.position_ids]
+    grid = UnitGrid.around(mesh)
 
     def make(n_asked: int) -> Mesh | None:
         moved = move_and_collapse(mesh, start, n_asked, lock_boundary=locks)
         ids, faces = moved.stream, moved.stream.faces
         corners = Mesh(
-            positions=LocalFrame.around(mesh).to_model(moved.points),
+            positions=positions + grid.length_to_model(moved.points - points),
             faces=ids.position_ids[faces],
             uvs=moved.uvs,
             uv_faces=None if ids.uv_ids is None else ids.uv_ids[faces],

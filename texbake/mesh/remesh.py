@@ -22,7 +22,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import LocalFrame, snapped
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -205,6 +205,11 @@ def remesh_with_report(
     return wrapped, report
 
 
+# Points are on a grid with as many cells per voxel, which rounding in the model's coordinates does
+# not affect.
+_CELLS = 2.0**24
+
+
 @dataclass(frozen=True, eq=False)
 class _Grid:
     """Where the voxels are, and how many: `voxels = (local - low) / side`."""
@@ -223,14 +228,14 @@ class _Grid:
             raise MeshError(f"{mesh.name}: all of its corners are at one point; nothing to wrap")
         side = float((high - low).max()) / options.resolution
         gap = options.gap(float(pm.norm(high - low)) / float(frame.scale)) * frame.scale
-        gap = max(float(gap) / side, 2.0 * SHELL_DEPTH)
+        gap = max(float(snapped(gap / side, _CELLS)), 2.0 * SHELL_DEPTH)
         if gap > 2.0 * MAX_RADIUS:
             raise OptionError(
                 f"close: {options.close} is wider than {2 * MAX_RADIUS} voxels; "
                 "close less, or lower `resolution`"
             )
         margin = int(gap / 2.0) + _MARGIN
-        n_points = np.ceil((high - low) / side).astype(np.int64) + 1 + 2 * margin
+        n_points = np.ceil(snapped((high - low) / side, _CELLS)).astype(np.int64) + 1 + 2 * margin
         nx, ny, nz = (-(-n_points // BLOCK_SIDE)).tolist()
         return cls(frame, low - margin * side, side, gap, (nx, ny, nz))
 
@@ -240,7 +245,7 @@ class _Grid:
         return float(self.frame.length_to_model(self.side))
 
     def to_voxels(self, positions: FloatArray) -> FloatArray:
-        return (self.frame.to_local(positions) - self.low) / self.side
+        return snapped((self.frame.to_local(positions) - self.low) / self.side, _CELLS)
 
     def to_model(self, positions: FloatArray) -> FloatArray:
         return self.frame.to_model(positions * self.side + self.low)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, weld_vertices, without_borders
 from texbake.mesh.weld import weld_rows
@@ -31,7 +31,7 @@ class VertexStream:
         Indices of stream vertices, three distinct ones each. Two of them may lie at one position,
         as at the poles of many spheres: such faces tie the sides of a seam together.
     points : (S, 3) float64
-        Positions in the mesh's local frame.
+        Positions on the mesh's `UnitGrid`.
     position_ids : (S,) int32
     uv_ids, normal_ids, group_ids : (S,) int32, optional
     object_ids : (S,) int32, optional
@@ -171,7 +171,7 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
 
 
 def _local_points(mesh: Mesh, position_ids: IntArray) -> FloatArray:
-    return np.ascontiguousarray(LocalFrame.around(mesh).to_local(mesh.positions[position_ids]))
+    return UnitGrid.around(mesh).to_grid(mesh.positions[position_ids])
 
 
 def _is_proper(faces: IntArray) -> npt.NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from texbake.baking.cage.points import OuterPoints, find_outer_points
 from texbake.baking.reach import LEAST_EXTENT
 from texbake.core import core
 from texbake.errors import OptionError
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import LocalFrame, UnitGrid
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
@@ -134,16 +134,23 @@ def fit_cage(
     high, low = as_mesh(high), as_mesh(low)
     if margin is not None and not 0.0 <= margin < np.inf:
         raise OptionError(f"margin: {margin} is not a distance; give 0 or more")
-    frame = LocalFrame.around(high, low)
+    grid = UnitGrid.around(high, low)
+    snapped = low.replace(positions=grid.to_grid(low.positions))
     firsts = weld_rows(low.positions)
-    welded = low.replace(faces=firsts[low.faces], tangents=None)
-    normals = smooth_normals(low)
-    points = find_outer_points(high, welded, normals, frame, threads=threads)
+    welded = snapped.replace(faces=firsts[low.faces], tangents=None)
+    fitted = smooth_normals(snapped)
+    points = find_outer_points(
+        high.replace(positions=grid.to_grid(high.positions)),
+        welded,
+        fitted,
+        LocalFrame(np.zeros(3), 1.0),
+        threads=threads,
+    )
     held = points.where(points.faces >= 0)
-    positions = frame.to_local(low.positions)
-    distances, outside = _fitted_distances(positions, welded.faces, normals, held)
-    added = LEAST_EXTENT if margin is None else float(frame.length_to_local(margin))
-    moved = frame.length_to_model(distances[firsts] + added)
+    distances, outside = _fitted_distances(welded.positions, welded.faces, fitted, held)
+    added = LEAST_EXTENT if margin is None else float(grid.length_to_grid(margin))
+    moved = grid.length_to_model(distances[firsts] + added)
+    normals = smooth_normals(low)
     has_normal = (normals != 0.0).any(axis=1)
     moved = np.where(has_normal, moved, 0.0)
     mesh = low.replace(
@@ -153,7 +160,7 @@ def fit_cage(
         tangents=None,
         name=f"cage of {low.name}",
     )
-    left = max(float(frame.length_to_model(outside - added)), 0.0)
+    left = max(float(grid.length_to_model(outside - added)), 0.0)
     n_uncertain = int(np.count_nonzero(~held.exact))
     n_still = len(np.unique(low.faces[~has_normal[low.faces]]))
     return Cage(mesh, moved, len(held), len(points) - len(held), n_uncertain, left, n_still)

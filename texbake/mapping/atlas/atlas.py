@@ -22,6 +22,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import fitting_padding
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
+from texbake.mesh.frame import snapped
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
@@ -38,6 +39,8 @@ _JOINED_SIDES = 1.15
 # Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
+# Steps between no size and that of the largest of several meshes.
+_SIZES = 2.0**40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +52,7 @@ class Atlas:
     corners : (F, 3, 2) float64
         Texture coordinates; UDIM tile k is offset by (k % 10, k // 10).
     charts : Charts
-        The charts before packing, in model units.
+        The charts before packing.
     padding : int
         Texels of space around each chart.
     """
@@ -116,6 +119,12 @@ def _packed_charts(
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
     all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
+    sides = [float((mesh.bounds[1] - mesh.bounds[0]).max()) for mesh in meshes]
+    unit = max(sides) or 1.0
+    all_charts = [
+        replace(charts, uvs=charts.uvs * snapped(side / unit, _SIZES))
+        for charts, side in zip(all_charts, sides, strict=True)
+    ]
     size = options.width_px, options.height_px
     padding = options.padding
     if padding is None:
@@ -132,13 +141,14 @@ def _packed_charts(
             tiles=options.tiles,
             tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,
             density=options.texel_density,
+            unit=unit,
             threads=threads,
         )
     return _PackedCharts(charts=all_charts, packing=packing, padding=padding)
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
-    """Make the charts of one mesh, in model units."""
+    """Make the charts of one mesh, in units of the longest side of its box."""
     regions = mesh.face_groups if options.by_group else face_objects(mesh)
     if options.keep:
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
@@ -167,8 +177,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     if n_within:
         note = f"{n_within:,} hard edges have no seam, because they end within a chart"
         charts = replace(charts, notes=(*charts.notes, note))
-    longest = float((mesh.bounds[1] - mesh.bounds[0]).max())
-    return replace(charts, uvs=charts.uvs * longest)
+    return charts
 
 
 def _connected_charts(

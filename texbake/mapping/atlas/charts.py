@@ -13,6 +13,7 @@ from texbake.errors import UvError
 from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.compose import offset_joined
+from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 
@@ -121,7 +122,8 @@ def existing_charts(
     Returns
     -------
     Charts
-        In model units: all charts together have the area that the faces have in space.
+        All charts together have the area that the faces have where the longest side of the box of
+        the mesh is 1.
 
     Raises
     ------
@@ -130,7 +132,8 @@ def existing_charts(
     """
     corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())
-    in_space = float(surface_areas(mesh.positions[mesh.faces]).sum())
+    points = UnitGrid.around(mesh).to_grid(mesh.positions)
+    in_space = float(surface_areas(points[mesh.faces]).sum())
     if not (in_texture > 0.0 and in_space > 0.0):
         raise UvError(f"{mesh.name}: its faces have no area in the texture; unwrap it without keep")
     assert mesh.uv_faces is not None

@@ -6,14 +6,12 @@ texels next to the edge would blend both sides.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.hard_edges import inner_edges, normals_jump
+from texbake.mesh.hard_edges import inner_edges, meet_at_more, normals_jump
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.normals import angles_between, face_normals
+from texbake.mesh.normals import face_normals
 
 
 def regions_between(
@@ -47,7 +45,7 @@ def regions_between(
         divides |= normals_jump(mesh, one, other)
     if angle is not None:
         normals = face_normals(mesh)
-        divides |= angles_between(normals[one // 3], normals[other // 3]) > math.radians(angle)
+        divides |= meet_at_more(normals[one // 3], normals[other // 3], angle)
     labels = merged_labels(
         mesh.n_faces,
         (one[~divides] // 3).astype(np.int32),

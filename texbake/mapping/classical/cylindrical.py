@@ -38,7 +38,9 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
-_CAP_COSINE = math.sqrt(0.5)  # faces with normals within 45 degrees of the axis are caps
+# Faces with normals within 45 degrees of the axis are caps, those just at 45 degrees included,
+# however float32 positions are rounded.
+_CAP_COSINE = math.sqrt(0.5) - 1e-6
 _GAP = 1.0 / 64.0  # between side and caps, as a share of the texture: 16 texels of 1024
 
 

@@ -154,6 +154,8 @@ def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> Floa
     variances = _variances(points, mesh)
     across = 2.0 * variances[0, 1]
     along = variances[0, 0] - variances[1, 1]
+    if abs(across) <= _VARIANCE_ROUNDING * np.trace(variances):
+        across = 0.0  # whose sign would decide between two opposite directions
     if pm.hypot(across, along) <= _VARIANCE_ROUNDING * np.trace(variances):
         return frame
     angle = pm.arctan2(across, along) / 2.0

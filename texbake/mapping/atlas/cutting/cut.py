@@ -27,7 +27,7 @@ from texbake.mapping.atlas.cutting.parts import (
 )
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
-from texbake.mesh.frame import LocalFrame
+from texbake.mesh.frame import UnitGrid
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import degenerate_faces
@@ -43,10 +43,6 @@ _PLAIN_FACES = 3_000
 
 # A longer chart would set the scale of all others: most sides of a square as large as all charts.
 _MOST_SIDES = 1.6
-
-# Boundaries between cells are shifted by this fraction of a cell, so that coordinates on a regular
-# raster (binary or decimal) do not lie on them, where the last bit would decide.
-_GRID_PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,13 +201,7 @@ def snap_points(mesh: Mesh) -> FloatArray:
     The longest side of the bounding box is 1. Meshes that differ only in scale or position have
     equal points, as far as the precision of their positions allows.
     """
-    # Unused positions may lie anywhere, also where numbers overflow.
-    with np.errstate(over="ignore"):
-        local = np.clip(LocalFrame.around(mesh).to_local(mesh.positions), -1.0, 1.0)
-    used = local[mesh.faces.ravel()]
-    longest = float((used.max(axis=0) - used.min(axis=0)).max())
-    cells = local * (GRID_CELLS / longest if longest > 0.0 else 0.0)
-    return np.asarray(np.rint(cells - _GRID_PHASE) / GRID_CELLS)
+    return UnitGrid.around(mesh).to_grid(mesh.positions, GRID_CELLS)
 
 
 def _why_nothing(mesh: Mesh) -> str:

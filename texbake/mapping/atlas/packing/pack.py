@@ -119,6 +119,7 @@ def pack_charts(
     tiles: int = 1,
     tile_groups: IntArray | None = None,
     density: float | None = None,
+    unit: float = 1.0,
     threads: int | None = None,
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
@@ -148,8 +149,10 @@ def pack_charts(
     tile_groups : (C,) int32, optional
         Group of each chart, from 0: group g has `tiles` tiles of its own, from g * tiles on.
     density : float, optional
-        Texels per unit; charts then take as few tiles as possible. None: the largest density that
-        fits.
+        Texels per model unit; charts then take as few tiles as possible. None: the largest density
+        that fits.
+    unit : float
+        Model units per unit of `uvs`.
     threads
         None for every processor. The packing is the same for any number.
 
@@ -186,8 +189,8 @@ def pack_charts(
             bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
             return _packed(bins, size, padding)
     if density is not None:
-        if not place_at_scale(bins, density / grid.cell, n_orders):
-            raise UnwrapError(_does_not_fit_at(bins, density, size, padding, name))
+        if not place_at_scale(bins, density * unit / grid.cell, n_orders):
+            raise UnwrapError(_does_not_fit_at(bins, density, unit, size, padding, name))
     elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
     return _packed(bins, size, padding)
@@ -306,14 +309,14 @@ def _does_not_fit(bins: Bins, size: tuple[int, int], padding: int, name: str) ->
 
 
 def _does_not_fit_at(
-    bins: Bins, density: float, size: tuple[int, int], padding: int, name: str
+    bins: Bins, density: float, unit: float, size: tuple[int, int], padding: int, name: str
 ) -> str:
     """Say why the charts do not fit at a density, and what to do."""
-    scale = density / bins.grid.cell
+    scale = density * unit / bins.grid.cell
     for group in np.unique(bins.groups):
         needed = bins.tiles_needed(scale, int(group), _MOST_TILES_TOLD)
         if needed is None:
-            longest = float(bins.lengths.max()) * density
+            longest = float(bins.lengths.max()) * density * unit
             return (
                 f"{name}: at {density:g} texels per unit a chart is {longest:.0f} texels long and "
                 f"does not fit into {size[0]} x {size[1]} with a padding of {padding}; use a "

@@ -1,0 +1,150 @@
+"""Place and size of a mesh change no choice: the same triangles, charts, seams and distances."""
+
+import numpy as np
+import pytest
+from models import bracket, creature, joined, moved, sponge
+
+import texbake
+from texbake.mesh.frame import UnitGrid
+from texbake.mesh.shapes import icosphere, orange, uv_sphere
+
+# None is a power of two, so each rounds every coordinate.
+FACTORS = (100.0, 0.01, 3.0, 1e5, 1e-3, 7.3)
+
+# Meshes on which many choices cost the same, and two without such.
+MESHES = {
+    "icosphere": lambda: icosphere(2),
+    "sphere with coordinates": lambda: uv_sphere(8, 16),
+    "orange": lambda: orange(1000),
+    "two objects": lambda: joined(
+        icosphere(2), moved(uv_sphere(8, 16), scale=0.5, by=(1.7, 0.3, 0.1))
+    ),
+    "plate with holes": lambda: bracket(2, 1, 8),
+    "sponge": lambda: sponge(1),
+    "figure": lambda: creature(12),
+    "noisy figure": lambda: noisy(creature(12)),
+}
+
+
+def noisy(mesh):
+    noise = np.random.default_rng(0).normal(size=mesh.positions.shape)
+    return mesh.replace(positions=mesh.positions + 0.01 * noise)
+
+
+def lists(mesh):
+    """Everything of a mesh that is not a position or a direction."""
+    names = ("faces", "uvs", "uv_faces", "normal_faces", "face_groups")
+    return {name: getattr(mesh, name) for name in names if getattr(mesh, name) is not None}
+
+
+def made(mesh):
+    return lists(mesh), mesh.positions
+
+
+def simplified(quality, error=None):
+    def simplify(mesh):
+        n_faces = None if error else mesh.n_faces // 4
+        return made(texbake.simplify(mesh, n_faces, error=error, quality=quality))
+
+    return simplify
+
+
+def unwrapped(**options):
+    return lambda mesh: made(texbake.unwrap(mesh, size=128, **options))
+
+
+def remeshed(mesh):
+    return made(texbake.remesh(mesh, texbake.RemeshOptions(resolution=16)))
+
+
+def repaired(mesh):
+    return made(texbake.repair(mesh)[0])
+
+
+def caged(mesh):
+    cage = texbake.fit_cage(mesh, texbake.simplify(mesh, mesh.n_faces // 4))
+    return lists(cage.mesh), cage.distances
+
+
+def checked(mesh):
+    report = texbake.check(mesh, options=texbake.CheckOptions(size=64))
+    kinds = [(item.kind.name, item.count) for item in report.findings]
+    return {"findings": [item for item in kinds if item[0] != "extreme-size"]}, np.zeros(0)
+
+
+VERBS = {
+    "simplify": simplified("fast"),
+    "simplify best": simplified("best"),
+    "simplify to an error": simplified("fast", "8%"),
+    "unwrap": unwrapped(),
+    "unwrap fast": unwrapped(quality="fast"),
+    "remesh": remeshed,
+    "repair": repaired,
+    "cage": caged,
+    "check": checked,
+}
+
+
+def scaled(mesh, factor):
+    return mesh.replace(positions=mesh.positions * factor)
+
+
+CASES = [
+    (name, verb)
+    for name in MESHES
+    for verb in VERBS
+    if verb != "simplify to an error" or name in ("sponge", "figure")  # it takes seconds
+]
+
+
+@pytest.mark.parametrize(("name", "verb"), CASES)
+def test_size_changes_no_choice(name, verb):
+    mesh = MESHES[name]()
+    wanted, lengths = VERBS[verb](mesh)
+    side = np.ptp(mesh.positions, axis=0).max()
+    # Two factors for each mesh and verb, so that all meshes together have all.
+    first = list(MESHES).index(name) + list(VERBS).index(verb)
+    for factor in (FACTORS[first % 6], FACTORS[(first + 3) % 6]):
+        found, scaled_lengths = VERBS[verb](scaled(mesh, factor))
+        np.testing.assert_equal(found, wanted)
+        assert np.abs(scaled_lengths / factor - lengths).max(initial=0.0) <= 1e-14 * side
+
+
+CLASSICAL = (
+    {"method": "planar", "fit": "pca"}, {"method": "cylindrical", "caps": True},
+    {"method": "spherical"}, {"method": "box"}, {"method": "two-part"}, {"method": "projector"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("options", CLASSICAL, ids=lambda options: options["method"])
+@pytest.mark.parametrize("name", MESHES)
+def test_classical_coordinates_are_equal_to_rounding(name, options):
+    mesh = MESHES[name]()
+    uvs = texbake.unwrap(mesh, **options).corner_uvs()
+    for factor in FACTORS:
+        assert texbake.unwrap(scaled(mesh, factor), **options).corner_uvs() == pytest.approx(
+            uvs, abs=1e-12
+        )
+
+
+@pytest.mark.parametrize("by", [(3.0, 0.1, -7.3), (0.7, 1e-3, 0.0)])
+def test_place_changes_no_choice(by):
+    mesh = icosphere(3)
+    wanted = texbake.simplify(mesh, 300)
+    assert np.array_equal(texbake.simplify(moved(mesh, by=by), 300).faces, wanted.faces)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_points_on_the_grid_are_equal(factor):
+    for mesh in (icosphere(4), orange(20_000), bracket(), moved(icosphere(3), by=(1e-3, 7.3, 2.0))):
+        after = scaled(mesh, factor)
+        points = UnitGrid.around(mesh).to_grid(mesh.positions)
+        assert np.array_equal(UnitGrid.around(after).to_grid(after.positions), points)
+        assert np.ptp(points, axis=0).max() == 1.0
+
+
+def test_sides_of_a_prism_are_smooth_up_to_their_angle():
+    mesh = texbake.make("cylinder", resolution=(6, 1))
+    for factor in FACTORS:
+        low = texbake.with_normals(scaled(mesh, factor), "angle", angle=60.0)
+        assert len(low.normals) == len(np.unique(low.positions, axis=0))
