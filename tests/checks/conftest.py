@@ -9,7 +9,7 @@ import pytest
 from texbake.checks.options import CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import flat_normals
+from texbake.mesh.normals import flat_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.weld import weld_rows
 
@@ -177,6 +177,22 @@ def hard_edges() -> Case:
     return Case(mesh, None, 1, at)
 
 
+def other_diagonals() -> Case:
+    """Three quadrilaterals: bent and cut from their first corner, bent and not, and flat."""
+    square = 0.2 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    places = np.add(square, [[[0.1, 0.1]], [[0.4, 0.1]], [[0.7, 0.1]]])
+    positions = np.concatenate([places, np.zeros((3, 4, 1))], axis=2)
+    positions[:2, 2, 2] = 0.1
+    fan, other = [[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]
+    faces = np.concatenate([fan, np.add(other, 4), np.add(other, 8)])
+    mesh = Mesh(
+        positions=positions.reshape(-1, 3), faces=faces, uvs=places.reshape(-1, 2), uv_faces=faces,
+        polygon_of=[0, 0, 1, 1, 2, 2],
+    )  # fmt: skip
+    mesh = mesh.replace(normals=smooth_normals(mesh), normal_faces=mesh.faces)
+    return Case(mesh, None, 1, {2, 3})
+
+
 def no_coordinates() -> Case:
     return Case(FINE_SHEET, SHEET.replace(uvs=None, uv_faces=None), 1, set())
 
@@ -340,6 +356,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "zero-normals": zero_normals,
     "turned-normals": turned_normals,
     "hard-edges-without-seam": hard_edges,
+    "other-diagonals": other_diagonals,
     "no-coordinates": no_coordinates,
     "nothing-covered": nothing_covered,
     "outside-tile": outside_tile,

@@ -74,7 +74,8 @@ def test_order_of_faces_changes_no_count(faulty) -> None:
         )  # fmt: skip
 
     report = check(turned(case.mesh), turned(case.low), case.options)
-    assert counts(report) == {name: case.count}
+    # New faces leave out polygons, and findings on these.
+    assert counts(report) == ({} if case.mesh.polygon_of is not None else {name: case.count})
 
 
 def plain_counts(faces: list[tuple[int, int, int]]) -> dict[str, int]:

@@ -215,6 +215,15 @@ _SHADING = (
         "mixes the two sides, and a line shows along the edge.",
         remedy="Cut there (texbake unwrap --seams-at-hard-edges), or make the edges smooth.",
     ),
+    Kind(
+        name="other-diagonals",
+        title="curved polygons that other programs may cut otherwise",
+        low="note",
+        problem="Maps are baked for the triangles that texbake cuts them into, along the shorter "
+        "diagonal. A program that cuts them from their first corner has other triangles, and the "
+        "normal map shades wrongly there.",
+        remedy="Use the mesh as triangles: texbake export, or texbake convert to a .glb file.",
+    ),
 )
 
 _COORDINATES = (

@@ -23,7 +23,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.normals import NORMAL_ROUNDING, angles_between
+from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, shading_normals
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
 _LEAST_VOLUME = 1e-12
@@ -207,6 +207,23 @@ def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
     )
 
 
+def other_diagonals(checked: CheckedMesh) -> Finding | None:
+    """Polygons that are not flat, and not cut from their first corner."""
+    mesh = checked.mesh
+    if mesh.polygon_of is None:
+        return None
+    firsts = np.searchsorted(mesh.polygon_of, np.arange(mesh.n_polygons))[mesh.polygon_of]
+    elsewhere = (mesh.faces != mesh.faces[firsts, :1]).all(axis=1)
+    normals, corners = shading_normals(mesh, threads=checked.options.threads)
+    rows = np.column_stack([corners, corners[firsts]])
+    turns = [_angles(normals, rows[:, i], rows[:, 3]) for i in range(3)]
+    bends = angles_between(checked.normals, checked.normals[firsts])
+    curved = np.maximum.reduce([*turns, bends]) > NORMAL_ROUNDING
+    cut, bent = (np.bincount(mesh.polygon_of, which) > 0 for which in (elsewhere, curved))
+    faces = np.flatnonzero((cut & bent)[mesh.polygon_of])
+    return make_finding("other-diagonals", checked.role, len(faces), faces)
+
+
 def _angles(
     normals: FloatArray,
     one: IntArray,
@@ -220,4 +237,4 @@ def _angles(
 
 
 NORMAL_CHECKS = (no_normals, zero_normals, turned_normals)
-LOW_POLY_CHECKS = (hard_edges_without_seam,)
+LOW_POLY_CHECKS = (hard_edges_without_seam, other_diagonals)
