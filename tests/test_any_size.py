@@ -110,6 +110,22 @@ def test_size_changes_no_choice(name, verb):
         assert np.abs(scaled_lengths / factor - lengths).max(initial=0.0) <= 1e-14 * side
 
 
+@pytest.mark.parametrize("name", ["orange", "noisy figure"])
+def test_maps_of_any_size_agree(name):
+    """Simplified, unwrapped and baked, as by `run`."""
+    found = {}
+    for factor in (1.0, *FACTORS[:3]):
+        high = scaled(MESHES[name](), factor)
+        low = texbake.unwrap(texbake.simplify(high, 300, quality="best"), size=64)
+        options = texbake.BakeOptions(size=64, maps=("normal", "displacement"))
+        maps = texbake.bake(high, low, options).maps
+        found[factor] = lists(low), maps["normal"].values, maps["displacement"].values / factor
+    for low, normals, heights in found.values():
+        np.testing.assert_equal(low, found[1.0][0])
+        assert np.abs(normals - found[1.0][1]).max() < 2.0 / 255.0  # they are from -1 to 1
+        assert np.abs(heights - found[1.0][2]).max() < 1e-6
+
+
 CLASSICAL = (
     {"method": "planar", "fit": "pca"}, {"method": "cylindrical", "caps": True},
     {"method": "spherical"}, {"method": "box"}, {"method": "two-part"}, {"method": "projector"},
