@@ -140,6 +140,14 @@ def uv_set_files(mesh: Mesh, output: PathLike) -> tuple[Path, ...]:
     return (uv_sets_path(output),) if has_file else ()
 
 
+def triangle_notes(mesh: Mesh, output: PathLike) -> tuple[str, ...]:
+    """Say that polygons are written as triangles, if the format of `output` has only those."""
+    if mesh.polygon_of is None or Path(output).suffix.lower() not in TRIANGLE_SUFFIXES:
+        return ()
+    count = f"{mesh.n_polygons:,} polygons became {mesh.n_faces:,}"
+    return (f"{output}: written as triangles: {count}",)
+
+
 def check_distinct(
     outputs: Sequence[PathLike | None], inputs: Sequence[PathLike | None] = ()
 ) -> None:

@@ -16,8 +16,8 @@ from texbake.files import PathLike
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
     SUFFIXES_OF_UV_SETS,
-    TRIANGLE_SUFFIXES,
     given,
+    triangle_notes,
     uv_set_files,
 )
 from texbake.mesh.files import write_mesh
@@ -181,9 +181,7 @@ def write_with_materials(
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
     lost += source.passed_over
-    if mesh.polygon_of is not None and Path(output).suffix.lower() in TRIANGLE_SUFFIXES:
-        count = f"{mesh.n_polygons:,} polygons became {mesh.n_faces:,}"
-        notes.append(f"{output}: written as triangles: {count}")
+    notes += triangle_notes(mesh, output)
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")
     return files, tuple(notes)

@@ -29,7 +29,6 @@ from texbake.texture.image import read_image
 from texbake.texture.image_files import write_normals
 
 FORMATS = ("obj", "glb", "usda", "ply")
-HARD = ("bracket", "crate", "wall", "can", "chest")
 WIDTH, HEIGHT = 320, 240
 
 
@@ -61,6 +60,8 @@ def asset(request, tmp_path_factory):
         options = ExportOptions(to="blender", mesh_format=suffix)
         result = export_files(files["low"], folder / suffix, options, maps=maps)
         files[suffix] = result.mesh
+        said = [note for note in result.notes if "written as triangles" in note]
+        assert len(said) == (suffix == "glb")
     return Asset(name, low, baked.report.miss_percent, maps / "normal.png", files)
 
 
@@ -134,9 +135,7 @@ def test_blender_reads_the_same_model_from_every_format(asset, blender, tmp_path
             assert found["n_vertices"] == asset.low.n_vertices
 
 
-def test_blender_shades_hard_edges_as_texbake_does(asset, blender, tmp_path):
-    if asset.name not in HARD:
-        pytest.skip("its edges are not hard")
+def test_blender_shades_the_model_as_texbake_does(asset, blender, tmp_path):
     low, high = asset.low.bounds
     middle, size = (low + high) / 2, np.sqrt(((high - low) ** 2).sum())
     eye = middle + size * np.array([0.75, 0.6, 1.2])
@@ -165,6 +164,6 @@ def test_blender_shades_hard_edges_as_texbake_does(asset, blender, tmp_path):
         degrees = np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1.0, 1.0)))
         print(f"{asset.name}.{suffix}: {degrees.mean():.2f} degrees apart in the mean, "
               f"{np.percentile(degrees, 99):.1f} at 99 %")  # fmt: skip
-        # Pictures have 8 bits, 0.2 degrees a step, and pixels at edges are smoothed otherwise.
-        assert np.median(degrees) < 0.3
+        # Pictures have 8 bits, 0.2 degrees a step; quads that are not flat have tangents otherwise.
+        assert np.median(degrees) < 0.5
         assert (degrees > 5.0).mean() < 0.02

@@ -31,6 +31,7 @@ from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
 from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, find_maps, source_maps
+from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -231,7 +232,7 @@ def export_asset(
         maps=tuple(written),
         settings=folder / SETTINGS,
         layers=layers,
-        notes=tuple(converter.notes),
+        notes=(*converter.notes, *triangle_notes(mesh, mesh_file)),
     )
 
 
