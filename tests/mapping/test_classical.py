@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from tests.artist_models import write_model
 from tests.models import model, real
 from texbake.mapping.areas import signed_areas
 from texbake.mapping.classical.box import box
@@ -11,7 +12,10 @@ from texbake.mapping.classical.cylindrical import cylindrical
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.spherical import spherical
 from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.polygons import outlines
 from texbake.mesh.shapes import orange
 
 METHODS = {
@@ -141,3 +145,28 @@ def test_rough_and_broken_meshes_are_mapped(name, path):
         # What float32 leaves of faces without width may turn over; it has no area to speak of.
         areas = signed_areas(found.corners)
         assert -areas[areas < 0.0].sum() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("creature", {"method": "cylindrical"}),
+        ("creature", {"method": "spherical"}),
+        ("screw", {"method": "spherical"}),
+        ("chest", {"method": "cylindrical", "axis": "z", "caps": True}),
+        ("creature", {"method": "two-part", "surface": "cylinder", "via": "object-normal"}),
+        ("creature", {"method": "two-part", "surface": "sphere", "via": "centroid"}),
+        ("wall", {"method": "projector", "unseen": "aside", "camera": (40, 30)}),
+    ],
+)
+def test_polygons_are_whole_across_seams(name, options, tmp_path):
+    mesh = read_mesh(write_model(name, tmp_path / "a.obj"))
+    apart = unwrap(mesh.replace(polygon_of=None), **options).replace(polygon_of=mesh.polygon_of)
+    assert outlines(apart).n_split > 0
+    assert outlines(unwrap(mesh, **options)).n_split == 0
+
+
+def test_triangles_seen_edge_on_lie_with_their_polygon():
+    corners = [(0, 0, 0), (0.5, 0.5, 1), (1, 1, 0), (1, 0, 0)]
+    quad = Mesh(positions=corners, faces=[[0, 1, 2], [0, 2, 3]], polygon_of=[0, 0])
+    assert outlines(unwrap(quad, method="planar", sides=True)).n_split == 0

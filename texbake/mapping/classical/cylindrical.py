@@ -68,14 +68,37 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_about_axis(mesh, options.center, frame), frame)
     if not options.caps:
-        angles = wrap_angles(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
+        angles = wrap_angles(
+            local.points,
+            mesh.faces,
+            theta=options.theta,
+            rounding=local.rounding,
+            polygons=mesh.polygon_of,
+        )
         t, _ = _heights(local, mesh.faces, options)
         corners = np.stack([angles.s, t[mesh.faces]], axis=2)
         return Projected(corners=corners, tallies=angles.tallies())
     normals = face_normals(mesh)
     cosines = in_frame(normals, frame[2:])[:, 0]
+    if mesh.polygon_of is not None:
+        cosines = _of_polygons(mesh, normals, cosines, frame)
     side = np.abs(cosines) < _CAP_COSINE
     return _with_caps(mesh, options, local, side=side, above=cosines > 0.0)
+
+
+def _of_polygons(
+    mesh: Mesh, normals: FloatArray, cosines: FloatArray, frame: FloatArray
+) -> FloatArray:
+    """(F,) cosines of polygons for all their faces, unless these look along the axis both ways."""
+    assert mesh.polygon_of is not None
+    areas = surface_areas(mesh.positions[mesh.faces])
+    sums = [np.bincount(mesh.polygon_of, areas * normals[:, axis]) for axis in range(3)]
+    normal = np.stack(sums, axis=1).astype(np.float64)
+    lengths = np.sqrt(pm.vecdot(normal, normal))
+    along = in_frame(normal, frame[2:])[:, 0] / np.where(lengths > 0.0, lengths, 1.0)
+    n_up, n_down = (np.bincount(mesh.polygon_of, way) for way in (cosines > 0.0, cosines < 0.0))
+    agree = (n_up == 0) | (n_down == 0) | (np.abs(along) < _CAP_COSINE)
+    return np.asarray(np.where(agree[mesh.polygon_of], along[mesh.polygon_of], cosines))
 
 
 def _with_caps(
@@ -89,7 +112,11 @@ def _with_caps(
     """Map the side by angles and heights, and the caps by planes, above the side."""
     corners = np.empty((mesh.n_faces, 3, 2))
     angles = wrap_angles(
-        local.points, mesh.faces[side], theta=options.theta, rounding=local.rounding
+        local.points,
+        mesh.faces[side],
+        theta=options.theta,
+        rounding=local.rounding,
+        polygons=None if mesh.polygon_of is None else mesh.polygon_of[side],
     )
     arc = math.radians(abs(options.theta[1] - options.theta[0]))
     per_length = 1.0 / (arc * _mean_radius(local, mesh.faces, side))

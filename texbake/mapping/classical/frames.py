@@ -206,7 +206,12 @@ class WrappedAngles:
 
 
 def wrap_angles(
-    points: FloatArray, faces: IntArray, *, theta: tuple[float, float], rounding: float
+    points: FloatArray,
+    faces: IntArray,
+    *,
+    theta: tuple[float, float],
+    rounding: float,
+    polygons: IntArray | None = None,
 ) -> WrappedAngles:
     """Angles of the corners of faces as a texture coordinate, s = (angle - a) / (b - a).
 
@@ -220,6 +225,9 @@ def wrap_angles(
         a and b, in degrees, not equal. If b is the smaller, s grows clockwise.
     rounding : float
         Points no farther than this from the axis lie on it.
+    polygons : (F,) int32, optional
+        Polygon of each face. All of a polygon is on the turn of its centroid, unless it is around
+        the axis.
 
     Returns
     -------
@@ -235,6 +243,8 @@ def wrap_angles(
     near = pm.hypot(points[:, 0], points[:, 1]) <= rounding
     on_axis = near[faces]
     own = _centroid_turns(points, turns, faces, on_axis, rounding)
+    if polygons is not None:
+        own = _polygon_turns(points, turns, faces, polygons, own, on_axis)
     middle = (first + last) / 2.0
     own[on_axis.all(axis=1)] = middle
     own -= np.floor(own - middle + 0.5)
@@ -249,6 +259,28 @@ def wrap_angles(
     spans = corner_turns.max(axis=1) - corner_turns.min(axis=1)
     around = (spans >= 0.5 - _ANGLE_ROUNDING) & ~on_axis.any(axis=1)
     return WrappedAngles(s=s, around=around, on_axis=on_axis)
+
+
+def _polygon_turns(
+    points: FloatArray,
+    turns: FloatArray,
+    faces: IntArray,
+    polygons: IntArray,
+    own: FloatArray,
+    on_axis: BoolArray,
+) -> FloatArray:
+    """(F,) float64: `own`, but that of the whole polygon where it spans less than half a turn."""
+    corners = points[faces].sum(axis=1)
+    x, y = (np.bincount(polygons, corners[:, axis])[polygons] for axis in (0, 1))
+    whole = pm.arctan2(y, x) / (2.0 * np.pi)
+    away = turns[faces] - whole[:, None]
+    away -= np.floor(away + 0.5)
+    low = np.full(int(polygons.max(initial=-1)) + 1, np.inf)
+    high = -low
+    np.minimum.at(low, polygons, np.where(on_axis, np.inf, away).min(axis=1))
+    np.maximum.at(high, polygons, np.where(on_axis, -np.inf, away).max(axis=1))
+    fits = high - low < 0.5 - _ANGLE_ROUNDING
+    return np.asarray(np.where(fits[polygons], whole, own))
 
 
 def _centroid_turns(

@@ -63,7 +63,9 @@ class IntermediateSurface(Protocol):
         missed : (N,) bool
         """
 
-    def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
+    def coordinates(
+        self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
+    ) -> Projected:
         """(s, t) of the points of the surface nearest to the given points: the S mapping.
 
         Parameters
@@ -71,6 +73,8 @@ class IntermediateSurface(Protocol):
         points : (N, 3) float64
         faces : (F, 3) int
             Indices into the points.
+        polygons : (F,) int32, optional
+            Polygon of each face, as of `Mesh`.
 
         Returns
         -------
@@ -110,7 +114,9 @@ class Plane:
         met[missed] = points[missed]
         return met, missed
 
-    def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
+    def coordinates(
+        self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
+    ) -> Projected:
         """(s, t) of the projected points, at one scale; (0, 0) for a mesh without extent."""
         if self.extent == 0.0:
             return Projected(corners=np.zeros((len(faces), 3, 2)))
@@ -150,9 +156,13 @@ class Cylinder:
         met[missed] = points[missed]
         return met, missed
 
-    def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
+    def coordinates(
+        self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
+    ) -> Projected:
         """Angles become s, heights become t; `wrap_angles` describes points on the axis."""
-        angles = wrap_angles(points, faces, theta=self.theta, rounding=self.rounding)
+        angles = wrap_angles(
+            points, faces, theta=self.theta, rounding=self.rounding, polygons=polygons
+        )
         first, last = self.heights
         t = (points[:, 2] - first) / (last - first) if first != last else np.zeros(len(points))
         return Projected(corners=np.stack([angles.s, t[faces]], axis=2), tallies=angles.tallies())
@@ -183,9 +193,13 @@ class Sphere:
         met[at_pole & ~missed, :2] = 0.0
         return met, missed
 
-    def coordinates(self, points: FloatArray, faces: IntArray) -> Projected:
+    def coordinates(
+        self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
+    ) -> Projected:
         """Longitudes become s, latitudes t; see `onto_sphere` for the poles and the center."""
-        return onto_sphere(points, faces, theta=self.theta, rounding=self.rounding)
+        return onto_sphere(
+            points, faces, theta=self.theta, rounding=self.rounding, polygons=polygons
+        )
 
 
 def surface_around(
@@ -230,7 +244,11 @@ def surface_around(
 
 
 def mapped_by_rays(
-    surface: IntermediateSurface, points: FloatArray, directions: FloatArray, faces: IntArray
+    surface: IntermediateSurface,
+    points: FloatArray,
+    directions: FloatArray,
+    faces: IntArray,
+    polygons: IntArray | None = None,
 ) -> Projected:
     """Map the corners of faces to where rays from them hit a surface.
 
@@ -240,19 +258,23 @@ def mapped_by_rays(
     points, directions : (V, 3) float64
         As for `IntermediateSurface.hits`.
     faces : (F, 3) int32
+    polygons : (F,) int32, optional
+        As of `Mesh`.
 
     Returns
     -------
     Projected
-        A face with a ray that misses is mapped to the points of the surface nearest to its
+        A polygon with a ray that misses is mapped to the points of the surface nearest to its
         corners. The tallies count such faces, besides those of the surface itself.
     """
     hits, missed = surface.hits(points, directions)
     lost = missed[faces].any(axis=1)
+    if polygons is not None:
+        lost = (np.bincount(polygons, lost) > 0)[polygons]
     if not lost.any():
-        return surface.coordinates(hits, faces)
+        return surface.coordinates(hits, faces, polygons)
     chosen = faces + np.where(lost, len(points), 0)[:, None]
-    mapped = surface.coordinates(np.concatenate([hits, points]), chosen)
+    mapped = surface.coordinates(np.concatenate([hits, points]), chosen, polygons)
     name = f"faces whose rays miss the {surface.name}, mapped to its nearest points"
     return Projected(corners=mapped.corners, tallies={name: int(lost.sum()), **mapped.tallies})
 

@@ -102,7 +102,12 @@ def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.
     across = ux * vy - uy * vx
     longest = np.sqrt(np.maximum(ux * ux + uy * uy, vx * vx + vy * vy))
     edge_on = np.abs(across) <= longest * (AREA_ROUNDING * longest + local.rounding)
-    return (across < 0.0) & ~edge_on, edge_on
+    away = (across < 0.0) & ~edge_on
+    if mesh.polygon_of is None:
+        return away, edge_on
+    # Triangles seen edge-on lie with the others of their polygon.
+    n_away, n_toward = (np.bincount(mesh.polygon_of, faces) for faces in (away, ~away & ~edge_on))
+    return away | (edge_on & ((n_away > 0) & (n_toward == 0))[mesh.polygon_of]), edge_on
 
 
 def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:

@@ -43,11 +43,22 @@ def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_of(mesh, options.center), frame)
-    return onto_sphere(local.points, mesh.faces, theta=options.theta, rounding=local.rounding)
+    return onto_sphere(
+        local.points,
+        mesh.faces,
+        theta=options.theta,
+        rounding=local.rounding,
+        polygons=mesh.polygon_of,
+    )
 
 
 def onto_sphere(
-    points: FloatArray, faces: IntArray, *, theta: tuple[float, float], rounding: float
+    points: FloatArray,
+    faces: IntArray,
+    *,
+    theta: tuple[float, float],
+    rounding: float,
+    polygons: IntArray | None = None,
 ) -> Projected:
     """Longitudes and latitudes of the corners of faces.
 
@@ -61,13 +72,15 @@ def onto_sphere(
         Longitudes in degrees that become s = 0 and s = 1.
     rounding : float
         As for `latitude_coordinates`.
+    polygons : (F,) int32, optional
+        As for `wrap_angles`.
 
     Returns
     -------
     Projected
         As `spherical` says.
     """
-    angles = wrap_angles(points, faces, theta=theta, rounding=rounding)
+    angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     t = latitude_coordinates(points, rounding)
     at_center = np.abs(points).max(axis=1) <= rounding
     n_at_center = int(at_center[faces].sum())

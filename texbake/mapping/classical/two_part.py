@@ -77,9 +77,10 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
     surface = surface_around(local, mesh.faces, options)
     # A ray from the center hits a sphere along its normal.
     if options.via == "surface-normal" or (options.surface, options.via) == ("sphere", "centroid"):
-        return surface.coordinates(local.points, mesh.faces)
+        return surface.coordinates(local.points, mesh.faces, mesh.polygon_of)
     directions, tallies = _directions(mesh, local, frame, options)
-    return _joined(tallies, mapped_by_rays(surface, local.points, directions, mesh.faces))
+    mapped = mapped_by_rays(surface, local.points, directions, mesh.faces, mesh.polygon_of)
+    return _joined(tallies, mapped)
 
 
 def _center(mesh: Mesh, options: UnwrapOptions, frame: FloatArray) -> FloatArray:
