@@ -186,7 +186,8 @@ _SHADING = (
         problem="The file has no normals, so smooth ones are computed, weighted by angle. A "
         "low-poly mesh that is drawn elsewhere with other normals shows seams; hard edges of a "
         "high-poly mesh become round.",
-        remedy="Export the mesh with the normals that it will be drawn with.",
+        remedy="Export the mesh with the normals that it will be drawn with, or make them: texbake "
+        "transform --normals angle.",
     ),
     Kind(
         name="zero-normals",
