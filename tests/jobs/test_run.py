@@ -174,7 +174,7 @@ def test_a_failed_stage_keeps_all_earlier_files(
     def fail(*args: object, **options: object) -> None:
         raise TexbakeError("ball.ply: it cannot be baked")
 
-    monkeypatch.setattr(run_module, "bake", fail)
+    monkeypatch.setattr(run_module, "bake_objects", fail)
     with pytest.raises(TexbakeError, match="cannot be baked"):
         run(high, tmp_path, OPTIONS)
     for name in FILES:  # also those of stages that had succeeded
