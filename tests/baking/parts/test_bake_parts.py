@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.artist_models import bumpy, write_model
 from tests.models import model, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
@@ -13,6 +14,7 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.rays import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
+from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
@@ -287,6 +289,14 @@ def test_overlaps_of_meshes_that_share_an_atlas_are_counted():
     assert result.report.n_overlapping == 8 * 32
     assert any("256 texels are covered by more than one part" in w for w in result.report.warnings)
     assert result.targets[ONLY].report.texels_covered == 32 * 32
+
+
+def test_matched_halves_that_are_stacked_on_purpose_are_no_overlap(tmp_path):
+    low = read_mesh(write_model("head", tmp_path / "head.obj"))
+    high = bumpy(low, 2).replace(group_names=("left_high", "right_high"))
+    low = low.replace(group_names=("left_low", "right_low"))
+    report = bake_parts([high], [low], BakeOptions(size=64), MATCH).report
+    assert (report.n_overlapping, len(report.parts)) == (0, 2)
 
 
 def test_a_hit_of_another_part_replaces_a_miss():

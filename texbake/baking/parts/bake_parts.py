@@ -144,7 +144,7 @@ class PartsBake:
                 )
                 continue
             self.inputs = inputs
-            maps.add(result, inputs, part.face_ids, int(chosen.sum()))
+            maps.add(result, inputs, part.face_ids, int(chosen.sum()), part.is_stacked)
             report = result.report
             self.figures.append(
                 PartFigures(

@@ -22,6 +22,7 @@ from texbake.baking.file_names import FIRST_TILE
 from texbake.baking.parts.high_parts import NamedPart
 from texbake.baking.parts.options import PartsOptions
 from texbake.errors import MeshError, UvError
+from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.compose import excerpt
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -126,6 +127,8 @@ class LowPart:
     face_ids : (F,) int32
         Its faces in the whole mesh.
     cage : Mesh, optional
+    is_stacked : (F,) bool, optional
+        Faces whose islands lie on others of the whole mesh on purpose.
     """
 
     name: str
@@ -135,6 +138,7 @@ class LowPart:
     set_names: tuple[str, ...]
     face_ids: IntArray
     cage: Mesh | None = None
+    is_stacked: BoolArray | None = None
 
     @cached_property
     def tangents(self) -> npt.NDArray[np.float32]:
@@ -187,7 +191,7 @@ class LowMesh:
         MeshError
             Texture sets follow materials, and the mesh has none.
         """
-        mesh, cage = self.mesh, self.cage
+        mesh, cage, is_stacked = self.mesh, self.cage, None
         set_ids, set_names = _sets(mesh, options, name, self.materials)
         face_ids = np.arange(mesh.n_faces, dtype=np.int32)
         if part.groups is not None:
@@ -195,8 +199,14 @@ class LowMesh:
             mesh, set_ids = excerpt(self._shaded, chosen), set_ids[chosen]
             face_ids = face_ids[chosen]
             cage = None if cage is None else excerpt(cage, chosen)
+            is_stacked = None if mesh.uvs is None else self._stacked[chosen]
         mesh = mesh.replace(name=name)
-        return LowPart(name, mesh, tuple(sources), set_ids, set_names, face_ids, cage)
+        return LowPart(name, mesh, tuple(sources), set_ids, set_names, face_ids, cage, is_stacked)
+
+    @cached_property
+    def _stacked(self) -> BoolArray:
+        """(F,) bool: faces of islands that coincide with another."""
+        return StackedIslands.of(self.mesh).stacked
 
     @cached_property
     def _shaded(self) -> Mesh:

@@ -54,7 +54,7 @@ class PartsReport:
     n_crossing, n_outside : int
         Faces that cross the border of a UDIM tile, and faces that lie in none.
     n_overlapping : int
-        Texels that more than one part covers.
+        Texels that more than one part covers, except by islands that are stacked.
     without_texel : tuple of str
         Parts that cover no texel of a set of maps that they have faces on.
     orientations : dict of str to OrientationReport

@@ -30,7 +30,7 @@ class TargetMaps:
     Attributes
     ----------
     n_overlapping : int
-        Texels that more than one part covers.
+        Texels that more than one part covers, except by islands that are stacked.
     """
 
     def __init__(
@@ -52,7 +52,14 @@ class TargetMaps:
         """Whether no part was added."""
         return not self._reports
 
-    def add(self, result: BakeResult, inputs: BakeInputs, face_ids: IntArray, n_faces: int) -> None:
+    def add(
+        self,
+        result: BakeResult,
+        inputs: BakeInputs,
+        face_ids: IntArray,
+        n_faces: int,
+        is_stacked: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
         """Add a part that was baked without padding.
 
         Parameters
@@ -61,6 +68,8 @@ class TargetMaps:
             Faces of the part in the whole mesh.
         n_faces
             Number of them on these maps.
+        is_stacked : (F,) bool, optional
+            Faces that share their texels on purpose.
         """
         covered = result.texel_faces != NO_FACE
         first = not self._values
@@ -70,7 +79,10 @@ class TargetMaps:
         at = _window(covered)
         covered, faces, has_data = covered[at], result.texel_faces[at], result.has_data[at]
         taken = self._faces[at] != NO_FACE
-        self.n_overlapping += int(np.count_nonzero(covered & taken))
+        unmeant = covered & taken
+        if is_stacked is not None:
+            unmeant &= ~is_stacked[faces]
+        self.n_overlapping += int(np.count_nonzero(unmeant))
         # A hit of another part replaces a miss.
         mine = np.where(taken, has_data & ~self._has_data[at], covered)
         for kind in [] if first else self._kinds:
