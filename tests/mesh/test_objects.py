@@ -7,7 +7,7 @@ from texbake.mesh.compose import join_meshes, join_parts, transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
-from texbake.mesh.objects import joined_objects, object_names, vertex_objects
+from texbake.mesh.objects import face_objects, joined_objects, object_names, vertex_objects
 from texbake.mesh.shapes import cube, icosphere
 
 ASIDE = np.eye(4)
@@ -37,6 +37,11 @@ def obj_text(statement: str, *, welded: bool = False) -> str:
 
 def corner_normals(mesh: Mesh) -> np.ndarray:
     return smooth_normals(mesh)[mesh.faces]
+
+
+def test_objects_are_found_once_for_a_mesh():
+    mesh = join_meshes(CUBES)
+    assert face_objects(mesh) is face_objects(mesh) is not None
 
 
 # A square with one side on the y axis, and the way to the square that ends there.
