@@ -10,10 +10,11 @@ import pytest
 from texbake.building.step import Job, steady
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
 
 Do = Callable[..., tuple[dict[str, Path], dict[str, Any]]]
@@ -107,6 +108,16 @@ def test_levels_of_detail_stay_within_an_error(do: Do, ball: Path) -> None:
     assert level["faces"] < read_mesh(ball).n_faces and level["distance_max_relative"] <= 0.1
     with pytest.raises(OptionError, match="faces, error: neither is given"):
         do("simplify", {}, mesh=ball)
+
+
+@pytest.mark.parametrize(("join", "n_objects"), [(False, 2), (True, 0)])
+def test_objects_of_levels_stay_apart_unless_they_are_joined(
+    do: Do, tmp_path: Path, join: bool, n_objects: int
+) -> None:
+    high = tmp_path / "balls.obj"
+    write_mesh(join_meshes([icosphere(3).replace(name=name) for name in ("one", "two")]), high)
+    files, _ = do("simplify", {"faces": 200, "join_objects": join}, mesh=high)
+    assert len(set(read_mesh(files["lod0"]).group_objects)) == n_objects
 
 
 def test_maps_in_several_formats(do: Do, ball: Path) -> None:

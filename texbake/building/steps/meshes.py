@@ -208,6 +208,7 @@ REMESH = StepKind(
     outputs=lambda settings: {"mesh": f"remeshed.{settings['format']}"},
     run=_remesh,
     memory=remesh_memory,
+    revision=2,
 )
 
 
@@ -227,6 +228,7 @@ class SimplifyStep(CheckedOptions):
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
     seams: Annotated[str, option(SimplifyOptions, "seams")] = DEFAULT_SEAMS
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
+    join_objects: Annotated[bool, option(SimplifyOptions, "join_objects")] = False
     normals: Annotated[str, option(SimplifyOptions, "normals")] = SimplifyOptions.normals
     angle: Annotated[float, option(SimplifyOptions, "angle")] = SimplifyOptions.angle
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
@@ -262,6 +264,7 @@ def _simplify(job: Job) -> dict[str, Any]:
         quality=options.quality,
         seams=options.seams,
         orientation=options.orientation,
+        join_objects=options.join_objects,
         normals=options.normals,
         angle=options.angle,
         mtl=False,
@@ -294,6 +297,7 @@ SIMPLIFY = StepKind(
     outputs=_levels,
     run=_simplify,
     memory=simplify_memory,
+    revision=2,
 )
 
 
@@ -340,4 +344,5 @@ UNWRAP = StepKind(
     outputs=lambda settings: {"mesh": f"unwrapped.{settings['format']}"},
     run=_unwrap,
     memory=unwrap_memory,
+    revision=2,
 )
