@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from texbake.checks.check import check
 from texbake.mesh.compose import join_meshes, join_parts, transformed
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
 from texbake.mesh.objects import face_objects, joined_objects, object_names, vertex_objects
+from texbake.mesh.options import RepairOptions
+from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube, icosphere
 
 ASIDE = np.eye(4)
@@ -129,3 +133,15 @@ def test_a_surface_goes_on_in_an_object_that_begins_where_it_ends(angle, are_one
     turned = join_meshes([transformed(QUAD, MOVED), transformed(QUAD, flap)])
     assert vertex_objects(both) is not None  # they touch at a corner only
     assert (vertex_objects(turned) is None) == are_one
+
+
+def test_objects_that_touch_are_repaired_and_checked_as_each_alone():
+    mesh = join_meshes(CUBES)
+    repaired, _ = repair(mesh)
+    assert repaired.n_vertices == mesh.n_vertices and repaired.n_faces == mesh.n_faces
+    assert np.array_equal(repaired.faces, mesh.faces)
+    assert mesh_info(mesh).n_components == 2 and mesh_info(mesh).closed
+    found = {finding.kind.name for finding in check(mesh).findings}
+    assert not found & {"duplicate-faces", "non-manifold-edges", "inconsistent-winding"}
+    joined, report = repair(mesh, RepairOptions(join_objects=True))
+    assert joined.n_vertices == mesh.n_vertices - 4 and report.counts["duplicate faces"] == 2

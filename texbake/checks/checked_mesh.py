@@ -20,6 +20,7 @@ from texbake.mesh.frame import unit_scale
 from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
+from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import duplicate_faces, repeated_vertices
 from texbake.mesh.weld import weld_rows
 
@@ -108,8 +109,8 @@ class CheckedMesh:
 
     @cached_property
     def firsts(self) -> IntArray:
-        """(V,) int32: for each vertex, the first one at the same place."""
-        return weld_rows(self.mesh.positions, threads=self.options.threads)
+        """(V,) int32: for each vertex, the first one of its object at the same place."""
+        return weld_vertices(self.mesh, threads=self.options.threads)
 
     @cached_property
     def places(self) -> IntArray:

@@ -12,6 +12,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import (
     degenerate_faces,
     duplicate_faces,
@@ -19,7 +20,6 @@ from texbake.mesh.topology import (
     find_edges,
     genus,
 )
-from texbake.mesh.weld import weld_rows
 
 _BLOCK = 1 << 16  # faces measured at once
 
@@ -62,9 +62,9 @@ class GroupInfo:
 class MeshInfo:
     """Counts and measures of a mesh, all plain Python values.
 
-    For components, edges, duplicate faces and derived figures, vertices at exactly the same
-    position count as one, because formats such as STL and glTF split vertices. `n_split_vertices`
-    is the number of split vertices. Counts of faces are those of polygons.
+    For components, edges, duplicate faces and derived figures, vertices of one object at exactly
+    the same position count as one, because formats such as STL and glTF split vertices.
+    `n_split_vertices` is the number of split vertices. Counts of faces are those of polygons.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class MeshInfo:
     n_degenerate_faces, n_duplicate_faces : int
         Faces without area; faces with the same three vertices as an earlier one.
     n_unused_vertices, n_split_vertices : int
-        Vertices of no face; vertices at the place of an earlier one.
+        Vertices of no face; vertices at the place of an earlier one of their object.
     closed : bool
         Every edge has exactly two faces.
     genus : int or None
@@ -132,7 +132,7 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
     (0.5, 3, False)
     """
     mesh = as_mesh(mesh)
-    firsts = weld_rows(mesh.positions)
+    firsts = weld_vertices(mesh)
     is_first = firsts == np.arange(len(firsts))
     faces = mesh.faces if is_first.all() else firsts[mesh.faces]
     edges = find_edges(faces)

@@ -87,6 +87,7 @@ class RepairOptions(CheckedOptions):
     coordinates: Annotated[
         bool, Option("Keep texture coordinates.", flag="--coordinates/--no-coordinates")
     ] = True
+    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
 

@@ -1,10 +1,10 @@
 """Safe repairs of a mesh: those that move nothing on its surface.
 
-Vertices at one position are joined, and those that no face uses removed; faces without area and
-duplicate faces are removed; neighbors are turned over so that they wind alike, and closed parts so
-that they face outwards. What cannot be repaired without changing the surface (holes, edges with
-three faces, parts that intersect) is left as it is; `texbake.check` names it. A mesh that was
-repaired is not changed by another repair.
+Vertices of one object at one position are joined, and those that no face uses removed; faces
+without area and duplicate faces are removed; neighbors are turned over so that they wind alike, and
+closed parts so that they face outwards. What cannot be repaired without changing the surface
+(holes, edges with three faces, parts that intersect) is left as it is; `texbake.check` names it. A
+mesh that was repaired is not changed by another repair.
 
 Based on: Herbert Edelsbrunner, John Harer, "Computational Topology", American Mathematical Society,
 2010 (the orientable double cover, by which all faces are oriented at once).
@@ -25,6 +25,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import degenerate_faces, duplicate_faces, edge_neighbors
 from texbake.mesh.uv_sets import sets_by_corner
@@ -70,6 +71,8 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
     """
     mesh = as_mesh(mesh)
     options = options or RepairOptions()
+    if options.join_objects:
+        mesh = joined_objects(mesh)
     counts = {}
     if not options.coordinates:
         mesh = mesh.replace(uvs=None, uv_faces=None, uv_sets={}, tangents=None)
@@ -95,11 +98,9 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
 
 
 def _merged(mesh: Mesh) -> tuple[Mesh, int]:
-    """Join vertices of one position and color, and leave out those that no face uses."""
-    rows = mesh.positions
-    if mesh.colors is not None:
-        rows = np.concatenate([rows, mesh.colors.astype(np.float64)], axis=1)
-    faces = weld_rows(rows)[mesh.faces]
+    """Join vertices of one position, color and object, and leave out those that no face uses."""
+    columns = [mesh.positions, mesh.colors, vertex_objects(mesh)]
+    faces = weld_rows(np.column_stack([each for each in columns if each is not None]))[mesh.faces]
     used, compact = np.unique(faces, return_inverse=True)
     colors = None if mesh.colors is None else mesh.colors[used]
     merged = mesh.replace(
