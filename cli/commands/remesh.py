@@ -1,4 +1,4 @@
-"""`texbake remesh`: wrap any triangles in a closed surface."""
+"""`texbake remesh`: wrap any triangles in a closed surface, or remesh open ones as sheets."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ if TYPE_CHECKING:
       texbake remesh generated.glb -o closed.ply --resolution 512 --components largest
       texbake remesh holes.ply -o low.obj --close 5% --faces 5000
       texbake remesh bottle.ply -o hollow.ply --keep-interior
+      texbake remesh face.ply -o even.ply --surface open --close 2%
     """
 )
 @mesh_argument("mesh")
-@output_file("The closed mesh; it may replace MESH.", WRITABLE_MESH_SUFFIXES)
+@output_file("The new mesh; it may replace MESH.", WRITABLE_MESH_SUFFIXES)
 @options_of(RemeshOptions)
 @report_option
 @threads_option
@@ -48,12 +49,15 @@ def remesh(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Wrap MESH in a closed surface.
+    """Wrap MESH in a closed surface, or remesh it as an open one.
 
-    The surface encloses what is seen from outside. MESH may be any triangles: doubled and inner
-    walls vanish, overlapping parts become one, and holes and gaps are closed. The result is
-    manifold and faces outwards. Its vertices lie on MESH; sheets without thickness get some. It has
-    no texture coordinates.
+    The closed surface of a body encloses what is seen from outside. MESH may be any triangles:
+    doubled and inner walls vanish, overlapping parts become one, and holes and gaps are closed. The
+    result is manifold and faces outwards. Its vertices lie on MESH; sheets without thickness get
+    some.
+
+    An open surface, such as a range scan, cloth or terrain, stays one sheet with its boundary.
+    The result has no texture coordinates.
     """
     options = RemeshOptions(**choices)
     with terminal.progress() as progress:
@@ -70,6 +74,8 @@ def _rows(report: RemeshReport) -> list[tuple[str, str]]:
     distance, diagonal = report.distance, report.diagonal
     return [
         ("faces", f"{report.n_faces_before:,} to {report.n_faces:,}"),
+        ("surface", f"{report.surface}: {report.reason}"),
+        ("holes filled", f"{report.n_holes_filled:,}"),
         ("separate parts", f"{report.n_components:,}"),
         (
             "cavities",

@@ -80,7 +80,7 @@ def parts(drawn: Drawn) -> None:
 def remesh(drawn: Drawn) -> None:
     mesh = drawn.mesh()
     options = drawn.options(
-        tb.RemeshOptions, "keep_interior", "sharp_edges", "quality",
+        tb.RemeshOptions, "surface", "keep_interior", "sharp_edges", "quality",
         resolution=8 + drawn.below(24), close=drawn.pick(("0%", "1%", "10%", "40%", 0.5, 1e300)),
         components=drawn.pick(("all", "largest", 1, 2)),
         n_faces=drawn.pick((None, None, 4, 40)),

@@ -92,10 +92,10 @@ def test_holes_are_closed_up_to_their_width():
     closed = wrapped(ball, close=0.4)
     assert volume(closed) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
     assert genus(closed.faces, find_edges(closed.faces), closed.n_vertices) == 0
-    # A ball that passes the holes makes of it a sheet with holes, whose inside is outside.
-    opened = wrapped(ball, close=0.0)
-    assert volume(opened) < 0.5 * volume(closed)
-    assert genus(opened.faces, find_edges(opened.faces), opened.n_vertices) == 5
+    # Those of a body are filled in any case, however little is to be closed.
+    filled = wrapped(ball, close=0.0)
+    assert volume(filled) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.002)
+    assert genus(filled.faces, find_edges(filled.faces), filled.n_vertices) == 0
 
 
 def rotated(mesh, *angles):
@@ -169,7 +169,8 @@ def test_cavities_are_kept_on_request_and_filled_otherwise(name):
     ids=["ball", "cylinder", "intersecting boxes", "torn ball", "plane"],
 )
 def test_without_cavities_there_is_nothing_to_keep(mesh):
-    plain, kept = wrapped(mesh), wrapped(mesh, keep_interior=True)
+    plain = wrapped(mesh, surface="closed")
+    kept = wrapped(mesh, surface="closed", keep_interior=True)
     assert plain.positions.tobytes() == kept.positions.tobytes()
     assert plain.faces.tobytes() == kept.faces.tobytes()
 
@@ -252,12 +253,15 @@ def test_overlapping_boxes_become_one():
     ids=["plane", "triangle", "line", "mobius", "soup", "thick soup"],
 )
 def test_sheets_are_wrapped_on_both_sides(mesh):
-    result, report = remesh_with_report(mesh, RemeshOptions(resolution=48))
-    wrapped(mesh)
+    one_sided = find_edges(mesh.faces).misoriented.any()
+    surface = "auto" if one_sided else "closed"
+    options = RemeshOptions(resolution=48, surface=surface)
+    result, report = remesh_with_report(mesh, options)
+    wrapped(mesh, surface=surface)
     away = surface_distance(result, mesh)
     assert away.a_to_b.max < 2.5 * report.voxel  # the ball and the shell around corners
     if mesh.n_faces < 400:  # of which some lie inside
-        assert away.b_to_a.max < 1.5 * report.voxel
+        assert away.b_to_a.max < 1.75 * report.voxel
 
 
 def test_triangles_that_are_lines_may_fill_the_grid():
@@ -370,7 +374,7 @@ def test_rough_and_broken_meshes_become_closed(name):
 
 @pytest.mark.parametrize("keep", [True, False])
 @pytest.mark.parametrize(
-    ("name", "n_cavities"), [("organs", 2), *(("broken/VH_M_Heart.glb", 4),) * HAS_REAL]
+    ("name", "n_cavities"), [("organs", 2), *(("broken/VH_M_Heart.glb", 5),) * HAS_REAL]
 )
 def test_cavities_told_are_those_in_the_result(name, n_cavities, keep):
     options = RemeshOptions(resolution=128, keep_interior=keep)

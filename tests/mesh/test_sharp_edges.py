@@ -103,8 +103,8 @@ def test_what_has_no_sharp_edges_stays():
     ids=["crossing", "inwards", "torn", "mixed", "doubled", "sheet", "plate", "soup"],
 )
 def test_the_surface_stays_sound(mesh):
-    result = sharp(mesh, resolution=40)
-    plain = remesh(mesh, RemeshOptions(resolution=40))
+    result = sharp(mesh, resolution=40, surface="closed")
+    plain = remesh(mesh, RemeshOptions(resolution=40, surface="closed"))
     assert result.n_vertices == plain.n_vertices
     voxel = np.ptp(mesh.positions, axis=0).max() / 40
     assert (

@@ -1,4 +1,6 @@
-"""Any triangles to a closed, manifold surface around what can be seen of them from outside.
+"""Any triangles to a manifold surface: a closed one around what is seen from outside, or a sheet.
+
+Holes of a body are filled first. An open surface is remeshed as one sheet; see `remeshing.sheets`.
 
 The mesh is put into a grid of voxels. What a ball cannot reach from outside, because all gaps are
 too narrow for it, is solid: inner walls vanish, overlapping parts become one, and holes are closed.
@@ -14,34 +16,49 @@ Departs from it in that voxels are flooded and not tetrahedra carved.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from texbake.core import portable_math as pm
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError
 from texbake.mesh.distance import OneSidedDistance, surface_distance
-from texbake.mesh.frame import LocalFrame, snapped
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.remesh_options import MIN_RESOLUTION, RemeshOptions
-from texbake.mesh.remeshing.band import BLOCK_SIDE, SHELL_DEPTH, Band, CrowdedGridError
-from texbake.mesh.remeshing.flood import MAX_RADIUS, Rooms, flood_outside
-from texbake.mesh.remeshing.nets import build_nets
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.remesh_options import AUTO, CLOSED, OPEN, RemeshOptions
+from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError
+from texbake.mesh.remeshing.flood import Rooms, flood_outside
+from texbake.mesh.remeshing.grid import Grid, too_crowded
+from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
 from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
+from texbake.mesh.remeshing.sheets import (
+    NoSheetError,
+    build_body,
+    largest_sheets,
+    remesh_sheets,
+)
+from texbake.mesh.remeshing.sides import (
+    AS_IT_IS,
+    Filled,
+    Kind,
+    areas_of,
+    fill_holes,
+    kind_of,
+    require_no_more_tangles,
+)
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import simplify
+from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 
-# Voxels between the mesh and the border of the grid, besides the radius of the ball: the width of
-# the band, and a point that is outside in any case.
-_MARGIN = 4
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
+# Share of the wrap's vertices around sheets from which on its handles may be holes that pierce it.
+_PIERCED = 0.05
+_AREA_KEPT = 0.02  # change of a sheet's area that is not worth a note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +68,6 @@ class RemeshReport:
     Attributes
     ----------
     n_faces_before, n_faces, n_vertices : int
-        Faces of the given mesh, and of the result.
     n_components, n_dropped : int
         Separate parts of the result, and those that `components` left out.
     n_crumbs : int
@@ -66,6 +82,15 @@ class RemeshReport:
         Side of a voxel, in model units.
     gap : float
         Gaps up to this width are closed, in model units.
+    surface : str
+        What was made, `closed` or `open`.
+    reason : str
+        Why, as the end of a sentence.
+    n_holes_filled, n_boundaries, n_handles : int
+        Loops of the mesh's boundary that were filled; those of the result's; handles of a closed
+        one, with those of the walls of cavities that were filled.
+    area_ratio : float
+        Area of an open result, as a share of that of the mesh and what fills its holes.
     thin_share : float
         Share of the wrap's vertices, before it is simplified, that lie around sheets.
     distance : OneSidedDistance
@@ -87,6 +112,12 @@ class RemeshReport:
     n_rooms_untested: int
     voxel: float
     gap: float
+    surface: str
+    reason: str
+    n_holes_filled: int
+    n_boundaries: int
+    n_handles: int
+    area_ratio: float
     thin_share: float
     distance: OneSidedDistance
     diagonal: float
@@ -94,7 +125,7 @@ class RemeshReport:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know, a sentence each."""
+        """Sentences for the user."""
         notes = []
         if self.n_crumbs:
             notes.append(
@@ -110,6 +141,11 @@ class RemeshReport:
                 "the smallest rooms inside were not tested for being cavities, and count as "
                 f"solid: {self.n_rooms_untested:,}; a lower `resolution` leaves fewer"
             )
+        if abs(self.area_ratio - 1.0) > _AREA_KEPT:
+            notes.append(
+                f"the sheet has {100.0 * self.area_ratio:.0f} % of the mesh's area; a greater "
+                "`resolution` keeps more of its detail"
+            )
         return (*notes, *self.distance.notes)
 
     def to_json(self) -> dict[str, Any]:
@@ -124,7 +160,7 @@ def remesh(
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> Mesh:
-    """Wrap a mesh in a closed surface.
+    """Wrap a mesh in a closed surface, or remesh an open one as sheets.
 
     Parameters
     ----------
@@ -140,23 +176,24 @@ def remesh(
     Returns
     -------
     Mesh
-        Closed, manifold and facing outwards, or into the cavities that are kept, with the groups
-        and colors of the nearest points of the given mesh. It has no texture coordinates and no
-        normals of its own.
+        Manifold; closed and facing outwards, or into the cavities that are kept, unless it is
+        open; with the groups and colors of the nearest points of the given mesh. It has no texture
+        coordinates and no normals of its own.
 
     Raises
     ------
     OptionError
         The gaps to close are too wide for the resolution.
     MeshError
-        The mesh has no extent, or its triangles fill the grid many times over.
+        The mesh has no extent, its triangles fill the grid many times over, or the result has more
+        separate parts than it, or more handles and holes.
 
     Examples
     --------
     >>> from texbake.mesh.shapes import plane
     >>> from texbake.mesh.topology import find_edges
     >>> find_edges(remesh(plane(), RemeshOptions(resolution=16)).faces).closed
-    True
+    False
     """
     mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
     return _remeshed(mesh, options, stages, threads, counts_cavities=False)[0]
@@ -165,8 +202,10 @@ def remesh(
 def remesh_with_thinness(
     mesh: Mesh, options: RemeshOptions, *, threads: int | None = None
 ) -> tuple[Mesh, float, float]:
-    """Wrap a mesh; also return the side of a voxel, and the share of the wrap on thin sheets."""
-    wrapped, grid, counts = _remeshed(mesh, options, Stages(None), threads, counts_cavities=False)
+    """Wrap a mesh and fill no holes; also return a voxel's side, and the share of thin sheets."""
+    wrapped, grid, counts = _remeshed(
+        mesh, options, Stages(None), threads, counts_cavities=False, fills_holes=False
+    )
     return wrapped, grid.voxel, counts.thin_share
 
 
@@ -184,19 +223,24 @@ def remesh_with_report(
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
-    parts = Parts.of(grid.to_voxels(wrapped.positions), wrapped.faces)
     report = RemeshReport(
         n_faces_before=mesh.n_faces,
         n_faces=wrapped.n_faces,
         n_vertices=wrapped.n_vertices,
-        n_components=int(np.count_nonzero(~parts.is_wall)),
+        n_components=counts.n_components,
         n_dropped=counts.n_dropped,
         n_crumbs=counts.n_crumbs,
-        n_cavities_kept=int(np.count_nonzero(parts.is_wall)),
+        n_cavities_kept=counts.n_cavities,
         n_cavities_filled=0 if options.keep_interior else counts.rooms.n_cavities,
         n_rooms_untested=counts.rooms.n_untested,
         voxel=grid.voxel,
         gap=grid.gap * grid.voxel,
+        surface=OPEN if counts.kind.is_open else CLOSED,
+        reason=counts.kind.reason,
+        n_holes_filled=counts.n_holes_filled,
+        n_boundaries=len(Loops.of(wrapped.positions, wrapped.faces).sizes),
+        n_handles=counts.n_handles,
+        area_ratio=counts.area_ratio,
         thin_share=counts.thin_share,
         distance=distance,
         diagonal=mesh.diagonal,
@@ -205,69 +249,23 @@ def remesh_with_report(
     return wrapped, report
 
 
-# Points are on a grid with as many cells per voxel, which rounding in the model's coordinates does
-# not affect.
-_CELLS = 2.0**24
-
-
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Where the voxels are, and how many: `voxels = (local - low) / side`."""
-
-    frame: LocalFrame
-    low: FloatArray
-    side: float
-    gap: float  # in voxels
-    shape: tuple[int, int, int]  # blocks along each axis
-
-    @classmethod
-    def around(cls, mesh: Mesh, options: RemeshOptions) -> _Grid:
-        frame = LocalFrame.around(mesh)
-        low, high = frame.to_local(mesh.bounds)
-        if not (high - low).max() > 0.0:
-            raise MeshError(f"{mesh.name}: all of its corners are at one point; nothing to wrap")
-        side = float((high - low).max()) / options.resolution
-        gap = options.gap(float(pm.norm(high - low)) / float(frame.scale)) * frame.scale
-        gap = max(float(snapped(gap / side, _CELLS)), 2.0 * SHELL_DEPTH)
-        if gap > 2.0 * MAX_RADIUS:
-            raise OptionError(
-                f"close: {options.close} is wider than {2 * MAX_RADIUS} voxels; "
-                "close less, or lower `resolution`"
-            )
-        margin = int(gap / 2.0) + _MARGIN
-        n_points = np.ceil(snapped((high - low) / side, _CELLS)).astype(np.int64) + 1 + 2 * margin
-        nx, ny, nz = (-(-n_points // BLOCK_SIDE)).tolist()
-        return cls(frame, low - margin * side, side, gap, (nx, ny, nz))
-
-    @property
-    def voxel(self) -> float:
-        """Side of a voxel in model units."""
-        return float(self.frame.length_to_model(self.side))
-
-    def to_voxels(self, positions: FloatArray) -> FloatArray:
-        return snapped((self.frame.to_local(positions) - self.low) / self.side, _CELLS)
-
-    def to_model(self, positions: FloatArray) -> FloatArray:
-        return self.frame.to_model(positions * self.side + self.low)
+_NO_ROOMS = Rooms(n_cavities=0, n_untested=0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Counts:
     """Figures of the report that only the work itself knows, as in `RemeshReport`."""
 
+    n_components: int
     n_dropped: int
     n_crumbs: int
-    rooms: Rooms
-    thin_share: float
-
-
-def _too_crowded(mesh: Mesh, options: RemeshOptions, error: CrowdedGridError) -> MeshError:
-    lower = int(error.share * options.resolution)
-    lower_too = f"use a `resolution` of {lower}, or " if lower >= MIN_RESOLUTION else ""
-    return MeshError(
-        f"{mesh.name}: its triangles are so many and so large that measuring the voxels around "
-        f"them would take very long; {lower_too}wrap parts of it"
-    )
+    n_cavities: int = 0
+    rooms: Rooms = _NO_ROOMS
+    thin_share: float = 0.0
+    kind: Kind = AS_IT_IS
+    n_holes_filled: int = 0
+    n_handles: int = 0
+    area_ratio: float = 1.0
 
 
 def _remeshed(
@@ -277,21 +275,77 @@ def _remeshed(
     threads: int | None,
     *,
     counts_cavities: bool,
-) -> tuple[Mesh, _Grid, _Counts]:
-    grid = _Grid.around(mesh, options)
+    fills_holes: bool = True,
+) -> tuple[Mesh, Grid, _Counts]:
+    grid = Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
+    kind = AS_IT_IS
+    filled = as_it_is = Filled(mesh.faces, None, mesh.n_faces, 0, NO_LOOPS.edges)
+    if fills_holes:
+        with stages.stage("find boundary"):
+            kind = kind_of(points, mesh.faces, threads=threads)
+            if options.surface != AUTO:
+                kind = replace(kind, is_open=options.surface == OPEN, reason="as asked for")
+            elif options.keep_interior and kind.is_open:
+                kind = replace(kind, is_open=False, reason="its interior is kept")
+            filled = fill_holes(points, kind, grid.gap, whole=options.surface == CLOSED)
+        if kind.is_open and kind.is_one_sided:
+            raise MeshError(f"{mesh.name}: its sheets have one side only; use `surface={CLOSED}`")
+        if not kind.is_open and filled.n_holes == 0:
+            filled = as_it_is
+    try:
+        if kind.is_open:
+            moved, faces, counts = _sheet(points, filled, grid, options, stages, threads)
+        else:
+            moved, faces, counts = _wrap(
+                points, mesh.faces, filled, grid, options, stages, threads, counts_cavities
+            )
+    except CrowdedGridError as error:
+        raise too_crowded(mesh, options, error) from error
+    except NoSheetError as error:
+        raise MeshError(
+            f"{mesh.name}: its sheets are smaller than the voxels; use a greater `resolution`"
+        ) from error
+    counts = replace(counts, kind=kind, n_holes_filled=filled.n_holes)
+    if fills_holes:
+        require_no_more_tangles(
+            mesh.name,
+            kind,
+            faces,
+            counts.n_components,
+            may_be_pierced=filled.n_holes > 0 or counts.thin_share > _PIERCED,
+        )
+    if kind.is_open:
+        area = float(areas_of(points, filled.faces).sum())
+        counts = replace(counts, area_ratio=float(areas_of(moved, faces).sum()) / area)
+    wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
+    if options.sharp_edges:
+        wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
+    if options.n_faces is not None:
+        wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
+    return with_nearest_attributes(wrapped, mesh, threads), grid, counts
+
+
+def _wrap(
+    points: FloatArray,
+    given: IntArray,
+    filled: Filled,
+    grid: Grid,
+    options: RemeshOptions,
+    stages: Stages,
+    threads: int | None,
+    counts_cavities: bool,
+) -> tuple[FloatArray, IntArray, _Counts]:
+    """Wrap a body in a closed surface."""
 
     def measure_windings(of_rooms: FloatArray) -> FloatArray:
         # Of a soup of triangles, which has rooms by the ten thousand, only the largest are tested.
         return winding_numbers(
-            points, mesh.faces, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads
+            points, given, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads
         )
 
     with stages.stage("measure voxels"):
-        try:
-            band = Band.around(points, mesh.faces, grid.shape, threads=threads)
-        except CrowdedGridError as error:
-            raise _too_crowded(mesh, options, error) from error
+        band = Band.around(points, filled.faces, grid.shape, threads=threads)
         labels = band.labels(threads=threads)
     with stages.stage("find outside"):
         rooms = flood_outside(
@@ -302,18 +356,45 @@ def _remeshed(
             threads=threads,
         )
     with stages.stage("build surface"):
-        nets = build_nets(band, labels, threads=threads)
+        nets = build_body(band, labels, points, filled, threads=threads)
+    n_handles = nets.n_handles
     del band, labels
-    thin_share = float(np.mean(nets.thin))
     with stages.stage("project"):
-        tree = TriangleTree.build(points, mesh.faces, threads=threads)
-        moved, faces = project(nets, tree, sharp_edges=options.sharp_edges, threads=threads)
+        tree = TriangleTree.build(points, filled.faces, threads=threads)
+        moved, faces = project(
+            nets, tree, sharp_edges=options.sharp_edges, smooth=filled.smooth, threads=threads
+        )
     moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=options.keep_interior)
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
-    wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
-    if options.sharp_edges:
-        wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
-    if options.n_faces is not None:
-        wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-    counts = _Counts(n_dropped=n_dropped, n_crumbs=n_crumbs, rooms=rooms, thin_share=thin_share)
-    return with_nearest_attributes(wrapped, mesh, threads), grid, counts
+    parts = Parts.of(moved, faces)
+    counts = _Counts(
+        n_components=int(np.count_nonzero(~parts.is_wall)),
+        n_cavities=int(np.count_nonzero(parts.is_wall)),
+        n_dropped=n_dropped,
+        n_crumbs=n_crumbs,
+        rooms=rooms,
+        thin_share=float(np.mean(nets.thin)),
+        n_handles=n_handles,
+    )
+    return moved, faces, counts
+
+
+def _sheet(
+    points: FloatArray,
+    filled: Filled,
+    grid: Grid,
+    options: RemeshOptions,
+    stages: Stages,
+    threads: int | None,
+) -> tuple[FloatArray, IntArray, _Counts]:
+    """Remesh an open surface as sheets."""
+    with stages.stage("build sheets"):
+        sharp = options.sharp_edges
+        moved, faces, n_crumbs = remesh_sheets(
+            points, filled, grid.shape, grid.gap, sharp_edges=sharp, threads=threads
+        )
+    moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
+    counts = _Counts(
+        n_components=face_components(faces, len(moved))[1], n_dropped=n_dropped, n_crumbs=n_crumbs
+    )
+    return moved, faces, counts

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Final
 
+from texbake.errors import OptionError
 from texbake.mesh.options import length_of
 from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
@@ -13,6 +14,7 @@ MIN_RESOLUTION: Final = 8
 MAX_RESOLUTION: Final = 1024
 
 ALL, LARGEST = "all", "largest"
+AUTO, CLOSED, OPEN = "auto", "closed", "open"
 
 REMESH_CHOICES: Final = ("auto", "always", "never")
 DEFAULT_REMESH: Final = "auto"
@@ -28,6 +30,16 @@ REMESH_OPTION = Option(
 class RemeshOptions(CheckedOptions):
     """How finely a mesh is wrapped, and which gaps are closed."""
 
+    surface: Annotated[
+        str,
+        Option(
+            "What the result is: the closed surface of a body, of which all holes are filled; an "
+            "open surface of one sheet, which keeps its boundary; or what the mesh looks like "
+            "(auto).",
+            choices=(AUTO, CLOSED, OPEN),
+        ),
+    ] = AUTO
+
     resolution: Annotated[
         int,
         Option(
@@ -41,7 +53,8 @@ class RemeshOptions(CheckedOptions):
         str | float,
         Option(
             "Close gaps up to this width: 0.02 (model units) or 1% (of the diagonal). Gaps of less "
-            "than two voxels are closed in any case.",
+            "than two voxels are closed in any case. Holes of an open surface up to this width are "
+            "filled.",
             metavar="D",
         ),
     ] = "1%"
@@ -84,6 +97,8 @@ class RemeshOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.gap(1.0)
+        if self.surface == OPEN and self.keep_interior:
+            raise OptionError("keep_interior: an open surface has no interior; leave it out")
 
     def gap(self, diagonal: float) -> float:
         """Return the width of the gaps to close, in the units of the diagonal.

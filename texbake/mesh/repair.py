@@ -90,7 +90,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
         mesh, n_unused = _merged(mesh)
         counts["vertices merged"] += n_unused
     if options.winding:
-        turned = _misoriented(mesh)
+        turned = misoriented(mesh)
         counts["faces turned"] = mesh.count_polygons(turned)
         mesh = turned_over(mesh, turned)
     mesh = with_normals(mesh, options.normals, angle=options.angle)
@@ -122,7 +122,7 @@ def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
     return mesh.replace(**changes, uv_sets=sets_by_corner(mesh, keep))
 
 
-def _misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
+def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     """(F,) bool: faces to turn over so that neighbors agree and closed parts face outwards.
 
     A part without an inside keeps the side that most of its faces show, and one with a single side,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.band import BLOCK_POINTS, SHELL_DEPTH, Band
+from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
 
 _SLOTS, _LAYERS, _QUADS = 256, 8, 1 << 16
@@ -36,6 +37,13 @@ class Nets:
     positions: FloatArray
     thin: npt.NDArray[np.bool_]
     quads: IntArray
+
+    @property
+    def n_handles(self) -> int:
+        """Of a closed surface: as many edges as two to a quad."""
+        halves = np.concatenate([self.quads[:, :3], self.quads[:, 1:]])
+        n_parts = face_components(halves, len(self.positions))[1]
+        return n_parts - (len(self.positions) - len(self.quads)) // 2
 
     def triangles(self, positions: FloatArray, *, threads: int | None = None) -> IntArray:
         """Divide the quads evenly at the positions that vertices have moved to.
@@ -66,7 +74,32 @@ def build_nets(band: Band, labels: npt.NDArray[np.uint8], *, threads: int | None
     threads
         None for every processor.
     """
-    field, thin = _signed(band, labels, threads)
+    field, thin = signed(band, labels, threads)
+    return nets_of(band, field, labels, thin, threads=threads)
+
+
+def nets_of(
+    band: Band,
+    field: npt.NDArray[np.float32],
+    labels: npt.NDArray[np.uint8],
+    thin: npt.NDArray[np.bool_],
+    *,
+    threads: int | None = None,
+) -> Nets:
+    """Build the surface around the points where a field of the band is not positive.
+
+    Parameters
+    ----------
+    band
+    field : (n_slots, 512) float32
+        Signed distances; the points that are filled to make the surface manifold are changed.
+    labels : (nx, ny, nz) uint8
+        Far from the band, all that is not labeled `OUTSIDE` is solid.
+    thin : (n_slots, 512) bool
+        Points of sheets.
+    threads
+        None for every processor.
+    """
     solid = np.empty(labels.shape, dtype=np.bool_)
 
     def mark(start: int, stop: int) -> None:
@@ -95,7 +128,7 @@ def build_nets(band: Band, labels: npt.NDArray[np.uint8], *, threads: int | None
     return Nets(positions, is_thin, quads)
 
 
-def _signed(
+def signed(
     band: Band, labels: npt.NDArray[np.uint8], threads: int | None
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """Signed distances at the points of the band, and which of them belong to a sheet."""

@@ -19,6 +19,8 @@ from texbake.parallel import run_bands
 _LONGEST_STEP, _SHEET_GAP = 1.25, 0.15
 # Of vertices that close a gap: how often they move to the mean of their neighbors.
 _SMOOTHINGS = 20
+# How often those that fill smooth holes move towards the least bending.
+_FAIRINGS = 400
 # How often the steps of a fold's vertices are halved before they are taken back.
 _HALVINGS = 4
 
@@ -26,7 +28,12 @@ _FACES = 1 << 16
 
 
 def project(
-    nets: Nets, tree: TriangleTree, *, sharp_edges: bool = False, threads: int | None = None
+    nets: Nets,
+    tree: TriangleTree,
+    *,
+    sharp_edges: bool = False,
+    smooth: npt.NDArray[np.bool_] | None = None,
+    threads: int | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """Move vertices to the closest points of triangles, as far as no face folds.
 
@@ -39,6 +46,9 @@ def project(
         In the same units, voxels.
     sharp_edges
         Whether vertices beside a sharp edge of the triangles go onto it.
+    smooth : (F,) bool, optional
+        Triangles that only fill holes of the mesh; vertices next to them move to where the surface
+        bends least.
     threads
         None for every processor.
 
@@ -53,6 +63,10 @@ def project(
         before, max_distance=_LONGEST_STEP, threads=threads
     )
     free = face_ids < 0
+    fills = np.zeros(len(before), dtype=np.bool_)
+    if smooth is not None:
+        fills = ~free & smooth[face_ids]
+        free |= fills
     corners = tree.positions[tree.faces[np.where(free, 0, face_ids)]]
     targets = pm.vecmat(weights, corners)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,6 +74,7 @@ def project(
     targets += np.nan_to_num(back)[:, None] * (before - targets)
     targets[free] = before[free]
     targets = _smoothed(targets, nets.quads, free)
+    targets = _faired(targets, nets.quads, fills)
     is_sharp = np.zeros(len(before), dtype=np.bool_)
     if sharp_edges:
         ids = np.where(nets.thin, -1, face_ids)
@@ -67,7 +82,7 @@ def project(
     checked = nets.triangles(before, threads=threads)
     if is_sharp.any():
         checked = divided_along(checked, nets.quads, is_sharp, before, targets)
-    moved = _without_folds(before, targets, checked, is_sharp, threads)
+    moved = without_folds(before, targets, checked, is_sharp, threads)
     faces = nets.triangles(moved, threads=threads)
     if is_sharp.any():
         at_edges = np.repeat(is_sharp[nets.quads].any(axis=1), 2)
@@ -93,7 +108,52 @@ def _smoothed(positions: FloatArray, quads: IntArray, free: npt.NDArray[np.bool_
     return positions
 
 
-def _without_folds(
+def _faired(positions: FloatArray, quads: IntArray, free: npt.NDArray[np.bool_]) -> FloatArray:
+    """Move free vertices to where the surface bends least, with its slopes at their border.
+
+    Solved by conjugate gradients: least squares of the steps from vertices to the means of their
+    neighbors, of the free ones and of those beside them.
+    """
+    edges = np.concatenate([quads[:, [k, (k + 1) % 4]] for k in range(4)])
+    near = np.zeros(len(free), dtype=np.bool_)
+    near[edges[free[edges[:, 1]], 0]] = True
+    near |= free
+    edges = edges[near[edges[:, 0]]]
+    used, compact = np.unique(edges, return_inverse=True)
+    tails, heads = compact.reshape(-1, 2).T
+    n, is_free = len(used), free[used][:, None]
+    if not is_free.any():
+        return positions
+    counts = np.bincount(tails, minlength=n)
+    shares = 1.0 / counts[tails]
+
+    def bends(values: FloatArray) -> FloatArray:
+        sums = [np.bincount(tails, shares * values[heads, axis], n) for axis in range(3)]
+        return np.where(near[used][:, None], np.stack(sums, axis=1) - values, 0.0)
+
+    def pulls(values: FloatArray) -> FloatArray:
+        sums = [np.bincount(heads, shares * values[tails, axis], n) for axis in range(3)]
+        return np.where(is_free, np.stack(sums, axis=1) - values, 0.0)
+
+    places = positions[used]
+    residual = -pulls(bends(places))
+    step, square = residual, float((residual * residual).sum())
+    least = 1e-10 * square
+    for _ in range(_FAIRINGS):
+        if square <= least:
+            break
+        bent = bends(step)
+        length = square / float((bent * bent).sum())
+        places = places + length * step
+        residual = residual - length * pulls(bent)
+        before, square = square, float((residual * residual).sum())
+        step = residual + square / before * step
+    faired = positions.copy()
+    faired[used] = places
+    return faired
+
+
+def without_folds(
     before: FloatArray,
     targets: FloatArray,
     faces: IntArray,

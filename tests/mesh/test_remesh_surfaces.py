@@ -1,0 +1,259 @@
+"""Open surfaces that stay one sheet, and bodies whose holes are filled."""
+
+import numpy as np
+import pytest
+
+from tests.models import HAS_REAL, flipped, joined, model, moved
+from texbake.core import core
+from texbake.errors import MeshError, OptionError
+from texbake.mesh.distance import surface_distance
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.parametric.make import make
+from texbake.mesh.remesh import remesh, remesh_with_report
+from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.remeshing.holes import Loops
+from texbake.mesh.remeshing.sides import areas_of, kind_of
+from texbake.mesh.shapes import icosphere, plane
+from texbake.mesh.topology import euler_characteristic, face_components, find_edges
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
+
+
+def heights(n, height, keep=lambda x, y: np.ones(x.shape, bool)):
+    """A height field over a square, of the triangles whose centers are kept."""
+    ticks = np.linspace(-1.0, 1.0, n + 1)
+    x, y = np.meshgrid(ticks, ticks, indexing="ij")
+    ids = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = (i.ravel() for i in (ids[:-1, :-1], ids[1:, :-1], ids[1:, 1:], ids[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    positions = np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3)
+    centers = positions[faces].mean(axis=1)
+    return Mesh(positions=positions, faces=faces[keep(centers[:, 0], centers[:, 1])])
+
+
+def rough(x, size, seed=0):
+    return size * np.random.default_rng(seed).normal(size=x.shape)
+
+
+def bumps(x, y):
+    return 0.7 * np.sqrt(np.maximum(1.3 - x * x - y * y, 0.0)) + 0.2 * np.exp(-(x**2 + y**2) / 0.02)
+
+
+def face_mask():
+    return heights(140, lambda x, y: bumps(x, y) + rough(x, 0.002), lambda x, y: x**2 + y**2 < 0.97)
+
+
+def range_scan():
+    """A dome with a ragged boundary and 12 holes that a sensor left."""
+    random = np.random.default_rng(2)
+    edges, holes = random.uniform(0.88, 0.94, 60), random.uniform(-0.55, 0.55, (12, 2))
+
+    def keep(x, y):
+        angles = ((np.arctan2(y, x) / np.pi + 1.0) * 29.9).astype(int)
+        kept = np.hypot(x, y) < edges[angles]
+        for hole in holes:
+            kept &= np.hypot(x - hole[0], y - hole[1]) > 0.05
+        return kept
+
+    return heights(120, lambda x, y: bumps(x, y) + rough(x, 0.001), keep)
+
+
+def leaf(n=60):
+    mesh = heights(n, lambda x, y: 0.2 * x**2 - 0.1 * y**2)
+    x, y, z = mesh.positions.T
+    return mesh.replace(positions=np.stack([x, y * (0.5 - 0.45 * x**2), z], axis=1))
+
+
+def leaves():
+    turns = np.random.default_rng(3)
+    parts = []
+    for _ in range(8):
+        turn = np.linalg.qr(turns.normal(size=(3, 3)))[0]
+        one = leaf(30)
+        parts.append(
+            moved(one.replace(positions=one.positions @ turn), by=0.6 * turns.normal(size=3))
+        )
+    return joined(*parts)
+
+
+SHEETS = {
+    "plane": lambda: plane(3, 3),
+    "face mask": face_mask,
+    "range scan": range_scan,
+    "leaf": leaf,
+    "leaves that cross": leaves,
+    "cloth": lambda: heights(100, lambda x, y: 0.25 * np.sin(5 * x + 2 * np.sin(3 * y))),
+    "terrain": lambda: heights(
+        100, lambda x, y: 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, 0.002)
+    ),
+    "half a ball": lambda: part_of_ball(0.0),
+}
+
+
+def part_of_ball(height, level=5):
+    ball = icosphere(level)
+    return ball.replace(faces=ball.faces[ball.positions[ball.faces].mean(axis=1)[:, 2] > height])
+
+
+def figures(mesh):
+    """Separate parts and Euler number of a mesh whose vertices at one place are one."""
+    faces = weld_rows(mesh.positions)[mesh.faces]
+    edges = find_edges(faces)
+    assert not edges.non_manifold.any() and not edges.misoriented.any()
+    return face_components(faces, mesh.n_vertices)[1], euler_characteristic(faces, edges)
+
+
+def boundary(mesh):
+    """The boundary as a mesh of lines."""
+    loops = Loops.of(mesh.positions, weld_rows(mesh.positions)[mesh.faces])
+    return Mesh(positions=mesh.positions, faces=loops.edges[:, [0, 1, 1]])
+
+
+@pytest.mark.parametrize("resolution", [96, 160])
+@pytest.mark.parametrize("name", SHEETS)
+def test_open_surfaces_stay_sheets_with_their_boundary(name, resolution):
+    mesh = SHEETS[name]()
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=resolution, close=0.0))
+    assert report.surface == "open"
+    assert figures(result) == figures(mesh)
+    areas = [areas_of(one.positions, one.faces).sum() for one in (result, mesh)]
+    assert areas[0] == pytest.approx(areas[1], rel=0.02)
+    away = surface_distance(result, mesh)
+    assert away.a_to_b.max < report.voxel and away.b_to_a.max < report.voxel
+    old, new = boundary(mesh), boundary(result)
+    points = new.positions[np.unique(new.faces)]
+    assert nearest(points, old).mean() < 0.2 * report.voxel
+    assert nearest(points, old).max() < report.voxel
+
+
+def nearest(points, mesh):
+    return TriangleTree.build(mesh.positions, mesh.faces).closest_points(points)[0]
+
+
+def test_holes_of_sheets_are_filled_up_to_a_width():
+    mesh = range_scan()
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=128, close=0.4))
+    assert report.surface == "open" and report.n_holes_filled >= 10
+    assert figures(result) == (1, 1) and report.n_boundaries == 1
+    # Smoothly: the dome over the hole, and not its chord.
+    dome = heights(120, bumps)
+    assert surface_distance(result, dome).a_to_b.max < 0.5 * report.voxel
+
+
+def holed(mesh, n_holes, width):
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    chosen = np.random.default_rng(1).choice(len(centers), n_holes, replace=False)
+    kept = np.ones(len(centers), bool)
+    for hole in centers[chosen]:
+        kept &= ((centers - hole) ** 2).sum(axis=1) > width * width / 4.0
+    return mesh.replace(faces=mesh.faces[kept])
+
+
+def statue(level):
+    ball = icosphere(level)
+    x, y, z = ball.positions.T
+    swell = 1.0 + 0.15 * np.sin(6 * x) * np.sin(5 * y) * np.cos(4 * z)
+    return ball.replace(positions=ball.positions * swell[:, None] * [1.0, 1.6, 0.9])
+
+
+def half_turned(mesh):
+    turned = np.arange(mesh.n_faces)[:, None] % 2 == 0
+    return mesh.replace(faces=np.where(turned, mesh.faces, mesh.faces[:, ::-1]))
+
+
+def bare(mesh):
+    return Mesh(positions=mesh.positions, faces=weld_rows(mesh.positions)[mesh.faces])
+
+
+TORUS = bare(make("torus", resolution=(160, 80)))
+BODIES = {
+    "statue": (statue(6), lambda mesh: holed(mesh, 278, 0.05), 0),
+    "torus": (TORUS, lambda mesh: holed(mesh, 20, 0.15), 1),
+    "inside out": (statue(5), lambda mesh: flipped(holed(mesh, 40, 0.1)), 0),
+    "half inside out": (statue(5), lambda mesh: half_turned(holed(mesh, 40, 0.1)), 0),
+    "inner wall": (
+        statue(5),
+        lambda mesh: joined(holed(mesh, 40, 0.1), holed(moved(mesh, scale=0.9), 40, 0.1)),
+        0,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_holes_of_bodies_are_filled(name):
+    whole, torn, n_handles = BODIES[name]
+    result, report = remesh_with_report(torn(whole), RemeshOptions(resolution=96))
+    assert report.surface == "closed" and report.n_holes_filled >= 10
+    assert find_edges(result.faces).closed and figures(result) == (1, 2 - 2 * n_handles)
+    assert not core.has_pinched_vertex(result.n_vertices, result.faces)
+    assert surface_distance(result, whole).max < 0.5 * report.voxel
+
+
+@pytest.mark.parametrize("name", sorted(set(SHEETS) - {"plane", "range scan", "leaves that cross"}))
+def test_sheets_are_closed_on_request(name):
+    result, report = remesh_with_report(
+        SHEETS[name](), RemeshOptions(resolution=96, surface="closed")
+    )
+    assert report.surface == "closed" and find_edges(result.faces).closed
+    assert figures(result) == (1, 2)
+
+
+def test_a_base_is_closed_flat():
+    result, report = remesh_with_report(part_of_ball(-0.8), RemeshOptions(resolution=96))
+    assert report.surface == "closed" and figures(result) == (1, 2)
+    low = result.bounds[0][2]
+    assert low == pytest.approx(-0.8, abs=2.0 * report.voxel)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "is_open"),
+    [(one(), True) for one in SHEETS.values()]
+    + [(torn(whole), False) for whole, torn, _ in BODIES.values()]
+    + [(part_of_ball(-0.6), False), (part_of_ball(0.2), True), (icosphere(2), False)]
+    + [(make("mobius", resolution=(48, 4)), False)]
+    + [
+        (model(name), is_open)
+        for name, is_open in (
+            ("meshes/mountain.obj", True),
+            ("meshes/maze.obj", True),
+            ("broken/inverted_triangles.obj", True),
+            ("meshes/spothead.obj", False),
+            ("broken/VH_M_Heart.glb", False),
+            ("broken/cycloidal.ply", False),
+            ("broken/self_intersectA.obj", False),
+        )
+        if HAS_REAL
+    ],
+)
+def test_open_surfaces_are_told_from_bodies(mesh, is_open):
+    low, high = mesh.bounds
+    kind = kind_of((mesh.positions - low) * (128.0 / (high - low).max()), mesh.faces)
+    assert kind.is_open == is_open and kind.reason
+
+
+def test_wrong_results_are_errors():
+    mobius = make("mobius", resolution=(48, 4))
+    with pytest.raises(MeshError, match="one side only; use `surface=closed`"):
+        remesh(mobius, RemeshOptions(surface="open", resolution=48))
+    with pytest.raises(OptionError, match="keep_interior: an open surface has no interior"):
+        RemeshOptions(surface="open", keep_interior=True)
+    # Two halves that hang together by less than a voxel.
+    halves = heights(60, lambda x, y: 0.0 * x, lambda x, y: abs(x) > 0.3)
+    ends = [np.abs(halves.positions - [x, 0.4333, 0.0]).sum(axis=1).argmin() for x in (-0.3, 0.3)]
+    positions = np.concatenate([halves.positions, [[0.0, 0.434, 0.0]]])
+    bridge = np.array([[*ends, halves.n_vertices]])
+    narrow = Mesh(positions=positions, faces=np.concatenate([halves.faces, bridge]))
+    with pytest.raises(MeshError, match="2 separate parts and the mesh 1; use a greater"):
+        remesh(narrow, RemeshOptions(resolution=32, close=0.0))
+    largest = RemeshOptions(resolution=32, close=0.0, components="largest")
+    assert figures(remesh(narrow, largest))[0] == 1
+
+
+def test_sheets_do_not_depend_on_the_threads_and_the_size():
+    mesh = leaves()
+    options = RemeshOptions(resolution=64)
+    here = remesh(mesh, options, threads=1)
+    for threads, scale in ((2, 1.0), (3, 2.0**30)):
+        there = remesh(moved(mesh, scale=scale), options, threads=threads)
+        assert np.array_equal(here.faces, there.faces)
+        assert np.array_equal(here.positions * scale, there.positions)

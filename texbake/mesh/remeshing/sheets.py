@@ -1,0 +1,342 @@
+"""An open surface remeshed as one sheet.
+
+All grid points near the surface that lie behind it are solid, so that the solid is a thick shell
+whose front is the surface. Of the net around the solid, the quads stay whose grid edges pass
+through the surface: the distances of the ends of such an edge add up to its length at most, and
+beyond the boundary of the surface they add up to more. Vertices at the boundary move onto the
+old one.
+
+Based on: J. Andreas Bærentzen, Henrik Aanæs, "Signed Distance Computation Using the Angle Weighted
+Pseudonormal", IEEE Transactions on Visualization and Computer Graphics 11(3), 2005 (the side).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.mesh.half_edges import opposite_half_edges
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import smooth_normals
+from texbake.mesh.remeshing.band import (
+    BAND_WIDTH,
+    BLOCK_POINTS,
+    BLOCK_SIDE,
+    OUTSIDE,
+    SHELL_DEPTH,
+    Band,
+)
+from texbake.mesh.remeshing.holes import Loops, with_own_fans
+from texbake.mesh.remeshing.nets import Nets, build_nets, nets_of, signed
+from texbake.mesh.remeshing.projection import project, without_folds
+from texbake.mesh.remeshing.sides import Filled, areas_of, count_tangles, oriented
+from texbake.mesh.topology import face_components, find_edges
+from texbake.mesh.triangle_tree import TriangleTree
+
+# Rounds in which sheets are remeshed, and parts that are given one by their boxes.
+_ROUNDS, _MOST_PARTS = 12, 2048
+
+
+class NoSheetError(Exception):
+    """The voxels are so large that nothing is left of the sheets."""
+
+
+BoolArray = npt.NDArray[np.bool_]
+
+# How far the distances of the ends of a grid edge may add up to more than its length, in voxels.
+_SLACK = 1e-3
+# How far vertices at the boundary move along it, in voxels.
+_LONGEST_STEP = 2.0
+# Parts of less area, in voxels, are left out.
+_LEAST_AREA = 12.0
+# Parts cut off at thin necks are left out up to this share of the area, together.
+_CUT_OFF = 0.01
+# Holes up to this width are the grid's, and so are those whose vertices are, on average, farther
+# from the old boundary. Notches that become holes are filled up to a width.
+_GRID_HOLE, _OFF_RIM, _NOTCH = 3.0, 1.5, 12.0
+# Weights of corners below this are 0 but for rounding.
+_ZERO = 1e-9
+
+
+def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -> Nets:
+    """Build the net of an open surface, with a staircase of quads as its boundary.
+
+    Parameters
+    ----------
+    band
+    tree
+        Of the same faces, which wind alike.
+    threads
+        None for every processor.
+    """
+    field = band.distances.copy()
+    near = np.flatnonzero(field < BAND_WIDTH)
+    field.ravel()[near[_is_behind(band, near, tree, threads)]] *= -1.0
+    labels = np.full(band.shape, OUTSIDE, dtype=np.uint8)
+    thin = np.zeros(field.shape, dtype=np.bool_)
+    nets = nets_of(band, field, labels, thin, threads=threads)
+    cells = np.floor(nets.positions).astype(np.int32)[nets.quads]
+    ends = cells.max(axis=1), cells.max(axis=1)
+    # The four cells around a grid edge differ along the two other axes.
+    ends[1][(np.ptp(cells, axis=1) == 0)] += 1
+    distances = [_at(band, end) for end in ends]
+    kept = nets.quads[distances[0] + distances[1] <= 1.0 + _SLACK]
+    used, quads = np.unique(kept, return_inverse=True)
+    return Nets(nets.positions[used], nets.thin[used], quads.reshape(-1, 4).astype(np.int32))
+
+
+def _at(band: Band, points: IntArray) -> FloatArray:
+    """Distances at grid points (n, 3) of the band."""
+    blocks = band.slots[tuple((points // BLOCK_SIDE).T)]
+    x, y, z = (points % BLOCK_SIDE).T
+    distances = band.distances[blocks, x << 6 | y << 3 | z]
+    return np.asarray(distances, dtype=np.float64)
+
+
+def build_body(
+    band: Band,
+    labels: npt.NDArray[np.uint8],
+    points: FloatArray,
+    filled: Filled,
+    *,
+    threads: int | None = None,
+) -> Nets:
+    """Build the net of a body, which is pierced nowhere next to the holes that are filled.
+
+    Between the surface and what fills a hole, the solid can be thinner than a voxel. If that leaves
+    handles, points next to the surface belong to the solid there.
+
+    Parameters
+    ----------
+    band, labels
+        As for `build_nets`.
+    points : (V, 3) float64
+    filled
+    threads
+        None for every processor.
+    """
+    if filled.n_holes == 0:
+        return build_nets(band, labels, threads=threads)
+    field, thin = signed(band, labels, threads)
+    nets = nets_of(band, field.copy(), labels, thin, threads=threads)
+    if nets.n_handles <= count_tangles(filled.faces) // 2:
+        return nets
+    fills = TriangleTree.build(points, filled.faces[filled.n_given :], threads=threads)
+    near = np.flatnonzero((band.distances < SHELL_DEPTH) & (field > 0.0))
+    found = fills.closest_points(_grid_points(band, near), max_distance=BAND_WIDTH, threads=threads)
+    near = near[found[1] >= 0]
+    field.ravel()[near] = band.distances.ravel()[near] - SHELL_DEPTH
+    thick = nets_of(band, field, labels, thin, threads=threads)
+    return thick if thick.n_handles < nets.n_handles else nets
+
+
+def _grid_points(band: Band, near: npt.NDArray[np.intp]) -> FloatArray:
+    """Points of the band by their places in its flat arrays."""
+    slots, places = near // BLOCK_POINTS, near % BLOCK_POINTS
+    steps = np.stack([places >> 6, places >> 3 & 7, places & 7], axis=1)
+    return (band.corners[slots] + steps).astype(np.float64)
+
+
+def _is_behind(
+    band: Band, near: npt.NDArray[np.intp], tree: TriangleTree, threads: int | None
+) -> BoolArray:
+    """(n,) bool: grid points behind the closest points of the surface, by the normals there."""
+    points = _grid_points(band, near)
+    limit = 2.0 * BAND_WIDTH
+    _, face_ids, weights = tree.closest_points(points, max_distance=limit, threads=threads)
+    corners = tree.positions[tree.faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300)
+    opposite = opposite_half_edges(tree.faces, solid=np.ones(len(tree.faces), dtype=np.bool_))
+    across = np.where(opposite[:, None] < 0, 0.0, normals[opposite // 3]).reshape(-1, 3, 3)
+    at_vertices = smooth_normals(Mesh(positions=tree.positions, faces=tree.faces), threads=threads)
+    n_zero = (weights < _ZERO).sum(axis=1)
+    chosen = normals[face_ids]
+    rows = np.flatnonzero(n_zero == 1)
+    # The edge from corner k to the next lies across from the corner before k.
+    edges = (weights[rows].argmin(axis=1) + 1) % 3
+    chosen[rows] += across[face_ids[rows], edges]
+    rows = np.flatnonzero(n_zero == 2)
+    chosen[rows] = at_vertices[tree.faces[face_ids[rows], weights[rows].argmax(axis=1)]]
+    offsets = points - pm.vecmat(weights, corners[face_ids])
+    return np.asarray((offsets * chosen).sum(axis=1) < 0.0)
+
+
+def remesh_sheets(
+    points: FloatArray,
+    filled: Filled,
+    shape: tuple[int, int, int],
+    gap: float,
+    *,
+    sharp_edges: bool = False,
+    threads: int | None = None,
+) -> tuple[FloatArray, IntArray, int]:
+    """Remesh an open surface, sheets whose boxes meet one after the other.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        In units of a voxel.
+    filled
+    shape
+        Blocks of the grid along each axis.
+    gap
+        Holes up to this width are filled.
+    sharp_edges
+    threads
+        None for every processor.
+
+    Returns
+    -------
+    points, faces
+    n_lost
+        Separate parts of the mesh smaller than some voxels, which are left out.
+    """
+    parts, n_parts = face_components(filled.faces, len(points))
+    rounds = _rounds(points, filled.faces, parts, n_parts)[parts]
+    of_vertex = np.zeros(len(points), dtype=np.int64)
+    of_vertex[filled.faces] = rounds[:, None]
+    all_points, all_faces, n_points = [], [], 0
+    for number in range(int(rounds.max()) + 1):
+        chosen = rounds == number
+        given = np.ascontiguousarray(filled.faces[chosen])
+        band = Band.around(points, given, shape, threads=threads)
+        tree = TriangleTree.build(points, given, threads=threads)
+        nets = build_sheet(band, tree, threads=threads)
+        if len(nets.quads) == 0:
+            continue
+        moved, faces = project(
+            nets,
+            tree,
+            sharp_edges=sharp_edges,
+            smooth=None if filled.smooth is None else filled.smooth[chosen],
+            threads=threads,
+        )
+        edges = filled.rim[of_vertex[filled.rim[:, 0]] == number]
+        rim = _rim(points, edges, threads)
+        n_given = face_components(given, len(points))[1]
+        moved, faces = _cleaned(moved, faces, n_given, rim, gap, threads)
+        moved = _onto_rim(moved, faces, rim, threads)
+        all_points.append(moved)
+        all_faces.append(faces + n_points)
+        n_points += len(moved)
+    if not all_faces or not areas_of(points, filled.faces).any():
+        raise NoSheetError
+    all_of_them = np.concatenate(all_faces).astype(np.int32)
+    n_lost = max(n_parts - face_components(all_of_them, n_points)[1], 0)
+    return np.concatenate(all_points), all_of_them, n_lost
+
+
+def _rounds(
+    points: FloatArray, faces: IntArray, parts: IntArray, n_parts: int
+) -> npt.NDArray[np.int64]:
+    """(n,) int: round for each part, such that the boxes of those of one round are apart.
+
+    The last of all rounds takes all that are left.
+    """
+    low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
+    np.minimum.at(low, parts, points[faces].min(axis=1) - BAND_WIDTH)
+    np.maximum.at(high, parts, points[faces].max(axis=1) + BAND_WIDTH)
+    rounds = np.full(n_parts, _ROUNDS - 1)
+    for part in np.argsort(-np.prod(high - low, axis=1), kind="stable")[:_MOST_PARTS]:
+        near = ((low[part] < high) & (low < high[part])).all(axis=1) & (rounds < _ROUNDS - 1)
+        free = np.flatnonzero(np.bincount(rounds[near], minlength=_ROUNDS) == 0)
+        rounds[part] = free[0]
+    return np.unique(rounds, return_inverse=True)[1]
+
+
+def largest_sheets(
+    points: FloatArray, faces: IntArray, n_kept: int | None
+) -> tuple[FloatArray, IntArray, int]:
+    """Keep the separate parts of most area, None for all; also count the others."""
+    parts, n_parts = face_components(faces, len(points))
+    if n_kept is None or n_parts <= n_kept:
+        return points, faces, 0
+    areas = np.bincount(parts, areas_of(points, faces), n_parts)
+    kept = np.isin(parts, np.argsort(-areas, kind="stable")[:n_kept])
+    return *with_own_fans(points, faces[kept]), n_parts - n_kept
+
+
+def _cleaned(
+    points: FloatArray,
+    faces: IntArray,
+    n_given: int,
+    rim: TriangleTree | None,
+    gap: float,
+    threads: int | None,
+) -> tuple[FloatArray, IntArray]:
+    """Leave out crumbs, and fill holes that the grid made.
+
+    Crumbs are tiny parts, and small ones at a thin neck, more than the `n_given` of the mesh. Holes
+    of the grid are small, or far from the boundary of the mesh.
+    """
+    faces = _without_pinches(points, faces)
+    parts, n_parts = face_components(faces, len(points))
+    areas = np.bincount(parts, areas_of(points, faces), n_parts)
+    is_crumb = areas < min(_LEAST_AREA, areas.max())
+    more_than_given = np.argsort(-areas, kind="stable")[n_given:]
+    if areas[more_than_given].sum() < _CUT_OFF * areas.sum():
+        is_crumb[more_than_given] = True
+    faces = faces[~is_crumb[parts]]
+    loops = Loops.of(points, faces)
+    is_small = loops.widths <= max(gap, _GRID_HOLE)
+    chosen = is_small & ~loops.outer | _is_off(loops, points, rim, threads)
+    # What closes the mouth of a narrow notch makes a hole of it.
+    n_rims = 0 if rim is None else face_components(rim.faces, len(rim.positions))[1]
+    widths = np.where(chosen | loops.outer, np.inf, loops.widths)
+    excess = max(int(np.count_nonzero(~chosen)) - n_rims, 0)
+    notches = np.argsort(widths, kind="stable")[:excess]
+    chosen[notches[widths[notches] < _NOTCH]] = True
+    points, more = loops.fanned(points, chosen)
+    faces = oriented(points, np.concatenate([faces, more]))
+    return with_own_fans(points, faces)
+
+
+def _without_pinches(points: FloatArray, faces: IntArray) -> IntArray:
+    """Leave out faces where a vertex has more than one fan of them, until it has one."""
+    while True:
+        fans = with_own_fans(points, faces)[1].ravel()
+        n_faces = np.bincount(fans)
+        order = np.lexsort((fans, -n_faces[fans], faces.ravel()))
+        first = np.flatnonzero(np.diff(faces.ravel()[order], prepend=-1))
+        largest = np.zeros(len(n_faces), dtype=np.bool_)
+        largest[fans[order[first]]] = True
+        whole = largest[fans].reshape(-1, 3).all(axis=1)
+        if whole.all():
+            return faces
+        faces = faces[whole]
+
+
+def _rim(points: FloatArray, edges: IntArray, threads: int | None) -> TriangleTree | None:
+    """Edges (n, 2) as triangles, None if there are none."""
+    if len(edges) == 0:
+        return None
+    return TriangleTree.build(points, edges[:, [0, 1, 1]], threads=threads)
+
+
+def _is_off(
+    loops: Loops, points: FloatArray, rim: TriangleTree | None, threads: int | None
+) -> BoolArray:
+    """(m,) bool: loops that lie away from the rim, on average."""
+    if rim is None or len(loops.sizes) == 0:
+        return np.ones(len(loops.sizes), dtype=np.bool_)
+    distances, _, _ = rim.closest_points(points[loops.vertices], threads=threads)
+    means = np.add.reduceat(distances, np.cumsum(loops.sizes) - loops.sizes) / loops.sizes
+    return np.asarray(means > _OFF_RIM)
+
+
+def _onto_rim(
+    points: FloatArray, faces: IntArray, rim: TriangleTree | None, threads: int | None
+) -> FloatArray:
+    """Move the boundary of a sheet onto that of the mesh, as far as no face folds."""
+    edges = find_edges(faces)
+    ids = np.unique(edges.vertices[edges.boundary])
+    if len(ids) == 0 or rim is None:
+        return points
+    _, lines, weights = rim.closest_points(points[ids], max_distance=_LONGEST_STEP, threads=threads)
+    ids, lines, weights = ids[lines >= 0], lines[lines >= 0], weights[lines >= 0]
+    targets = points.copy()
+    targets[ids] = pm.vecmat(weights, rim.positions[rim.faces[lines]])
+    nobody = np.zeros(len(points), dtype=np.bool_)
+    return without_folds(points, targets, faces, nobody, threads)

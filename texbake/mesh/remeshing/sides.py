@@ -1,0 +1,248 @@
+"""Whether a surface is open, or a body with holes, and its faces oriented to tell its two sides.
+
+Just off its faces, the winding numbers of a body are 0 on one side and 1 on the other, but for what
+is seen through its holes; those of a flat sheet are a half, of either sign. Sheets narrower than a
+few voxels, those with edges of three faces, and those with a single side are no open surfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.errors import MeshError
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.remesh_options import CLOSED, OPEN
+from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
+from texbake.mesh.remeshing.winding import winding_numbers
+from texbake.mesh.repair import misoriented
+from texbake.mesh.topology import (
+    euler_characteristic,
+    face_components,
+    find_edges,
+    repeated_vertices,
+    surface_side,
+)
+from texbake.mesh.weld import weld_rows
+
+BoolArray = npt.NDArray[np.bool_]
+
+# Faces whose winding numbers are measured, faces summed up for them, and how far off, in voxels.
+_SAMPLES, _MOST_WORK, _OFF = 512, 1e7, 1e-3
+# How much of all directions open surfaces show their own other side through their holes, at least;
+# on average over their faces. It is 0.17 for half a sphere, and 0.5 for a sheet.
+_OPEN = 0.1
+# Sheets narrower than this, in voxels, as area over boundary, have no boundary to keep. Edges with
+# three faces, or whose two faces cannot agree, as a share of all.
+_NARROW, _TORN = 2.0, 0.001
+# Holes up to this share of the diagonal are filled smoothly, and others by a flat net.
+_SMALL = 0.1
+
+_CLOSED = "it has no boundary"
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A surface whose vertices at one place are one.
+
+    Attributes
+    ----------
+    faces : (F, 3) int32
+        Neighbors wind alike where that is possible. Those with repeated vertices are left out.
+    loops : Loops
+        Of its boundary.
+    open_parts : (n,) bool
+        Which separate parts are open surfaces.
+    is_open : bool
+        Whether most of its area is of open surfaces.
+    is_one_sided : bool
+        Whether neighbors cannot wind alike everywhere, as on a Möbius strip.
+    reason : str
+        Why, as the end of a sentence.
+    """
+
+    faces: IntArray
+    loops: Loops
+    open_parts: BoolArray
+    is_open: bool
+    is_one_sided: bool
+    reason: str
+
+
+# Of a surface that is wrapped without a look at it.
+AS_IT_IS = Kind(np.zeros((0, 3), np.int32), NO_LOOPS, np.zeros(0, np.bool_), False, False, "")
+
+
+def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) -> Kind:
+    """Tell whether a surface is open or the surface of a body.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+        In units of the voxels that it will be remeshed with.
+    faces : (F, 3) int32
+    threads
+        None for every processor.
+    """
+    if surface_side(Mesh(positions=points, faces=faces), threads=threads) != "both":
+        return Kind(faces, NO_LOOPS, np.zeros(1, dtype=np.bool_), False, False, _CLOSED)
+    faces = weld_rows(points)[faces]
+    faces = np.ascontiguousarray(faces[~repeated_vertices(faces)], dtype=np.int32)
+    parts, n_parts = face_components(faces, len(points))
+    loops = Loops.of(points, faces)
+    none = np.zeros(n_parts, dtype=np.bool_)
+    if len(loops.sizes) == 0:
+        return Kind(faces, loops, none, False, False, _CLOSED)
+    faces = oriented(points, faces)
+    edges = find_edges(faces)
+    areas = areas_of(points, faces)
+    length, area = float(loops.lengths.sum()), float(areas.sum())
+    seen = _seen_through_holes(points, faces, areas, threads)
+    n_seen = np.bincount(parts[seen.faces], minlength=n_parts)
+    shares = np.bincount(parts[seen.faces], seen.shares, n_parts) / np.maximum(n_seen, 1)
+    has_boundary = np.bincount(loops.parts, minlength=n_parts) > 0
+    open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.shares.mean()) > _OPEN)
+    is_open = 2.0 * float(areas[open_parts[parts]].sum()) > area
+    share = (
+        f"from its back, {100.0 * float(seen.shares.mean()):.0f} % of all directions lead outside"
+    )
+    is_one_sided = bool(np.count_nonzero(edges.misoriented) > _TORN * len(edges.vertices))
+    n_bad = np.count_nonzero(edges.non_manifold | edges.misoriented)
+    if n_bad > _TORN * len(edges.vertices):
+        is_open, share = False, f"{n_bad:,} of its edges have no two sides"
+    elif is_open and area < _NARROW * length:
+        is_open, share = False, "its sheets are too narrow for these voxels"
+    return Kind(faces, loops, open_parts, is_open, is_one_sided, share)
+
+
+def oriented(points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces that wind like their neighbors, where that is possible."""
+    turned = misoriented(Mesh(positions=points, faces=faces))[:, None]
+    return np.ascontiguousarray(np.where(turned, faces[:, ::-1], faces), dtype=np.int32)
+
+
+def count_tangles(faces: IntArray) -> int:
+    """Twice the handles, plus the loops of the boundary, of all separate parts together."""
+    n_parts = face_components(faces, int(faces.max()) + 1)[1]
+    return 2 * n_parts - euler_characteristic(faces, find_edges(faces))
+
+
+def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
+    """(F,) areas of faces."""
+    return np.asarray(0.5 * pm.norm(_crosses(points, faces), axis=1))
+
+
+def _crosses(points: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    faces: npt.NDArray[np.int64]
+    shares: FloatArray  # of all directions, 0 where the surface is closed, 0.5 where it is flat
+
+
+def _seen_through_holes(
+    points: FloatArray, faces: IntArray, areas: FloatArray, threads: int | None
+) -> _Seen:
+    """Measure at some faces, evenly by area, how much of the other side is seen through holes."""
+    sums = np.cumsum(areas)
+    # A large odd step puts them in no order, since the last ones may not be measured.
+    steps = (np.arange(_SAMPLES) * 197 % _SAMPLES + 0.5) / _SAMPLES
+    chosen = np.minimum(np.searchsorted(sums, steps * sums[-1]), len(faces) - 1)
+    crosses = _crosses(points, faces[chosen])
+    normals = crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300)
+    places = points[faces[chosen]].mean(axis=1) - _OFF * normals
+    windings = winding_numbers(points, faces, places, most_work=_MOST_WORK, threads=threads)
+    known = ~np.isnan(windings)
+    middle = np.abs(windings[known] - 0.5)
+    return _Seen(chosen[known], np.maximum(0.5 - middle, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """A surface with the triangles that fill its holes.
+
+    Attributes
+    ----------
+    faces : (F, 3) int32
+        Those of the surface, then those that fill holes; neighbors wind alike.
+    smooth : (F,) bool or None
+        Those that fill small holes; None if no hole is filled.
+    n_given, n_holes : int
+        Faces of the surface, and filled holes.
+    rim : (n, 2) int32
+        Edges of the boundary that is left.
+    """
+
+    faces: IntArray
+    smooth: BoolArray | None
+    n_given: int
+    n_holes: int
+    rim: IntArray
+
+
+def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Filled:
+    """Fill the holes of an open surface up to a width, or those of a body.
+
+    Parameters
+    ----------
+    points : (V, 3) float64
+    kind
+    gap
+        Of an open surface, holes up to this width are filled, but not the boundary of a part.
+    whole
+        Whether all parts of a surface that is not open are bodies, and not only those that look so.
+    """
+    loops = kind.loops
+    if kind.is_open:
+        chosen = (loops.widths <= gap) & ~loops.outer
+    else:
+        chosen = np.full(len(loops.sizes), whole) | ~kind.open_parts[loops.parts]
+    if not chosen.any():
+        return Filled(kind.faces, None, len(kind.faces), 0, loops.edges)
+    more, owners = loops.filled(points, chosen)
+    is_small = loops.widths[owners] <= _SMALL * pm.norm(np.ptp(points, axis=0))
+    smooth = np.concatenate([np.zeros(len(kind.faces), dtype=np.bool_), is_small])
+    faces = np.concatenate([kind.faces, more])
+    if kind.is_open:
+        faces = oriented(points, faces)
+    rim = loops.edges[np.repeat(~chosen, loops.sizes)]
+    return Filled(faces, smooth, len(kind.faces), int(np.count_nonzero(chosen)), rim)
+
+
+def require_no_more_tangles(
+    name: str, kind: Kind, faces: IntArray, n_components: int, *, may_be_pierced: bool
+) -> None:
+    """Refuse a result with more parts than the mesh, or a sheet with more handles and holes.
+
+    Of a body, gaps that are closed make handles, as they should.
+    """
+    n_parts = face_components(kind.faces, int(kind.faces.max()) + 1)[1]
+    advice = "use a greater `resolution`"
+    if n_components > n_parts:
+        raise MeshError(
+            f"{name}: the result has {n_components:,} separate parts and the mesh "
+            f"{n_parts:,}; {advice}, or keep the largest with `components={n_parts}`"
+        )
+    if not kind.is_open and (
+        n_parts > 1 or not may_be_pierced or find_edges(kind.faces).non_manifold.any()
+    ):
+        return
+    # Parts that cross are joined, maybe at several places.
+    given = max(count_tangles(kind.faces), len(kind.loops.sizes))
+    given += 2 * (n_parts - n_components)
+    n_tangles = count_tangles(faces)
+    if not kind.is_open:
+        n_tangles //= 2
+    if n_tangles > given:
+        what = "sheet" if kind.is_open else "closed surface"
+        other = CLOSED if kind.is_open else OPEN
+        raise MeshError(
+            f"{name}: the {what} has {n_tangles:,} handles and holes, and the mesh {given:,}; "
+            f"{advice}, a smaller `close`, or `surface={other}`"
+        )
