@@ -124,6 +124,11 @@ static int64_t first_corner(int64_t n, const double (*positions)[3], const int32
     return first;
 }
 
+static double largest_of(const double vector[3])
+{
+    return max_f64(fabs(vector[0]), max_f64(fabs(vector[1]), fabs(vector[2])));
+}
+
 /* Place the corners about the first one, in a cube of side 2, and project them along the axis nearest
    to the normal so that they run to the left. */
 static void place_corners(
@@ -141,7 +146,7 @@ static void place_corners(
     int of_places = 0, of_points = 0;
     frexp(most, &of_places);
     frexp(farthest, &of_points);
-    double normal[3] = {0.0, 0.0, 0.0};
+    double normal[3] = {0.0, 0.0, 0.0}, areas[3] = {0.0, 0.0, 0.0};
     for (int32_t i = 0; i < ring->n; i++) {
         struct vector *place = &ring->places[i];
         *place = (struct vector){
@@ -150,9 +155,12 @@ static void place_corners(
             continue;
         const struct vector area = cross(ring->places[i - 1], *place);
         normal[0] += area.x, normal[1] += area.y, normal[2] += area.z;
+        areas[0] += fabs(area.x), areas[1] += fabs(area.y), areas[2] += fabs(area.z);
     }
-    int axis = fabs(normal[1]) > fabs(normal[2]) ? 1 : 2;
-    axis = fabs(normal[0]) > fabs(normal[axis]) ? 0 : axis;
+    /* The loops of a polygon that crosses itself can cancel, but for what float32 files leave. */
+    const double *sizes = largest_of(normal) > 1e-6 * largest_of(areas) ? normal : areas;
+    int axis = fabs(sizes[1]) > fabs(sizes[2]) ? 1 : 2;
+    axis = fabs(sizes[0]) > fabs(sizes[axis]) ? 0 : axis;
     const int along = (axis + (normal[axis] < 0.0 ? 2 : 1)) % 3, across = 3 - axis - along;
     for (int32_t i = 0; i < ring->n; i++) {
         const double *at = positions[vertices[(ring->start + i) % ring->n]];
