@@ -47,8 +47,8 @@ class StackedIslands:
     shares : (F,) bool
         Those of them that are not baked.
     tiles : (F, 2) float64
-        Whole tiles to subtract from the coordinates of a face; 0 unless its island is baked for
-        others and lies outside the unit square.
+        Whole tiles to subtract from the coordinates of a face; 0 unless its island is stacked and
+        lies outside the unit square.
     n_sharing : int
         Islands that are not baked.
     """
@@ -95,7 +95,7 @@ class StackedIslands:
         order = np.lexsort((rank, stacks))
         sharing = np.ones(len(stacks), dtype=np.bool_)
         sharing[order[np.unique(stacks[order], return_index=True)[1]]] = False
-        tiles = np.where((in_stack & ~sharing)[:, np.newaxis], boxes.tiles, 0.0)
+        tiles = np.where(in_stack[:, np.newaxis], boxes.tiles, 0.0)
         return cls(in_stack[islands], sharing[islands], tiles[islands], int(sharing.sum()))
 
     def baked(self, mesh: Mesh) -> Mesh:

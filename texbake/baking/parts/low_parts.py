@@ -196,17 +196,18 @@ class LowMesh:
         face_ids = np.arange(mesh.n_faces, dtype=np.int32)
         if part.groups is not None:
             chosen = part.faces_of(mesh)
-            mesh, set_ids = excerpt(self._shaded, chosen), set_ids[chosen]
+            whole = self._shaded if options.udim else self._in_one_tile
+            mesh, set_ids = excerpt(whole, chosen), set_ids[chosen]
             face_ids = face_ids[chosen]
             cage = None if cage is None else excerpt(cage, chosen)
-            is_stacked = None if mesh.uvs is None else self._stacked[chosen]
+            is_stacked = self._stacked.stacked[chosen]
         mesh = mesh.replace(name=name)
         return LowPart(name, mesh, tuple(sources), set_ids, set_names, face_ids, cage, is_stacked)
 
     @cached_property
-    def _stacked(self) -> BoolArray:
-        """(F,) bool: faces of islands that coincide with another."""
-        return StackedIslands.of(self.mesh).stacked
+    def _stacked(self) -> StackedIslands:
+        """Islands that coincide with another."""
+        return StackedIslands.of(self.mesh)
 
     @cached_property
     def _shaded(self) -> Mesh:
@@ -215,6 +216,15 @@ class LowMesh:
         normals, corners = shading_normals(mesh)
         tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
         return mesh.replace(normals=normals, normal_faces=corners, tangents=tangents)
+
+    @cached_property
+    def _in_one_tile(self) -> Mesh:
+        """The mesh with stacked islands in the unit square, so that any of them can be baked."""
+        tiles = self._stacked.tiles[:, np.newaxis]
+        if not tiles.any():
+            return self._shaded
+        uvs = (self._shaded.corner_uvs() - tiles).reshape(-1, 2)
+        return self._shaded.replace(uvs=uvs, uv_faces=np.arange(len(uvs)).reshape(-1, 3))
 
 
 def _sets(
