@@ -93,7 +93,7 @@ def row(entry: dict) -> str:
         figures = compared[key]
         return (
             f"{decibels(figures)}, {figures['mean_deg']:.1f}°, "
-            f"{100 * figures['silhouette_mismatch']:.1f} %"
+            f"{100 * figures['outline_mismatch']:.1f} % + {100 * figures['depth_mismatch']:.1f} %"
         )
 
     warnings = entry["says"].count("warning")

@@ -281,5 +281,5 @@ def test_a_mesh_compares_as_itself(flat_case):
     for closeness in compared.bare, compared.mapped:
         # NaN where nothing is seen: an open mesh from behind.
         assert closeness.mean_deg == 0.0 or np.isnan(closeness.mean_deg)
-        assert closeness.silhouette_mismatch == 0.0
+        assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.psnr_db == np.inf

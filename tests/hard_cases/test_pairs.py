@@ -71,7 +71,7 @@ def test_distances_are_finite_and_compared_pictures_too(pair_case):
     options = texbake.RenderOptions(width=24, height=16)
     views = [(30.0, 20.0)]
     seen = texbake.compare(pair.high, pair.low, options=options, views=views, threads=1)
-    assert 0.0 <= seen.bare.silhouette_mismatch <= 1.0
+    assert 0.0 <= seen.bare.outline_mismatch <= 1.0
 
 
 # A quarter turn about y and a move by a power of two, both exact in floating point.

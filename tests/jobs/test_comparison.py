@@ -15,7 +15,7 @@ from texbake.jobs.comparison import (
     comparison_warnings,
 )
 
-BARE = {"mean_deg": 5.0, "psnr_db": 30.0, "silhouette_mismatch": 0.02}
+BARE = {"mean_deg": 5.0, "psnr_db": 30.0, "outline_mismatch": 0.02, "depth_mismatch": 0.1}
 
 
 def warnings_for(bare: dict, **changes: float) -> list[str]:
@@ -31,10 +31,10 @@ def warnings_for(bare: dict, **changes: float) -> list[str]:
     "changes",
     [
         {},
-        {"mean_deg": 4.0, "psnr_db": 33.0, "silhouette_mismatch": 0.0},
+        {"mean_deg": 4.0, "psnr_db": 33.0, "outline_mismatch": 0.0},
         {"mean_deg": 5.0 + VISIBLE_DEG / 2},
         {"psnr_db": 30.0 - VISIBLE_DB / 2},
-        {"silhouette_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
+        {"outline_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
     ],
 )
 def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) -> None:
@@ -46,7 +46,8 @@ def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) ->
     [
         ({"mean_deg": 5.5}, "normals off by 5.50° and not 5.00°;"),
         ({"psnr_db": 28.0}, "PSNR 28.0 dB and not 30.0 dB;"),
-        ({"silhouette_mismatch": 0.122}, "outline off by 12.2 % and not 2.0 %;"),
+        ({"outline_mismatch": 0.122}, "outline off by 12.2 % and not 2.0 %;"),
+        ({"depth_mismatch": 0.2}, "depth off by 20.0 % and not 10.0 %;"),
         ({"mean_deg": 9.0, "psnr_db": 9.0}, "normals off by 9.00° and not 5.00°, PSNR 9.0 dB"),
     ],
 )

@@ -33,7 +33,7 @@ def test_a_mesh_is_like_itself():
         assert closeness.mean_deg == closeness.median_deg == closeness.p95_deg == 0.0
         assert closeness.psnr_db == math.inf
         assert closeness.ssim == 1.0
-        assert closeness.silhouette_mismatch == 0.0
+        assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.n_pixels > 6 * 1000
     assert len(comparison.views) == 6
 
@@ -89,7 +89,7 @@ def test_pixels_that_see_one_mesh_alone_are_counted_apart():
     quarter = whole.replace(positions=(whole.positions - 0.5) * (0.5, 0.5, 0) + (0.5, 0.5, 0))
     comparison = compare(whole, quarter, options=FRONT, views=[(0, 0)])
     # Where edges run between the centers of pixels, a row of 70 or so may go either way.
-    assert comparison.bare.silhouette_mismatch == pytest.approx(0.75, abs=0.02)
+    assert comparison.bare.outline_mismatch == pytest.approx(0.75, abs=0.02)
     assert comparison.bare.mean_deg == 0.0
 
 
@@ -100,7 +100,8 @@ def test_other_parts_seen_past_an_outline_are_counted_apart():
     comparison = compare(near, far, options=FRONT, views=[(0, 0)])
     assert comparison.bare.n_pixels == 0
     assert math.isnan(comparison.bare.mean_deg)
-    assert comparison.bare.silhouette_mismatch == 1.0
+    assert comparison.bare.outline_mismatch + comparison.bare.depth_mismatch == 1.0
+    assert comparison.bare.depth_mismatch > 0.7  # the far plane looks smaller
     assert not np.isfinite(comparison.angles_deg).any()
 
 
@@ -109,7 +110,7 @@ def test_displacement_brings_a_mesh_closer():
     high = uv_sphere(48, 96).replace(positions=uv_sphere(48, 96).positions * 1.05)
     heights = np.full((4, 4), 0.05, np.float32)
     comparison = compare(high, low, displacement=heights, options=SMALL)
-    assert comparison.mapped.silhouette_mismatch < comparison.bare.silhouette_mismatch
+    assert comparison.mapped.outline_mismatch < comparison.bare.outline_mismatch
 
 
 @pytest.mark.parametrize("quick", [False, True])
@@ -126,11 +127,11 @@ def test_the_first_figure_is_for_a_glb_file_and_each_for_its_maps(quick):
     alone = figures(normal_map=normals)
     assert both.maps == alone.maps == ("normal map",)
     assert both.mapped == alone.mapped != both.displaced
-    assert both.displaced.silhouette_mismatch < both.mapped.silhouette_mismatch
+    assert both.displaced.outline_mismatch < both.mapped.outline_mismatch
     assert (alone.displaced, alone.displaced_frame) == (None, None)
     raised = figures(displacement=heights)
     assert (raised.maps, raised.displaced) == (("displacement map",), None)
-    assert raised.mapped.silhouette_mismatch == both.displaced.silhouette_mismatch
+    assert raised.mapped.outline_mismatch == both.displaced.outline_mismatch
     nothing = figures()
     assert (nothing.maps, nothing.mapped) == ((), nothing.bare)
     # A panel for each picture, and one for the difference.
@@ -155,7 +156,7 @@ def test_a_quick_comparison_draws_each_picture_once_and_measures_it(monkeypatch)
     assert quick.mapped.ssim is None
     assert quick.views == (FRONT.view,)
     full = compare(plane(), low, normal_map=normal_map, options=FRONT, views=[FRONT.view])
-    for name in "psnr_db", "silhouette_mismatch", "n_pixels":
+    for name in "psnr_db", "outline_mismatch", "depth_mismatch", "n_pixels":
         # An edge along pixel centers may add a row or a column to one of the two.
         assert getattr(quick.mapped, name) == pytest.approx(getattr(full.mapped, name), rel=0.05)
 

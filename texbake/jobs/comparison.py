@@ -208,9 +208,12 @@ def _worse(closeness: Closeness, bare: Closeness) -> list[str]:
     if closeness.psnr_db < min(bare.psnr_db, SAME_DB) - VISIBLE_DB:
         without = "infinite" if math.isinf(bare.psnr_db) else f"{bare.psnr_db:.1f} dB"
         found.append(f"PSNR {closeness.psnr_db:.1f} dB and not {without}")
-    if closeness.silhouette_mismatch > bare.silhouette_mismatch + VISIBLE_OUTLINE:
-        outlines = closeness.silhouette_mismatch, bare.silhouette_mismatch
-        found.append("outline off by {:.1%} and not {:.1%}".format(*outlines).replace("%", " %"))
+    for name, of_low, of_bare in (
+        ("outline", closeness.outline_mismatch, bare.outline_mismatch),
+        ("depth", closeness.depth_mismatch, bare.depth_mismatch),
+    ):
+        if of_low > of_bare + VISIBLE_OUTLINE:
+            found.append(f"{name} off by {100 * of_low:.1f} % and not {100 * of_bare:.1f} %")
     return found
 
 
@@ -227,7 +230,9 @@ def _uses(comparison: Comparison) -> list[tuple[str, Closeness]]:
 def _figures(closeness: Closeness) -> str:
     similar = "" if closeness.ssim is None else f"SSIM {closeness.ssim:.3f}, "
     return (
-        f"normals {closeness.mean_deg:.2f}° off (95 % below {closeness.p95_deg:.2f}°), "
+        f"normals {closeness.mean_deg:.2f}° off (median {closeness.median_deg:.2f}°, 95 % below "
+        f"{closeness.p95_deg:.2f}°), "
         f"PSNR {closeness.psnr_db:.1f} dB, {similar}"
-        f"outline {100 * closeness.silhouette_mismatch:.2f} % off"
+        f"outline {100 * closeness.outline_mismatch:.2f} % off, "
+        f"depth {100 * closeness.depth_mismatch:.2f} %"
     )

@@ -66,9 +66,10 @@ class Closeness:
         either mesh touches; infinite for equal pictures.
     ssim : float, optional
         Mean structural similarity over the same pixels; None if it was not measured.
-    silhouette_mismatch : float
-        Among the pixel centers that see either mesh, the share that sees only one of them, or
-        different parts. Of the other values, only PSNR and SSIM include these pixels.
+    outline_mismatch, depth_mismatch : float
+        Among the pixel centers that see either mesh, the share that sees only one of them, and the
+        share that sees different parts. Of the other values, only PSNR and SSIM include these
+        pixels.
     n_pixels : int
         Number of pixels in the angle statistics.
     """
@@ -78,7 +79,8 @@ class Closeness:
     p95_deg: float
     psnr_db: float
     ssim: float | None
-    silhouette_mismatch: float
+    outline_mismatch: float
+    depth_mismatch: float
     n_pixels: int
 
 
@@ -291,10 +293,11 @@ def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Angles in degrees in one view (H, W), and the number of pixels that see either mesh."""
+    """Angles in degrees in one view (H, W), and the numbers of pixels that see either mesh, both."""
 
     angles: FloatImage
     n_either: int
+    n_both: int
 
 
 def _around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
@@ -305,8 +308,10 @@ def _around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
 
 
 def _errors(high: Frame, low: Frame, depth_tolerance: float) -> _Errors:
-    n_either = int(np.count_nonzero((high.coverage > 0) | (low.coverage > 0)))
-    return _Errors(_angles(high, low, depth_tolerance), n_either)
+    either = (high.coverage > 0) | (low.coverage > 0)
+    both = (high.coverage > 0) & (low.coverage > 0)
+    angles = _angles(high, low, depth_tolerance)
+    return _Errors(angles, int(np.count_nonzero(either)), int(np.count_nonzero(both)))
 
 
 def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
@@ -341,7 +346,8 @@ class _Seen:
 def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool) -> Closeness:
     found = [error.angles[np.isfinite(error.angles)] for error in errors]
     angles = np.concatenate(found).astype(np.float64)
-    n_either = sum(error.n_either for error in errors)
+    n_either = max(sum(error.n_either for error in errors), 1)
+    n_both = sum(error.n_both for error in errors)
     if len(angles):
         mean, (median, p95) = float(angles.mean()), np.percentile(angles, (50, 95))
     else:
@@ -355,7 +361,8 @@ def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool
         p95_deg=float(p95),
         psnr_db=-10.0 * pm.log10(square) if square else math.inf,
         ssim=_similarity(high.color, low.color, seen) if ssim else None,
-        silhouette_mismatch=1.0 - len(angles) / n_either if n_either else 0.0,
+        outline_mismatch=sum(error.n_either - error.n_both for error in errors) / n_either,
+        depth_mismatch=(n_both - len(angles)) / n_either,
         n_pixels=len(angles),
     )
 

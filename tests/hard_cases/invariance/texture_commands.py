@@ -258,7 +258,7 @@ def compare(side: Side) -> Result:
     return {
         "mean angle": number(bare.mean_deg, bounds),
         "similarity": number(bare.ssim, share),
-        "outline": number(bare.silhouette_mismatch, share),
+        "outline": number(bare.outline_mismatch + bare.depth_mismatch, share),
     }
 
 
