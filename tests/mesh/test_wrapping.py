@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from skimage.filters import gaussian
+from skimage.measure import euler_number, label, marching_cubes
 
+from texbake.core import core
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, plane
-from texbake.mesh.topology import find_edges
-from texbake.mesh.wrapping import reason_to_wrap, wrapped_if
+from texbake.mesh.topology import find_edges, genus
+from texbake.mesh.wrapping import reason_to_wrap, wrapped
 
 BALL = icosphere(4)
 
@@ -42,29 +46,69 @@ FINS = with_more(
     ids=["ball", "torus", "plane", "bowl", "two bowls", "mobius", "two parts"],
 )  # fmt: skip
 def test_clean_and_open_surfaces_stay(mesh):
-    assert reason_to_wrap(mesh) is None
-    same, why = wrapped_if(mesh, "auto", 4)
-    assert same is mesh and why == ()
+    assert reason_to_wrap(mesh, 100) is None
 
 
 def test_an_inside_is_a_reason():
     # The inner ball has 0.64 of the area of the outer one: 39 % of the whole.
-    assert reason_to_wrap(DOUBLED) == "39 % of its surface lies inside"
-    closed, (why,) = wrapped_if(DOUBLED, "auto", 100)
-    assert why.startswith("made.ply: 39 % of its surface lies inside; ")
-    assert find_edges(closed.faces).closed
+    assert reason_to_wrap(DOUBLED, 100).text == "39 % of its surface lies inside"
+    closed, width = wrapped(DOUBLED, 100)
+    assert find_edges(closed.faces).closed and width == 0.0
     assert np.linalg.norm(closed.positions, axis=1).min() > 0.99
-    assert wrapped_if(DOUBLED, "never", 100) == (DOUBLED, ())
-    assert wrapped_if(DOUBLED, "auto", DOUBLED.n_faces) == (DOUBLED, ())
 
 
 def test_edges_of_three_faces_are_a_reason():
     n_torn = int(np.count_nonzero(find_edges(FINS.faces).non_manifold))
     assert n_torn == 0  # until vertices at one place are joined
-    assert "edges have more than two faces" in reason_to_wrap(FINS)
+    assert "edges have more than two faces" in reason_to_wrap(FINS, 100).text
 
 
-def test_what_is_asked_for_needs_no_reason():
+def test_holes_of_a_body_are_filled():
     torn = icosphere(3).replace(faces=icosphere(3).faces[9:])
-    closed, why = wrapped_if(torn, "always", 4)
-    assert find_edges(closed.faces).closed and why == ()
+    closed, width = wrapped(torn, 4)
+    assert find_edges(closed.faces).closed and width == 0.0
+
+
+def foam(n: int = 64, width: float = 1.6) -> Mesh:
+    """A ball of noise, of a genus in the hundreds."""
+    noise = gaussian(np.random.default_rng(3).standard_normal((n, n, n)), width)
+    radii = np.linalg.norm(np.indices((n, n, n)) - (n - 1) / 2.0, axis=0)
+    field = np.minimum(noise / noise.std() + 0.2, 0.45 * n - radii)
+    positions, faces, _, _ = marching_cubes(np.pad(field, 2, constant_values=-9.0), 0.0)
+    return Mesh(positions=positions.astype(float), faces=faces[:, ::-1], name="foam.ply")
+
+
+def handles(mesh: Mesh) -> int:
+    found = genus(mesh.faces, find_edges(mesh.faces), mesh.n_vertices)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("n_faces", [300, 900])
+def test_a_wrap_has_no_more_tunnels_than_its_triangles_can_show(n_faces):
+    mesh = foam()
+    assert handles(mesh) > 100
+    reason = reason_to_wrap(mesh, n_faces)
+    assert reason.has_tunnels and "cannot show its tunnels" in reason.text
+    wrap, width = wrapped(mesh, n_faces, has_tunnels=True)
+    assert handles(wrap) <= n_faces / 60
+    assert 0.0 < width < 0.1 * mesh.diagonal
+    # What fills a pore is carved out again: the wrap stays beside the mesh.
+    assert surface_distance(wrap, mesh).a_to_b.rms < 0.02 * mesh.diagonal
+    assert reason_to_wrap(wrap, n_faces) is None
+
+
+def test_carving_leaves_what_is_kept_and_opens_no_tunnel():
+    mesh = foam(24)
+    grid = np.zeros((32, 32, 32), dtype=bool)
+    grid[4:28, 4:28, 4:28] = True  # a block, of which the noise is kept
+    kept = np.zeros_like(grid)
+    kept[tuple(np.rint(mesh.positions).astype(int).T + 2)] = True
+    kept &= grid
+    solid = grid.copy()
+    n_gone = core.carve_tunnels(kept, solid, 1 << 30)
+    assert n_gone == np.count_nonzero(grid & ~solid) > 1_000
+    assert solid[kept].all()
+    # Euler's number of solid points that touch at corners: parts - tunnels + rooms.
+    parts, rooms = (label(s, connectivity=c).max() for s, c in ((solid, 3), (~solid, 1)))
+    assert euler_number(solid, connectivity=3) == parts + rooms - 1

@@ -1267,6 +1267,11 @@ void closest_points(
     int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
     double barycentrics[n][3]);
 
+/* tunnel_carving.c */
+int64_t carve_tunnels(
+    int64_t nx, int64_t ny, int64_t nz, const bool kept[nx][ny][nz], bool solid[nx][ny][nz],
+    int64_t most_steps);
+
 /* tutte.c */
 
 /* union_find.c */

@@ -5,7 +5,7 @@ model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from texbake.jobs.lighten_options import (
     SHARE,
     LightenOptions,
 )
+from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -51,8 +52,7 @@ from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, without_borders
-from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.wrapping import wrapped_if
+from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
@@ -326,12 +326,13 @@ def _lightened(
         high, turned = oriented(source, options.orientation, threads=options.threads)
         rule = LowNormals(options.normals, options.angle)
         high = rule.of_high(high, threads=options.threads)
-        low, simplified, notes = _simplified(high, options, rule, progress)
-        low = rule.before_unwrap(low)
+        made = _simplified(high, options, rule, progress)
+        low, simplified = rule.before_unwrap(made.mesh), made.report
     maps = carried_channels(materials)
     if simplified is not None or any(materials.sources("normal")):
         maps = ("normal", *maps)
-    warnings = (*turned.notes, *notes)
+    notes = () if simplified is None else simplified.notes
+    warnings = (*turned.notes, *made.why, *notes)
     if not maps:  # the shape is as it was, and every channel is one number
         channels = encoded_channels({}, materials, "")
         return _Lightened(mesh=low, channels=channels, simplified=simplified, warnings=warnings)
@@ -342,6 +343,7 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
+        chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
@@ -367,23 +369,21 @@ def _lightened(
 
 def _simplified(
     high: Mesh, options: LightenOptions, rule: LowNormals, progress: ProgressSink | None
-) -> tuple[Mesh, SimplifyReport | None, tuple[str, ...]]:
-    """Return the mesh that gets the maps, its report, and what the user should know."""
+) -> LowPoly:
+    """Return the mesh that gets the maps."""
     n_faces = options.n_faces
     if n_faces is None:
         n_faces = max(round(SHARE * high.n_faces), LEAST_FACES)
     # Of the attributes only hard edges and objects matter: all others are baked.
     bare = without_borders(high).replace(uvs=None, uv_faces=None, tangents=None, colors=None)
-    closed, why = wrapped_if(
-        bare, options.remesh, n_faces, threads=options.threads, progress=progress
-    )
-    if closed is bare and high.n_faces <= n_faces:
-        return bare, None, why
-    low, report = simplify_with_report(
-        rule.to_simplify(closed, bare, threads=options.threads),
+    if options.remesh != "always" and high.n_faces <= n_faces:
+        return LowPoly(mesh=bare, report=None)
+    return make_low_poly(
+        bare,
         n_faces,
         quality=options.quality,
+        remesh=options.remesh,
+        rule=rule,
         threads=options.threads,
         progress=progress,
     )
-    return low, report, (*why, *report.notes)

@@ -39,6 +39,7 @@ from texbake.jobs.carried import (
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
 from texbake.jobs.fit import explained
+from texbake.jobs.low_poly import make_low_poly
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -51,8 +52,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.objects import joined_objects
-from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.wrapping import wrapped_if
+from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orient import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
@@ -91,7 +91,7 @@ class RunResult:
         Which parts of the high-poly mesh were flipped.
     why_closed : tuple of str
         Why the low-poly mesh was made from a closed surface around the high-poly one, if no option
-        asked for it.
+        asked for it, and which gaps were closed.
     simplified : SimplifyReport
     unwrapped : UnwrapReport
     baked : BakeResult
@@ -201,8 +201,18 @@ def run(
         turning, threads = options.orientation, options.threads
         high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
         high = rule.of_high(high, threads=threads)
-        low, simplified, why_closed = _simplified(high, options, rule, progress)
-    low = rule.before_unwrap(low.replace(name=files["mesh"].name))
+        made = make_low_poly(
+            high,
+            options.n_faces,
+            error=options.error,
+            quality=options.quality,
+            seams="drop",  # its charts are made anew
+            remesh=options.remesh,
+            rule=rule,
+            threads=threads,
+            progress=progress,
+        )
+    low = rule.before_unwrap(made.mesh.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
         low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
@@ -210,6 +220,7 @@ def run(
         write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
         chosen = options.bake_options(channels, unwrapped.options.padding)
+        chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
@@ -230,8 +241,8 @@ def run(
         high=high,
         low=low,
         orientation=orientation,
-        why_closed=why_closed,
-        simplified=simplified,
+        why_closed=made.why,
+        simplified=made.report,
         unwrapped=unwrapped,
         baked=baked,
         comparison=comparison,
@@ -239,25 +250,6 @@ def run(
     )
     write_report(files["report"], result.to_json())
     return result
-
-
-def _simplified(
-    high: Mesh, options: RunOptions, rule: LowNormals, progress: ProgressSink | None
-) -> tuple[Mesh, SimplifyReport, tuple[str, ...]]:
-    """Return the low-poly mesh, its report, and why it was made from a closed surface."""
-    closed, why_closed = wrapped_if(
-        high, options.remesh, options.n_faces, threads=options.threads, progress=progress
-    )
-    low, simplified = simplify_with_report(
-        rule.to_simplify(closed, high, threads=options.threads),
-        options.n_faces,
-        error=options.error,
-        quality=options.quality,
-        seams="drop",  # its charts are made anew
-        threads=options.threads,
-        progress=progress,
-    )
-    return low, simplified, why_closed
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:

@@ -20,9 +20,18 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.options import DEFAULT_ANGLE, DEFAULT_ORIENTATION
-from texbake.mesh.simplify import SimplifyReport, simplify_with_report
-from texbake.mesh.simplify_options import DEFAULT_QUALITY, DEFAULT_SEAMS, check_target
+from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
+from texbake.mesh.simplify_options import (
+    DEFAULT_QUALITY,
+    DEFAULT_SEAMS,
+    DEFAULT_TOPOLOGY,
+    check_target,
+)
+from texbake.mesh.wrapping import wrapped
 from texbake.progress import ProgressSink
+
+_CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
+_MORE = "ask for more triangles, or use `topology` simplify, which closes holes and tunnels"
 
 
 @appearing_together()
@@ -34,6 +43,7 @@ def simplify_file(
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
+    topology: str = DEFAULT_TOPOLOGY,
     orientation: str = DEFAULT_ORIENTATION,
     join_objects: bool = False,
     normals: str = "keep",
@@ -52,6 +62,9 @@ def simplify_file(
         The low-poly mesh; it may replace `mesh`.
     n_faces, error, quality, seams, threads, progress
         As for `simplify`.
+    topology : {"keep", "simplify"}
+        Where the mesh needs more triangles for its holes, tunnels and parts, an error, or the
+        result is made from a closed surface around the mesh, without texture coordinates.
     orientation
         `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
     join_objects
@@ -77,6 +90,7 @@ def simplify_file(
         error=error,
         quality=quality,
         seams=seams,
+        topology=topology,
         orientation=orientation,
         join_objects=join_objects,
         normals=normals,
@@ -99,6 +113,7 @@ def simplify_levels(
     error: str | float | None = None,
     quality: str = DEFAULT_QUALITY,
     seams: str = DEFAULT_SEAMS,
+    topology: str = DEFAULT_TOPOLOGY,
     orientation: str = DEFAULT_ORIENTATION,
     join_objects: bool = False,
     normals: str = "keep",
@@ -117,7 +132,9 @@ def simplify_levels(
     mesh
     levels
         Number of triangles and file of each level; without a number, as few as `error` allows.
-    error, quality, seams, orientation, join_objects, normals, angle, mtl, threads, progress
+    error, quality, seams, topology, orientation, join_objects, normals, angle, mtl
+        As for `simplify_file`.
+    threads, progress
         As for `simplify_file`.
     """
     from texbake.raycast.orient import oriented
@@ -146,6 +163,14 @@ def simplify_levels(
             threads=threads,
             progress=progress,
         )
+        if error is None and seams != "keep":
+            if topology == "simplify" and n_faces is not None and not figures.is_whole:
+                wrap, _ = wrapped(high, n_faces, has_tunnels=True, threads=threads)
+                low, figures = simplify_with_report(
+                    wrap, n_faces, quality="best", threads=threads, progress=progress
+                )
+                figures, bordered = replace(figures, notes=(_CLOSED, *figures.notes)), None
+            check_count(figures, high.name, _MORE)
         of_low = materials
         if bordered is not None:
             low, of_low = bordered.taken_from(low, high)

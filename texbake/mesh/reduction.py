@@ -46,7 +46,7 @@ _GIVEN_UP = "too few faces to keep its"
 _DROPPED = "small separate parts were dropped"
 
 # A result this much under the count is tried again, this often at most.
-_SLACK = 0.01
+SLACK = 0.01
 _TRIES = 6
 
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
@@ -57,7 +57,7 @@ _ENOUGH = 0.75
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
 
-_COLLAPSES, _CLUSTERS = "collapsed edges", "clustered vertices"
+_COLLAPSES, CLUSTERS = "collapsed edges", "clustered vertices"
 _JOINED = "its topology was given up: vertices were joined in clusters"
 
 
@@ -120,14 +120,11 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     if n_left > n_faces and result.mesh.uvs is not None:
         return f"its texture coordinates and topology do not allow fewer than {n_left} faces"
     if n_left > n_faces:
-        return (
-            f"its topology does not allow fewer than {n_left} faces: its holes and tunnels stay; "
-            "remesh closes them"
-        )
-    if n_left >= (1.0 - _SLACK) * n_faces:
+        return f"its topology does not allow fewer than {n_left} faces: its holes and tunnels stay"
+    if n_left >= (1.0 - SLACK) * n_faces:
         return None
     reason = "faces that came to lie on one another were dropped"
-    if result.method == _CLUSTERS:
+    if result.method == CLUSTERS:
         reason = "a finer grid of clusters would leave too many"
     return f"{n_left} of the {n_faces} requested faces are left: {reason}"
 
@@ -198,7 +195,7 @@ def _attempts(
         stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
     edges = find_edges(stream.position_ids[stream.faces])
     if edges.non_manifold.any() and not stream.has_seams:
-        yield stream, partial(cluster_stream, stream), _CLUSTERS, (*notes, _JOINED)
+        yield stream, partial(cluster_stream, stream), CLUSTERS, (*notes, _JOINED)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
 
 
@@ -224,7 +221,7 @@ def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None
         n_left = 0 if low is None else low.n_faces
         if low is not None and (nearest is None or nearest.n_faces < n_left <= n_faces):
             nearest = low
-        if n_left >= (1.0 - _SLACK) * n_faces:
+        if n_left >= (1.0 - SLACK) * n_faces:
             break
         n_asked += n_faces - n_left
     return nearest

@@ -16,12 +16,12 @@ import time
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from texbake.errors import OptionError
+from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.error_search import Trial, search_fewest
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.reduction import Reduction, noted, reduced
+from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
 from texbake.mesh.simplify_options import (
     DEFAULT_QUALITY,
     DEFAULT_SEAMS,
@@ -79,6 +79,16 @@ class SimplifyReport:
     def reached(self) -> bool:
         """Whether the result has at most the requested number of faces, if one was."""
         return self.n_faces_asked is None or self.n_faces <= self.n_faces_asked
+
+    @property
+    def is_close_to_count(self) -> bool:
+        """Whether the result has at most 1 % more faces than requested, if a number was."""
+        return self.n_faces_asked is None or self.n_faces <= (1.0 + SLACK) * self.n_faces_asked
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the count was reached without joining vertices, which tears surfaces."""
+        return self.is_close_to_count and self.method != CLUSTERS
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -199,6 +209,15 @@ def simplify_with_report(
         seconds=seconds,
     )
     return low, report
+
+
+def check_count(report: SimplifyReport, name: str, remedy: str) -> None:
+    """Raise `MeshError` if more faces than requested are left, by over 1 %."""
+    if not report.is_close_to_count:
+        raise MeshError(
+            f"{name}: {report.n_faces_asked:,} triangles cannot be reached: "
+            f"{report.notes[-1]}; {remedy}"
+        )
 
 
 def _simplified(

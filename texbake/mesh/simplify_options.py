@@ -27,6 +27,11 @@ Seams = Literal["auto", "keep", "drop"]
 SEAMS: Final[tuple[Seams, ...]] = get_args(Seams)
 DEFAULT_SEAMS: Final[Seams] = "auto"
 
+Topology = Literal["keep", "simplify"]
+
+TOPOLOGIES: Final[tuple[Topology, ...]] = get_args(Topology)
+DEFAULT_TOPOLOGY: Final[Topology] = "keep"
+
 MIN_FACES: Final = 4
 """The faces of a tetrahedron: fewer enclose nothing."""
 
@@ -81,6 +86,15 @@ class SimplifyOptions(CheckedOptions):
             choices=SEAMS,
         ),
     ] = DEFAULT_SEAMS
+    topology: Annotated[
+        str,
+        Option(
+            "Holes, tunnels and parts that need more triangles than requested: an error (keep), or "
+            "close them with a surface around the mesh, which has no texture coordinates "
+            "(simplify).",
+            choices=TOPOLOGIES,
+        ),
+    ] = DEFAULT_TOPOLOGY
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"

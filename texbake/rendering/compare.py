@@ -293,7 +293,7 @@ def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Angles in degrees in one view (H, W), and the numbers of pixels that see either mesh, both."""
+    """Angles in degrees in one view (H, W), and how many pixels see either mesh, and both."""
 
     angles: FloatImage
     n_either: int

@@ -227,6 +227,7 @@ class SimplifyStep(CheckedOptions):
     error: Annotated[str | float | None, ERROR_OPTION] = None
     quality: Annotated[str, option(SimplifyOptions, "quality")] = DEFAULT_QUALITY
     seams: Annotated[str, option(SimplifyOptions, "seams")] = DEFAULT_SEAMS
+    topology: Annotated[str, option(SimplifyOptions, "topology")] = SimplifyOptions.topology
     orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, option(SimplifyOptions, "join_objects")] = False
     normals: Annotated[str, option(SimplifyOptions, "normals")] = SimplifyOptions.normals
@@ -263,6 +264,7 @@ def _simplify(job: Job) -> dict[str, Any]:
         error=options.error,
         quality=options.quality,
         seams=options.seams,
+        topology=options.topology,
         orientation=options.orientation,
         join_objects=options.join_objects,
         normals=options.normals,

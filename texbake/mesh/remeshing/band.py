@@ -133,6 +133,12 @@ class Band:
         run_bands(work, self.slots.shape[0], band=1, threads=threads)
         return labels
 
+    def values_of(self, points: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return values of the grid's points (nx, ny, nz) as those of blocks (n_slots, 512)."""
+        nx, ny, nz = self.slots.shape
+        blocks = points.reshape(nx, BLOCK_SIDE, ny, BLOCK_SIDE, nz, BLOCK_SIDE)
+        return blocks.transpose(0, 2, 4, 1, 3, 5)[self.slots >= 0].reshape(-1, BLOCK_POINTS)
+
 
 def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int, int]) -> None:
     a, b, c = (positions[faces[:, corner]] for corner in range(3))

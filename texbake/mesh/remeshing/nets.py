@@ -19,6 +19,9 @@ from texbake.parallel import run_bands
 
 _SLOTS, _LAYERS, _QUADS = 256, 8, 1 << 16
 
+JUST_SOLID = -0.05
+"""Field of a point that is added to a solid, as in `core/well_composed.c`."""
+
 
 @dataclass(frozen=True, eq=False)
 class Nets:
@@ -100,12 +103,33 @@ def nets_of(
     threads
         None for every processor.
     """
+    return nets_around(band, field, solid_points(band, field, labels, threads), thin, threads)
+
+
+def solid_points(
+    band: Band,
+    field: npt.NDArray[np.float32],
+    labels: npt.NDArray[np.uint8],
+    threads: int | None,
+) -> npt.NDArray[np.bool_]:
+    """Whether each point of the grid is solid, (nx, ny, nz), as in `nets_of`."""
     solid = np.empty(labels.shape, dtype=np.bool_)
 
     def mark(start: int, stop: int) -> None:
         core.mark_solid(band.slots, field, labels, solid, start, stop)
 
     run_bands(mark, len(solid), band=_LAYERS, threads=threads)
+    return solid
+
+
+def nets_around(
+    band: Band,
+    field: npt.NDArray[np.float32],
+    solid: npt.NDArray[np.bool_],
+    thin: npt.NDArray[np.bool_],
+    threads: int | None,
+) -> Nets:
+    """Build the surface around solid points, which are filled up to make it manifold."""
     core.compose_well(band.slots, solid, field)
     n_vertices, n_quads = (np.zeros(len(solid), dtype=np.int64) for _ in range(2))
 

@@ -1,0 +1,116 @@
+"""A solid with few tunnels, and as close to the mesh as they allow.
+
+Gaps are closed up to the narrowest width that leaves few enough tunnels. What that fills is then
+carved out again, from outside and to a small depth, where it opens no tunnel: pores become pits.
+
+Based on: Andrzej Szymczak, James Vanderhyde, "Extraction of Topologically Simple Isosurfaces from
+Volume Datasets", IEEE Visualization 2003.
+Kernel: `core/tunnel_carving.c`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError
+from texbake.mesh.remeshing.flood import flood_outside
+from texbake.mesh.remeshing.grid import Grid, too_crowded
+from texbake.mesh.remeshing.nets import JUST_SOLID, Nets, nets_around, signed, solid_points
+from texbake.mesh.remeshing.parts import without_crumbs
+from texbake.mesh.remeshing.projection import project
+from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
+from texbake.progress import ProgressSink, Stages
+
+# Widths of gaps, and how deep what fills them is carved, as shares of the diagonal. Deeper pits
+# cost triangles that the surface around them needs more.
+CLOSINGS: Final = (0.01, 0.02, 0.03, 0.05, 0.08)
+_DEPTH = 0.008
+
+Labels = npt.NDArray[np.uint8]
+
+
+def remesh_with_few_tunnels(
+    mesh: Mesh,
+    most: float,
+    *,
+    resolution: int,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> tuple[Mesh, float]:
+    """Wrap a mesh in a closed surface with few tunnels.
+
+    Parameters
+    ----------
+    mesh
+    most
+        Tunnels that may be left. Where the widest gaps of `CLOSINGS` leave more, so be it.
+    resolution, threads, progress
+        As for `remesh`.
+
+    Returns
+    -------
+    Mesh
+    width : float
+        Of the gaps that were closed, in model units.
+
+    Raises
+    ------
+    MeshError
+        As for `remesh`.
+    """
+    stages = Stages(progress)
+    widest = f"{100.0 * CLOSINGS[-1]:g}%"  # the grid has room for all
+    options = RemeshOptions(resolution=resolution, close=widest)
+    grid = Grid.around(mesh, options)
+    points = grid.to_voxels(mesh.positions)
+    with stages.stage("measure voxels"):
+        try:
+            band = Band.around(points, mesh.faces, grid.shape, threads=threads)
+        except CrowdedGridError as error:
+            raise too_crowded(mesh, options, error) from error
+        labels = band.labels(threads=threads)
+    with stages.stage("close tunnels"):
+        nets, width = _close(band, labels, mesh.diagonal / grid.voxel, most, threads)
+    del band, labels
+    with stages.stage("project"):
+        tree = TriangleTree.build(points, mesh.faces, threads=threads)
+        moved, faces = project(nets, tree, threads=threads)
+    moved, faces, _ = without_crumbs(moved, faces, keep_cavities=False)
+    wrap = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
+    return with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal
+
+
+def _close(
+    band: Band, labels: Labels, diagonal: float, most: float, threads: int | None
+) -> tuple[Nets, float]:
+    """Build the surface of a solid with few tunnels; also return the width of the gaps closed.
+
+    The diagonal of the mesh is in voxels, and the width is a share of it.
+    """
+    solid, field, thin = _flooded(band, labels, 0.0, threads)
+    for width in CLOSINGS:
+        radius = width * diagonal / 2.0 - SHELL_DEPTH
+        wide, wide_field, wide_thin = _flooded(band, labels, radius, threads)
+        wide |= solid
+        if nets_around(band, wide_field, wide, wide_thin, threads).n_handles <= most:
+            break
+    core.carve_tunnels(solid, wide, max(2, round(_DEPTH * diagonal)))
+    added = band.values_of(wide & ~solid)
+    field[added] = np.minimum(field[added], JUST_SOLID)
+    return nets_around(band, field, wide, thin, threads), width
+
+
+def _flooded(
+    band: Band, labels: Labels, radius: float, threads: int | None
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Solid points, the field, and which of its points are thin, where a ball passes no gap."""
+    labels = labels.copy()
+    flood_outside(labels, max(radius, 0.0), None, threads=threads)
+    field, thin = signed(band, labels, threads)
+    return solid_points(band, field, labels, threads), field, thin
