@@ -326,13 +326,13 @@ def _lightened(
         high, turned = oriented(source, options.orientation, threads=options.threads)
         rule = LowNormals(options.normals, options.angle)
         high = rule.of_high(high, threads=options.threads)
-        made = _simplified(high, options, rule, progress)
-        low, simplified = rule.before_unwrap(made.mesh), made.report
+        low, made = _simplified(high, options, rule, progress)
+        low = rule.before_unwrap(low)
+    simplified = None if made is None else made.report
     maps = carried_channels(materials)
     if simplified is not None or any(materials.sources("normal")):
         maps = ("normal", *maps)
-    notes = () if simplified is None else simplified.notes
-    warnings = (*turned.notes, *made.why, *notes)
+    warnings = (*turned.notes, *(() if made is None else (*made.why, *made.report.notes)))
     if not maps:  # the shape is as it was, and every channel is one number
         channels = encoded_channels({}, materials, "")
         return _Lightened(mesh=low, channels=channels, simplified=simplified, warnings=warnings)
@@ -343,7 +343,8 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
+        if made is not None:
+            chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
@@ -369,16 +370,16 @@ def _lightened(
 
 def _simplified(
     high: Mesh, options: LightenOptions, rule: LowNormals, progress: ProgressSink | None
-) -> LowPoly:
-    """Return the mesh that gets the maps."""
+) -> tuple[Mesh, LowPoly | None]:
+    """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
     n_faces = options.n_faces
     if n_faces is None:
         n_faces = max(round(SHARE * high.n_faces), LEAST_FACES)
     # Of the attributes only hard edges and objects matter: all others are baked.
     bare = without_borders(high).replace(uvs=None, uv_faces=None, tangents=None, colors=None)
     if options.remesh != "always" and high.n_faces <= n_faces:
-        return LowPoly(mesh=bare, report=None)
-    return make_low_poly(
+        return bare, None
+    made = make_low_poly(
         bare,
         n_faces,
         quality=options.quality,
@@ -387,3 +388,4 @@ def _simplified(
         threads=options.threads,
         progress=progress,
     )
+    return made.mesh, made

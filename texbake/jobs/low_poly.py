@@ -31,8 +31,7 @@ class LowPoly:
     Attributes
     ----------
     mesh : Mesh
-    report : SimplifyReport, optional
-        None if the high-poly mesh has no more faces than requested, and was kept.
+    report : SimplifyReport
     why : tuple of str
         Why it was made from a closed surface around the high-poly mesh, if no option asked for it.
     ray_distance : float, optional
@@ -40,7 +39,7 @@ class LowPoly:
     """
 
     mesh: Mesh
-    report: SimplifyReport | None
+    report: SimplifyReport
     why: tuple[str, ...] = ()
     ray_distance: float | None = None
 
@@ -152,7 +151,7 @@ def make_low_poly(
         low = make.wrapped("")
     else:
         low = _closest(make) if remesh == "auto" else make.kept()
-    if error is None and low.report is not None:
+    if error is None:
         more = "ask for more" if remesh == "always" else "ask for more, or use `remesh` always"
         check_count(low.report, high.name, more)
     return low
@@ -172,7 +171,7 @@ def _closest(make: _Maker) -> LowPoly:
     if n_faces is None or (reason.is_certain and wrap.report.is_whole):
         return wrap
     kept = make.kept()
-    candidates = [low for low in (wrap, kept) if low.report is None or low.report.is_whole]
+    candidates = [low for low in (wrap, kept) if low.report.is_whole]
     if len(candidates) == 2:
         return min(candidates, key=make.off_by)
     return candidates[0] if candidates else min(wrap, kept, key=lambda low: low.mesh.n_faces)

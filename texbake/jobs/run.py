@@ -39,7 +39,7 @@ from texbake.jobs.carried import (
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
 from texbake.jobs.fit import explained
-from texbake.jobs.low_poly import make_low_poly
+from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_page, write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -201,17 +201,7 @@ def run(
         turning, threads = options.orientation, options.threads
         high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
         high = rule.of_high(high, threads=threads)
-        made = make_low_poly(
-            high,
-            options.n_faces,
-            error=options.error,
-            quality=options.quality,
-            seams="drop",  # its charts are made anew
-            remesh=options.remesh,
-            rule=rule,
-            threads=threads,
-            progress=progress,
-        )
+        made = _low_poly(high, options, rule, progress)
     low = rule.before_unwrap(made.mesh.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
@@ -250,6 +240,22 @@ def run(
     )
     write_report(files["report"], result.to_json())
     return result
+
+
+def _low_poly(
+    high: Mesh, options: RunOptions, rule: LowNormals, progress: ProgressSink | None
+) -> LowPoly:
+    return make_low_poly(
+        high,
+        options.n_faces,
+        error=options.error,
+        quality=options.quality,
+        seams="drop",  # its charts are made anew
+        remesh=options.remesh,
+        rule=rule,
+        threads=options.threads,
+        progress=progress,
+    )
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:

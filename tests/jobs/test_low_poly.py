@@ -1,0 +1,58 @@
+"""The count of triangles that is asked for: reached by `simplify` and `run`, or a clear error."""
+
+from pathlib import Path
+
+import pytest
+from models import sponge
+
+import texbake
+from texbake.errors import MeshError
+from texbake.jobs.options import RunOptions
+from texbake.mesh.topology import find_edges, genus
+
+
+@pytest.fixture
+def mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> texbake.Mesh:
+    """Menger's sponge of 81 tunnels, also as a file; at 200 triangles, 2 for each are left."""
+    monkeypatch.chdir(tmp_path)
+    made = sponge(2).replace(name="sponge.ply")
+    texbake.write_mesh(made, "sponge.ply")
+    return made
+
+
+def handles(mesh: texbake.Mesh) -> int:
+    found = genus(mesh.faces, find_edges(mesh.faces), mesh.n_vertices)
+    assert found is not None
+    return found
+
+
+def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> None:
+    with pytest.raises(MeshError, match=r"200 triangles cannot be reached: its topology .* fewer"):
+        texbake.simplify_file("sponge.ply", "low.ply", 200)
+    assert not Path("low.ply").exists()
+
+
+def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
+    done = texbake.simplify_file("sponge.ply", "low.ply", 200, topology="simplify")
+    low = texbake.read_mesh("low.ply")
+    assert 198 <= low.n_faces <= 200
+    assert handles(low) <= 200 / 20  # the widest tunnels, of a third of its side, stay
+    assert "closed surface" in done.warnings[0]
+
+
+@pytest.mark.parametrize("n_faces", [200, 3_000])
+def test_run_reaches_the_count(mesh: texbake.Mesh, n_faces: int) -> None:
+    options = RunOptions(n_faces=n_faces, size=128, compare="off")
+    result = texbake.run(mesh, "asset", options)
+    assert result.low.n_faces <= n_faces
+    assert handles(result.low) <= n_faces / 20
+    why = "\n".join(result.why_closed)
+    assert ("cannot show its tunnels: 81" in why) == (n_faces == 200)
+    assert ("of its diagonal were closed" in why) == (n_faces == 200)
+
+
+def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None:
+    options = RunOptions(n_faces=200, remesh="never", size=128)
+    with pytest.raises(MeshError, match=r"sponge\.ply: 200 triangles cannot .* `remesh` always"):
+        texbake.run(mesh, "asset", options)
+    assert list(Path("asset").glob("*")) == []
