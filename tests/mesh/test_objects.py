@@ -88,12 +88,22 @@ def test_objects_and_groups_of_an_obj_file_are_apart_and_materials_are_not(
     assert np.array_equal(corner_normals(read_mesh(path)), expected)
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".glb"])
+@pytest.mark.parametrize("suffix", [".obj", ".glb", ".usda"])
 def test_objects_come_back_from_files(tmp_path, suffix):
     write_mesh(join_parts(NAMED, "two"), tmp_path / f"two{suffix}")
     mesh = read_mesh(tmp_path / f"two{suffix}")
     assert len(set(mesh.group_objects)) == 2
     assert object_names(mesh) == ("lid", "box")
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".usda"])
+def test_groups_of_objects_come_back_from_files(tmp_path, suffix):
+    names = "lid", "lid/handle", "box"
+    two = join_parts(NAMED, "two").replace(group_names=names, group_objects=(0, 0, 1))
+    sides = np.where(two.face_groups == 1, 2, np.arange(two.n_faces) % 2)
+    write_mesh(two.replace(face_groups=sides), tmp_path / f"two{suffix}")
+    mesh = read_mesh(tmp_path / f"two{suffix}")
+    assert mesh.group_names == names and mesh.group_objects == (0, 0, 1)
 
 
 def test_an_object_of_two_groups_is_one():

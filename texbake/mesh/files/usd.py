@@ -195,8 +195,9 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
         n_points=len(points),
     )
     groups, holders = _groups(path, prim, len(counts))
-    prefix = "" if is_alone else f"{_name(prim)}/"
-    names = [_name(prim) if holder == prim else f"{prefix}{_name(holder)}" for holder in holders]
+    own, names = _name(prim), [_name(holder) for holder in holders]
+    prefix = "" if is_alone else f"{own}/"
+    names = [name if name == own else f"{prefix}{name}" for name in names]
     mesh = Mesh(
         positions=points,
         faces=point_of[slots].astype(np.int32),

@@ -178,7 +178,9 @@ def _objects(mesh: Mesh, name: str) -> Iterator[tuple[str, Mesh]]:
             names[used[0]],
             part.replace(
                 face_groups=groups.astype(np.int32),
-                group_names=tuple(mesh.group_names[group] for group in used),
+                group_names=tuple(
+                    mesh.group_names[group].removeprefix(f"{names[used[0]]}/") for group in used
+                ),
                 group_objects=(),
             ),
         )
