@@ -73,7 +73,7 @@ def remesh(
 def _rows(report: RemeshReport) -> list[tuple[str, str]]:
     distance, diagonal = report.distance, report.diagonal
     return [
-        ("faces", f"{report.n_faces_before:,} to {report.n_faces:,}"),
+        ("triangles", f"{report.n_faces_before:,} to {report.n_faces:,}"),
         ("surface", f"{report.surface}: {report.reason}"),
         ("holes filled", f"{report.n_holes_filled:,}"),
         ("separate parts", f"{report.n_components:,}"),

@@ -74,7 +74,7 @@ def simplify(
 def _rows(report: SimplifyReport) -> list[tuple[str, str]]:
     distance = report.distance
     return [
-        ("faces", f"{report.n_faces_before:,} to {report.n_faces:,}"),
+        ("triangles", f"{report.n_faces_before:,} to {report.n_faces:,}"),
         ("vertices", f"{report.n_vertices:,}"),
         ("method", report.method),
         (

@@ -559,7 +559,7 @@ def test_faces_without_a_texel_are_reported():
     mesh = Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=uv_faces)
     report = bake(low, mesh, BakeOptions(size=16, front=0.1, back=0.1)).report
     assert report.faces_without_texel == 2
-    assert any("2 of 4 faces own no texel" in warning for warning in report.warnings)
+    assert any("2 of 4 triangles own no texel" in warning for warning in report.warnings)
 
 
 def test_a_mesh_kept_inside_out_misses_everything_with_a_hint():

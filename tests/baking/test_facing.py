@@ -38,7 +38,7 @@ def test_what_faces_inwards_is_turned_over(share):
     assert wrong.report.texels_missed == right.report.texels_missed == 0
     assert right.report.warnings == []
     (warning,) = wrong.report.warnings
-    assert f"turned over {int(turned.sum()):,} of its faces, which faced inwards" in warning
+    assert f"turned over {int(turned.sum()):,} triangles, which faced inwards" in warning
 
 
 def test_one_part_of_several():

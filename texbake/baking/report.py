@@ -179,12 +179,12 @@ class BakeReport:
             ),
             (
                 counts.faces_outside_tile,
-                f"{counts.faces_outside_tile:,} faces extend beyond the unit square; "
+                f"{counts.faces_outside_tile:,} triangles extend beyond the unit square; "
                 "what lies outside is not baked, unless {udim} is in `name_pattern`",
             ),
             (
                 self.faces_without_texel,
-                f"{self.faces_without_texel:,} of {self.n_low_faces:,} faces own no texel, "
+                f"{self.faces_without_texel:,} of {self.n_low_faces:,} triangles own no texel, "
                 f"{counts.faces_without_uv_area:,} of them without area in texture space",
             ),
             (
@@ -212,7 +212,7 @@ class BakeReport:
         low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
         median = self.distance_percentiles.get(50, 0.0)
         return [
-            ("meshes", f"{self.n_high_faces:,} faces onto {self.n_low_faces:,}"),
+            ("meshes", f"{self.n_high_faces:,} triangles onto {self.n_low_faces:,}"),
             *([("objects", self.objects)] if self.n_objects else []),
             (
                 "size",
@@ -253,7 +253,7 @@ class BakeReport:
             ),
             (
                 "overlap, outside",
-                f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} faces",
+                f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} triangles",
             ),
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
             *(() if self.budget is None else self.budget.table()),

@@ -308,7 +308,7 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
                 "one face; give each face coordinates of its own with: texbake unwrap"
             )
         if map_.n_outside:
-            yield f"{map_.name}: {map_.n_outside:,} faces extend beyond the unit square"
+            yield f"{map_.name}: {map_.n_outside:,} triangles extend beyond the unit square"
 
 
 def _baked(

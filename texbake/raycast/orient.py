@@ -36,7 +36,7 @@ class OrientationReport:
         notes = []
         if self.n_faces:
             notes.append(
-                f"{self.mesh}: turned over {self.n_faces:,} of its faces, which faced inwards; "
+                f"{self.mesh}: turned over {self.n_faces:,} triangles, which faced inwards; "
                 "`orientation` keep leaves them as they are"
             )
         if self.n_unclear:

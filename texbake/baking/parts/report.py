@@ -87,9 +87,9 @@ class PartsReport:
         checks = (
             (
                 self.n_crossing,
-                f"{self.n_crossing:,} faces cross the border of a tile; each tile gets its share",
+                f"{self.n_crossing:,} triangles cross borders of tiles; each tile gets its share",
             ),
-            (self.n_outside, f"{self.n_outside:,} faces lie in no tile and are not baked"),
+            (self.n_outside, f"{self.n_outside:,} triangles lie in no tile and are not baked"),
             (
                 self.n_overlapping,
                 f"{self.n_overlapping:,} texels are covered by more than one part; the first part "
@@ -115,7 +115,7 @@ class PartsReport:
             rows.append(
                 (
                     f"  {part.low}",
-                    f"from {', '.join(part.high)}{where}: {part.n_faces:,} faces, "
+                    f"from {', '.join(part.high)}{where}: {part.n_faces:,} triangles, "
                     f"{part.texels_covered:,} texels, {percent:.3f} % missed",
                 )
             )

@@ -207,10 +207,10 @@ def snap_points(mesh: Mesh) -> FloatArray:
 def _why_nothing(mesh: Mesh) -> str:
     if degenerate_faces(mesh).all():
         return (
-            f"{mesh.name}: none of its {mesh.n_faces} faces has an area; "
+            f"{mesh.name}: none of its {mesh.n_polygons} faces has an area; "
             "look for the cause with: texbake info"
         )
     return (
-        f"{mesh.name}: each of its {mesh.n_faces} faces is narrower than 4 millionths of the size "
-        "of the mesh; remove parts that lie far away, or split the mesh"
+        f"{mesh.name}: each of its {mesh.n_polygons} faces is narrower than 4 millionths of the "
+        "size of the mesh; remove parts that lie far away, or split the mesh"
     )
