@@ -18,6 +18,7 @@ from functools import partial
 import numpy as np
 
 from texbake.errors import MeshError
+from texbake.mesh.compose import CORNERS
 from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
@@ -101,7 +102,16 @@ def reduced(
     made = result.mesh
     if has_borders(mesh):
         made = with_nearest_groups(made, mesh, threads)
-    return replace(result, mesh=with_nearest_attributes(made, mesh, threads))
+    return replace(result, mesh=_object_by_object(with_nearest_attributes(made, mesh, threads)))
+
+
+def _object_by_object(mesh: Mesh) -> Mesh:
+    """Order faces by object: Blender reads a name that an OBJ file repeats as another object."""
+    if not mesh.group_objects or mesh.face_groups is None:
+        return mesh
+    order = np.lexsort([mesh.face_groups, np.array(mesh.group_objects)[mesh.face_groups]])
+    rows = {name: getattr(mesh, name) for name in (*CORNERS, "face_groups")}
+    return mesh.replace(**{name: row[order] for name, row in rows.items() if row is not None})
 
 
 def _is_without_charts(mesh: Mesh) -> bool:
