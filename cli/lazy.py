@@ -23,7 +23,7 @@ COMMANDS = {
     "convert": "Write the mesh in SOURCE in the format of OUTPUT.",
     "repair": "Repair MESH without moving its surface.",
     "transform": "Scale, turn and move MESH, or turn its faces over.",
-    "remesh": "Wrap MESH in a closed surface.",
+    "remesh": "Give MESH a new surface, closed or open.",
     "simplify": "Reduce MESH to fewer triangles.",
     "unwrap": "Give MESH texture coordinates.",
     "cage": "Fit a cage around HIGH, starting from LOW.",

@@ -210,11 +210,11 @@ from .mesh.options import RepairOptions as RepairOptions, TransformOptions as Tr
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import SHAPES as SHAPES, MakeOptions as MakeOptions
 from .mesh.remesh import (
-    RemeshReport as RemeshReport,
     remesh as remesh,
     remesh_with_report as remesh_with_report,
 )
 from .mesh.remesh_options import RemeshOptions as RemeshOptions
+from .mesh.remesh_report import RemeshReport as RemeshReport
 from .mesh.repair import (
     RepairReport as RepairReport,
     repair as repair,

@@ -49,7 +49,7 @@ def remesh(
     terminal: Terminal,
     **choices: Any,
 ) -> None:
-    """Wrap MESH in a closed surface, or remesh it as an open one.
+    """Give MESH a new surface, closed or open.
 
     The closed surface of a body encloses what is seen from outside. MESH may be any triangles:
     doubled and inner walls vanish, overlapping parts become one, and holes and gaps are closed. The

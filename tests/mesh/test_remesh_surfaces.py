@@ -257,3 +257,15 @@ def test_sheets_do_not_depend_on_the_threads_and_the_size():
         there = remesh(moved(mesh, scale=scale), options, threads=threads)
         assert np.array_equal(here.faces, there.faces)
         assert np.array_equal(here.positions * scale, there.positions)
+
+
+def test_handles_that_closed_gaps_make_are_told():
+    ring = bare(make("torus", resolution=(96, 24)))
+    angles = np.arctan2(ring.positions[:, 2], ring.positions[:, 0])
+    # A ring opened by a gap, a bent bar whose ends are capped.
+    kept = ~(np.abs(angles[ring.faces]) < 0.1).any(axis=1)
+    bar = ring.replace(faces=ring.faces[kept])
+    for close, n_made in ((0.5, 1), (0.01, 0)):
+        _, report = remesh_with_report(bar, RemeshOptions(resolution=96, close=close))
+        assert report.surface == "closed" and report.n_holes_filled == 2
+        assert report.n_handles_made == n_made == len(report.notes)

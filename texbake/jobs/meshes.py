@@ -34,7 +34,7 @@ from texbake.progress import ProgressSink
 from texbake.texture.image import image_shape, read_image
 
 if TYPE_CHECKING:
-    from texbake.mesh.remesh import RemeshReport
+    from texbake.mesh.remesh_report import RemeshReport
 
 ORANGE = "orange"
 
@@ -223,13 +223,13 @@ def remesh_file(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[RemeshReport]:
-    """Wrap a mesh file in a closed surface, and write the result.
+    """Wrap a mesh file in a closed surface, or remesh an open one, and write the result.
 
     Parameters
     ----------
     mesh
     output
-        The closed mesh; it may replace `mesh`.
+        The new mesh; it may replace `mesh`.
     options, threads, progress
         As for `remesh`.
     report

@@ -16,17 +16,17 @@ Departs from it in that voxels are flooded and not tetrahedra carved.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.distance import OneSidedDistance, surface_distance
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED, OPEN, RemeshOptions
+from texbake.mesh.remesh_report import RemeshReport
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError
 from texbake.mesh.remeshing.flood import Rooms, flood_outside
 from texbake.mesh.remeshing.grid import Grid, too_crowded
@@ -58,99 +58,6 @@ from texbake.progress import ProgressSink, Stages
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
 # Share of the wrap's vertices around sheets from which on its handles may be holes that pierce it.
 _PIERCED = 0.05
-_AREA_KEPT = 0.02  # change of a sheet's area that is not worth a note
-
-
-@dataclass(frozen=True, kw_only=True)
-class RemeshReport:
-    """Figures of a run of `remesh`.
-
-    Attributes
-    ----------
-    n_faces_before, n_faces, n_vertices : int
-    n_components, n_dropped : int
-        Separate parts of the result, and those that `components` left out.
-    n_crumbs : int
-        Separate parts smaller than a voxel, which are left out.
-    n_cavities_kept, n_cavities_filled : int
-        Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
-        gaps that are closed.
-    n_rooms_untested : int
-        Such rooms that were too small and too many to test whether they are cavities. They count as
-        solid.
-    voxel : float
-        Side of a voxel, in model units.
-    gap : float
-        Gaps up to this width are closed, in model units.
-    surface : str
-        What was made, `closed` or `open`.
-    reason : str
-        Why, as the end of a sentence.
-    n_holes_filled, n_boundaries, n_handles : int
-        Loops of the mesh's boundary that were filled; those of the result's; handles of a closed
-        one, with those of the walls of cavities that were filled.
-    area_ratio : float
-        Area of an open result, as a share of that of the mesh and what fills its holes.
-    thin_share : float
-        Share of the wrap's vertices, before it is simplified, that lie around sheets.
-    distance : OneSidedDistance
-        From the result to the given mesh. It includes the surfaces that close gaps.
-    diagonal : float
-        Of the given mesh.
-    seconds : float
-        Without measuring the distance.
-    """
-
-    n_faces_before: int
-    n_faces: int
-    n_vertices: int
-    n_components: int
-    n_dropped: int
-    n_crumbs: int
-    n_cavities_kept: int
-    n_cavities_filled: int
-    n_rooms_untested: int
-    voxel: float
-    gap: float
-    surface: str
-    reason: str
-    n_holes_filled: int
-    n_boundaries: int
-    n_handles: int
-    area_ratio: float
-    thin_share: float
-    distance: OneSidedDistance
-    diagonal: float
-    seconds: float
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences for the user."""
-        notes = []
-        if self.n_crumbs:
-            notes.append(
-                f"separate parts smaller than a voxel are left out: {self.n_crumbs:,}; a greater "
-                "`resolution` keeps more"
-            )
-        if self.n_dropped:
-            notes.append(
-                f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them"
-            )
-        if self.n_rooms_untested:
-            notes.append(
-                "the smallest rooms inside were not tested for being cavities, and count as "
-                f"solid: {self.n_rooms_untested:,}; a lower `resolution` leaves fewer"
-            )
-        if abs(self.area_ratio - 1.0) > _AREA_KEPT:
-            notes.append(
-                f"the sheet has {100.0 * self.area_ratio:.0f} % of the mesh's area; a greater "
-                "`resolution` keeps more of its detail"
-            )
-        return (*notes, *self.distance.notes)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return every figure as plain values, for `json.dump`."""
-        return asdict(self)
 
 
 def remesh(
@@ -239,7 +146,7 @@ def remesh_with_report(
         reason=counts.kind.reason,
         n_holes_filled=counts.n_holes_filled,
         n_boundaries=len(Loops.of(wrapped.positions, wrapped.faces).sizes),
-        n_handles=counts.n_handles,
+        n_handles_made=counts.n_handles_made,
         area_ratio=counts.area_ratio,
         thin_share=counts.thin_share,
         distance=distance,
@@ -265,6 +172,7 @@ class _Counts:
     kind: Kind = AS_IT_IS
     n_holes_filled: int = 0
     n_handles: int = 0
+    n_handles_made: int = 0
     area_ratio: float = 1.0
 
 
@@ -308,13 +216,15 @@ def _remeshed(
         ) from error
     counts = replace(counts, kind=kind, n_holes_filled=filled.n_holes)
     if fills_holes:
-        require_no_more_tangles(
+        n_made = require_no_more_tangles(
             mesh.name,
             kind,
             faces,
             counts.n_components,
+            may_have_handles=counts.n_handles > 0,
             may_be_pierced=filled.n_holes > 0 or counts.thin_share > _PIERCED,
         )
+        counts = replace(counts, n_handles_made=n_made)
     if kind.is_open:
         area = float(areas_of(points, filled.faces).sum())
         counts = replace(counts, area_ratio=float(areas_of(moved, faces).sum()) / area)

@@ -87,9 +87,10 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     threads
         None for every processor.
     """
-    if surface_side(Mesh(positions=points, faces=faces), threads=threads) != "both":
+    is_closed = surface_side(Mesh(positions=points, faces=faces), threads=threads) != "both"
+    faces = weld_rows(points, threads=threads)[faces]
+    if is_closed:
         return Kind(faces, NO_LOOPS, np.zeros(1, dtype=np.bool_), False, False, _CLOSED)
-    faces = weld_rows(points)[faces]
     faces = np.ascontiguousarray(faces[~repeated_vertices(faces)], dtype=np.int32)
     parts, n_parts = face_components(faces, len(points))
     loops = Loops.of(points, faces)
@@ -216,11 +217,18 @@ def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Fi
 
 
 def require_no_more_tangles(
-    name: str, kind: Kind, faces: IntArray, n_components: int, *, may_be_pierced: bool
-) -> None:
+    name: str,
+    kind: Kind,
+    faces: IntArray,
+    n_components: int,
+    *,
+    may_have_handles: bool,
+    may_be_pierced: bool,
+) -> int:
     """Refuse a result with more parts than the mesh, or a sheet with more handles and holes.
 
-    Of a body, gaps that are closed make handles, as they should.
+    Gaps that are closed make handles of a body, as they should. If the mesh is one, return how many
+    there are more.
     """
     n_parts = face_components(kind.faces, int(kind.faces.max()) + 1)[1]
     advice = "use a greater `resolution`"
@@ -229,20 +237,24 @@ def require_no_more_tangles(
             f"{name}: the result has {n_components:,} separate parts and the mesh "
             f"{n_parts:,}; {advice}, or keep the largest with `components={n_parts}`"
         )
-    if not kind.is_open and (
-        n_parts > 1 or not may_be_pierced or find_edges(kind.faces).non_manifold.any()
-    ):
-        return
-    # Parts that cross are joined, maybe at several places.
-    given = max(count_tangles(kind.faces), len(kind.loops.sizes))
-    given += 2 * (n_parts - n_components)
+    if not kind.is_open and (n_parts > 1 or not may_have_handles):
+        return 0
+    edges = find_edges(kind.faces)
+    if not kind.is_open and edges.non_manifold.any():
+        return 0
+    n_loops = len(kind.loops.sizes)
+    given = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_loops)
     n_tangles = count_tangles(faces)
+    n_made = n_tangles // 2 - (given - n_loops) // 2
+    # Parts that cross are joined, maybe at several places.
+    given += 2 * (n_parts - n_components)
     if not kind.is_open:
         n_tangles //= 2
-    if n_tangles > given:
+    if n_tangles > given and (kind.is_open or may_be_pierced):
         what = "sheet" if kind.is_open else "closed surface"
         other = CLOSED if kind.is_open else OPEN
         raise MeshError(
             f"{name}: the {what} has {n_tangles:,} handles and holes, and the mesh {given:,}; "
             f"{advice}, a smaller `close`, or `surface={other}`"
         )
+    return 0 if kind.is_open else max(n_made, 0)

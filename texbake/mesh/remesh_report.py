@@ -1,0 +1,108 @@
+"""What a run of `remesh` did, and what the user should know of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from texbake.mesh.distance import OneSidedDistance
+
+_AREA_KEPT = 0.02  # change of a sheet's area that is not worth a note
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemeshReport:
+    """Figures of a run of `remesh`.
+
+    Attributes
+    ----------
+    n_faces_before, n_faces, n_vertices : int
+    n_components, n_dropped : int
+        Separate parts of the result, and those that `components` left out.
+    n_crumbs : int
+        Separate parts smaller than a voxel, which are left out.
+    n_cavities_kept, n_cavities_filled : int
+        Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
+        gaps that are closed.
+    n_rooms_untested : int
+        Such rooms that were too small and too many to test whether they are cavities. They count as
+        solid.
+    voxel : float
+        Side of a voxel, in model units.
+    gap : float
+        Gaps up to this width are closed, in model units.
+    surface : str
+        What was made, `closed` or `open`.
+    reason : str
+        Why, as the end of a sentence.
+    n_holes_filled, n_boundaries : int
+        Loops of the mesh's boundary that were filled, and those of the result's.
+    n_handles_made : int
+        Handles of the closed surface of a mesh of one part that the mesh itself has not.
+    area_ratio : float
+        Area of an open result, as a share of that of the mesh and what fills its holes.
+    thin_share : float
+        Share of the wrap's vertices, before it is simplified, that lie around sheets.
+    distance : OneSidedDistance
+        From the result to the given mesh. It includes the surfaces that close gaps.
+    diagonal : float
+        Of the given mesh.
+    seconds : float
+        Without measuring the distance.
+    """
+
+    n_faces_before: int
+    n_faces: int
+    n_vertices: int
+    n_components: int
+    n_dropped: int
+    n_crumbs: int
+    n_cavities_kept: int
+    n_cavities_filled: int
+    n_rooms_untested: int
+    voxel: float
+    gap: float
+    surface: str
+    reason: str
+    n_holes_filled: int
+    n_boundaries: int
+    n_handles_made: int
+    area_ratio: float
+    thin_share: float
+    distance: OneSidedDistance
+    diagonal: float
+    seconds: float
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        notes = []
+        if self.n_crumbs:
+            notes.append(
+                f"separate parts smaller than a voxel are left out: {self.n_crumbs:,}; a greater "
+                "`resolution` keeps more"
+            )
+        if self.n_dropped:
+            notes.append(
+                f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them"
+            )
+        if self.n_rooms_untested:
+            notes.append(
+                "the smallest rooms inside were not tested for being cavities, and count as "
+                f"solid: {self.n_rooms_untested:,}; a lower `resolution` leaves fewer"
+            )
+        if self.n_handles_made:
+            notes.append(
+                f"closing gaps made handles that the mesh has not: {self.n_handles_made:,}; a "
+                "smaller `close` or a greater `resolution` makes fewer"
+            )
+        if abs(self.area_ratio - 1.0) > _AREA_KEPT:
+            notes.append(
+                f"the sheet has {100.0 * self.area_ratio:.0f} % of the mesh's area; a greater "
+                "`resolution` keeps more of its detail"
+            )
+        return (*notes, *self.distance.notes)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return every figure as plain values, for `json.dump`."""
+        return asdict(self)
