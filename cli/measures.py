@@ -24,7 +24,7 @@ def distortion_rows(found: Distortion) -> Rows:
     ]
     if found.n_mirrored:
         figures = f"{turned.l2:.4f}, {turned.linf:.4f}, {turned.symmetric_dirichlet:.4f}"
-        rows.append(("  with mirrored faces turned over", figures))
+        rows.append(("  with mirrored faces flipped", figures))
     tiles = "texture" if found.n_tiles == 1 else f"{found.n_tiles:,} tiles"
     rows += [
         ("quasi-conformal error", f"{whole.quasi_conformal:.4f}  (1 at best)"),

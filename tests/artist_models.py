@@ -49,7 +49,7 @@ def box(size=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)):
 
 
 def beveled_crate(bevel=0.1):
-    """A cube with chamfers, whose normals are those of its six sides, weighted as artists do."""
+    """A chamfered cube with face-weighted normals: those of its six sides."""
     corners = list(itertools.product((-1, 1), repeat=3))
     points, normals, number = [], [], {}
     for corner, axis in itertools.product(corners, range(3)):
@@ -85,7 +85,7 @@ def grid(at, n_u, n_v, group=1):
 
 
 def joined(*parts):
-    """One object of several, whose points at one place are one."""
+    """Join objects into one, and merge points at the same place."""
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
     points = np.concatenate([part.points for part in parts]).round(12) + 0.0
     unique, ids = np.unique(points, axis=0, return_inverse=True)
@@ -118,7 +118,7 @@ def head():
 
 
 def dome():
-    """A hemisphere of two walls that are thin, closed at its rim."""
+    """A thin hemisphere: two walls, closed at the rim."""
 
     def wall(radius):
         return lambda u, v: (
@@ -174,7 +174,7 @@ def leaf():
 
 
 def models():
-    """Objects by name, of each model by name."""
+    """Return models by name, each a dict of its objects by name."""
     hole = prism(circle(24, 0.25), 0.0, 0.3, side_group=1)
     left, right = head()
     return {

@@ -34,7 +34,7 @@ def noisy(mesh):
 
 
 def lists(mesh):
-    """Everything of a mesh that is not a position or a direction."""
+    """All arrays of a mesh except positions and directions."""
     names = ("faces", "uvs", "uv_faces", "normal_faces", "face_groups")
     return {name: getattr(mesh, name) for name in names if getattr(mesh, name) is not None}
 

@@ -38,7 +38,7 @@ def test_what_faces_inwards_is_turned_over(share):
     assert wrong.report.texels_missed == right.report.texels_missed == 0
     assert right.report.warnings == []
     (warning,) = wrong.report.warnings
-    assert f"turned over {int(turned.sum()):,} triangles, which faced inwards" in warning
+    assert f"flipped {int(turned.sum()):,} triangles, which faced inwards" in warning
 
 
 def test_one_part_of_several():
@@ -80,7 +80,7 @@ def test_parts_are_turned_over_one_by_one():
     wrong = bake_parts([flipped(high)], [low], OPTIONS)
     for one, other in zip(right.targets.values(), wrong.targets.values(), strict=True):
         np.testing.assert_allclose(values(other)["normal"], values(one)["normal"], atol=2e-6)
-    assert any("turned over" in warning for warning in wrong.report.warnings)
+    assert any("flipped" in warning for warning in wrong.report.warnings)
 
 
 def test_any_number_of_threads():

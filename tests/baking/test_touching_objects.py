@@ -111,7 +111,7 @@ def named(meshes, ending):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_objects_whose_names_pair_up_are_each_baked_from_their_own(name):
+def test_objects_whose_names_pair_up_are_each_baked_from_their_match(name):
     high, low = named(SCENES[name][0], "_high"), unwrap(named(SCENES[name][1], "_low"), size=128)
     mixed = np.arange(low.n_faces)[::-1]
     low = low.replace(
@@ -158,7 +158,7 @@ SHORT = {"back": 0.001}
     [
         (lambda low: low, {"join_objects": True}, "^join_objects: "),
         (lambda low: low, {"front": 0.001, **SHORT}, "^front, back: "),
-        (lambda low: low, {"cage": True, **SHORT}, "the cage lies"),
+        (lambda low: low, {"cage": True, **SHORT}, "the cage is below"),
         (lifted, {}, "far from the high-poly mesh"),
         (lambda low: moved(low, (0, 0, 0), 1.3), {"front": 0.001, **SHORT}, "times as large"),
         (lambda low: low.replace(faces=low.faces[:, ::-1], uv_faces=low.uv_faces[:, ::-1]),

@@ -59,7 +59,7 @@ def triangles():
 
 
 def polygons():
-    """Corners of all polygons in the world, Y up, with the names of their objects."""
+    """Corners of all polygons in world space, Y up, with the names of their objects."""
     found = {key: [] for key in ("names", "sizes", "positions", "normals", "uvs")}
     n_vertices = 0
     for thing in bpy.context.scene.objects:
@@ -83,7 +83,7 @@ def polygons():
 
 
 def show_normals(path):
-    """Let everything shine in the colors (n + 1) / 2 of its normals, Z up, with a normal map."""
+    """Make everything emit (n + 1) / 2 of its normals as color, Z up, with a normal map."""
     material = bpy.data.materials.new("map")
     material.use_nodes = True
     nodes, link = material.node_tree.nodes, material.node_tree.links.new

@@ -150,7 +150,7 @@ def test_a_mobius_strip_is_torn_somewhere() -> None:
 
 
 def test_a_shell_inside_out_within_another() -> None:
-    """The wall of a hollow is none, but the wall of a hollow in a hollow turned over is."""
+    """The wall of a hollow is none, but the wall of a hollow in a hollow flipped is."""
     sphere = icosphere(1)
     shells = [sphere.faces, sphere.faces[:, ::-1] + 42, sphere.faces[:, ::-1] + 84]
     sizes = np.repeat([4.0, 3.0, 2.0], 42)[:, None]

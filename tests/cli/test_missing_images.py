@@ -1,4 +1,4 @@
-"""A model whose images are missing or damaged, or whose materials ask for what is not known."""
+"""Models with missing or damaged images, or with materials that need unknown features."""
 
 import base64
 import io
@@ -95,7 +95,7 @@ DAMAGED = {
 @pytest.mark.parametrize("data", DAMAGED.values(), ids=DAMAGED)
 @pytest.mark.parametrize("command", ["convert", "preview", "lighten", "bake"])
 @pytest.mark.parametrize("place", ["beside", "inside", "OBJ"])
-def test_a_damaged_image_is_as_if_it_were_missing(tmp_path, monkeypatch, command, data, place):
+def test_a_damaged_image_is_treated_as_missing(tmp_path, monkeypatch, command, data, place):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.png").write_bytes(data)
     inside = "data:image/png;base64," + base64.b64encode(data).decode()

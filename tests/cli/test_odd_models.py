@@ -164,7 +164,7 @@ def test_a_model_that_is_all_cavities(answer, tmp_path, command):
     result = answer(command, path)
     assert result.exit_code == int(command == "check")
     if command in ("simplify", "run"):
-        assert "turned over 3,360 triangles" in result.stderr
+        assert "flipped 3,360 triangles" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["info", "check", "convert", "remesh"])

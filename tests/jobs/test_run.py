@@ -238,7 +238,7 @@ def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(
 ) -> None:
     inwards = turned_over(high, np.ones(high.n_faces, dtype=bool))
     result = run(inwards, tmp_path, OPTIONS)
-    assert result.warnings[0].startswith("ball.ply: turned over 20,480 triangles")
+    assert result.warnings[0].startswith("ball.ply: flipped 20,480 triangles")
     report = json.loads(result.files["report"].read_text())
     assert report["orientation"]["n_faces"] == high.n_faces
     np.testing.assert_array_equal(result.high.faces[:, ::-1], inwards.faces)

@@ -166,7 +166,7 @@ def test_polygons_are_whole_across_seams(name, options, tmp_path):
     assert outlines(unwrap(mesh, **options)).n_split == 0
 
 
-def test_triangles_seen_edge_on_lie_with_their_polygon():
+def test_triangles_seen_edge_on_go_with_their_polygon():
     corners = [(0, 0, 0), (0.5, 0.5, 1), (1, 1, 0), (1, 0, 0)]
     quad = Mesh(positions=corners, faces=[[0, 1, 2], [0, 2, 3]], polygon_of=[0, 0])
     assert outlines(unwrap(quad, method="planar", sides=True)).n_split == 0

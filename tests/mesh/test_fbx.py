@@ -217,7 +217,7 @@ def test_hidden_models_are_left_out(read):
     models = {"a": ({"Show": [0]}, None), "b": ({"Lcl Translation": [0.0, 0.0, 7.0]}, None)}
     mesh = read(scene(models=models))
     assert mesh.group_names == ("b",)
-    with pytest.warns(ReadWarning, match="all its meshes are hidden; they are read") as warned:
+    with pytest.warns(ReadWarning, match="all its meshes are hidden; texbake reads") as warned:
         mesh = read(scene(models={"a": ({"Visibility": [0.0]}, None)}))
     assert mesh.group_names == ("a",) and len(warned) == 1
 

@@ -53,13 +53,15 @@ def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Pat
 
 
 @pytest.mark.parametrize("word", ["NaN", "-nan", "inf"])
-def test_collada_without_finite_numbers_is_as_in_other_formats(tmp_path: Path, word: str) -> None:
+def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(
+    tmp_path: Path, word: str
+) -> None:
     path = tmp_path / "a.dae"
     texbake.to_trimesh(uv_sphere(6, 8)).export(path)
     text = path.read_text()
 
     def read_with(source: str) -> texbake.Mesh:
-        """Read the file with a first number of a source that is not finite."""
+        """Read the file after replacing the first number of a source by one that is not finite."""
         changed = re.sub(rf'(<float_array[^>]*id="{source}[^>]*>)\S+', rf"\1{word}", text)
         assert changed != text
         path.write_text(changed)
@@ -69,7 +71,7 @@ def test_collada_without_finite_numbers_is_as_in_other_formats(tmp_path: Path, w
         assert np.isfinite(read_with("normals").normals).all()
     with pytest.warns(ReadWarning, match=r"1 of .* texture coordinates are not finite; \(0, 0\)"):
         assert np.isfinite(read_with("texcoords").uvs).all()
-    with pytest.raises(MeshError, match="a position is not finite"):
+    with pytest.raises(MeshError, match="a position of a face is not finite"):
         read_with("verts")
     path.write_text(re.sub('(<float_array[^>]*id="verts[^>]*>[^<]*)', rf"\1 {word} 0 0", text))
     with pytest.warns(ReadWarning, match="1 of 62 vertices are not finite; no face uses them"):

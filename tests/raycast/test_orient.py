@@ -69,7 +69,7 @@ def test_what_is_inside_out_as_a_whole_is_turned_over(name):
     mesh, report = oriented(flipped(right), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
     assert report.n_faces == right.n_faces
-    assert f"turned over {right.n_faces:,} triangles" in report.notes[0]
+    assert f"flipped {right.n_faces:,} triangles" in report.notes[0]
 
 
 def test_one_of_several_parts_is_turned_over():

@@ -191,7 +191,7 @@ def bake_inputs(
 def _reporting(
     baked: BakeResult, stacked: StackedIslands, orientation: OrientationReport | None
 ) -> BakeResult:
-    """Add to the report what was turned over, and which islands share the texels of others."""
+    """Add to the report what was flipped, and which islands share the texels of others."""
     report, n_sharing = baked.report, int(stacked.shares.sum())
     counts = replace(
         report.counts,

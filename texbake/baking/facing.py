@@ -1,8 +1,8 @@
-"""A high-poly mesh that faces inwards is turned over before it is baked.
+"""A high-poly mesh that faces inwards is flipped before it is baked.
 
 A look at a few points of the low-poly mesh tells whether that could be so: the nearest high-poly
 surface along their rays faces as the low-poly mesh does. Only where some of it does not, which is
-rare, the whole high-poly mesh is examined. It is turned over only if it then
+rare, the whole high-poly mesh is examined. It is flipped only if it then
 agrees better.
 """
 
@@ -31,7 +31,7 @@ _REACH = 4.0
 def face_outwards(
     inputs: BakeInputs, scenes: BakeScenes, stages: Stages
 ) -> tuple[BakeInputs, BakeScenes, OrientationReport]:
-    """Turn over the parts of the high-poly mesh that face inwards, if `orientation` is auto.
+    """Flip the parts of the high-poly mesh that face inwards, if `orientation` is auto.
 
     A mesh that is traced in chunks is left as it is.
 
@@ -44,7 +44,7 @@ def face_outwards(
     Returns
     -------
     inputs, scenes
-        Those given, or others with the mesh turned over.
+        Those given, or others with the mesh flipped.
     report : OrientationReport
     """
     high, options = inputs.source, inputs.options

@@ -102,7 +102,7 @@ class BakeReport:
     stages : list of StageRecord
     versions : dict
     orientation : OrientationReport or None
-        What was turned over of the high-poly mesh.
+        What was flipped of the high-poly mesh.
     sampling : SamplingReport or None
         Errors of adaptive samples, as estimated and as checked.
     budget : TimeBudget or None
@@ -111,9 +111,9 @@ class BakeReport:
         Front and back at the median vertex, where each vertex has its own; `front` and `back` are
         then the greatest, which rays that find nothing take.
     n_objects : int
-        Objects, each baked from the one with its name; 0 where all are baked from all.
+        Number of objects that were baked from their matches; 0 if all were baked from all.
     why_missed : tuple of str
-        Sentences on why rays missed, or could, where that was looked for.
+        Sentences that say why rays missed, or could miss; empty if no cause was looked for.
     """
 
     high: str
@@ -151,7 +151,7 @@ class BakeReport:
     @property
     def objects(self) -> str:
         """Say which objects were baked from which."""
-        return f"{self.n_objects:,}, each baked from the one with its name"
+        return f"{self.n_objects:,}, each baked from the one with the matching name"
 
     @property
     def seconds(self) -> float:

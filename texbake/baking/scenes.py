@@ -32,7 +32,7 @@ from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
-# Of all parts of a bake together, and of each at least, where there are many.
+# At most for all parts of a bake together, and at least for each part.
 _PARTS_POINTS, _PART_POINTS = 8 * _LOW_POINTS, 2_000
 # Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
 _POINTS_PER_FACE = 4
@@ -175,7 +175,7 @@ class BakeScenes:
         return self._tree
 
     def with_high(self, turned: Mesh, stages: Stages) -> BakeScenes:
-        """Return scenes with the same high-poly mesh turned over, to be closed like these.
+        """Return scenes with the same high-poly mesh flipped, to be closed like these.
 
         Distances do not depend on which way faces look, and are not measured again.
         """

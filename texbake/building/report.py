@@ -119,7 +119,7 @@ class BuildResult:
     options : dict
     assets : tuple of AssetResult
     is_written : bool
-        Whether it is in `build.json`: not if there was nothing to do in a read-only folder.
+        Whether `build.json` was written; False if there was nothing to do in a read-only folder.
     """
 
     pipeline: str

@@ -132,7 +132,7 @@ _SURFACE = (
         problem="The two faces at each of these edges disagree about which side is outside. "
         "Flipped faces of a low-poly mesh cast rays the wrong way; rays pass through flipped faces "
         "of a high-poly mesh.",
-        remedy="Turn over the minority, which are the faces named: texbake repair.",
+        remedy="Flip the minority, which are the faces named: texbake repair.",
     ),
     Kind(
         name="inside-out-shells",
@@ -186,7 +186,7 @@ _SHADING = (
         problem="The file has no normals, so smooth ones are computed, weighted by angle. A "
         "low-poly mesh that is drawn elsewhere with other normals shows seams; hard edges of a "
         "high-poly mesh become round.",
-        remedy="Export the mesh with the normals that it will be drawn with, or make them: texbake "
+        remedy="Export the mesh with the normals that it will be drawn with, or make some: texbake "
         "transform --normals angle.",
     ),
     Kind(
@@ -218,12 +218,12 @@ _SHADING = (
     ),
     Kind(
         name="other-diagonals",
-        title="curved polygons that other programs may cut otherwise",
+        title="curved polygons that other programs may triangulate differently",
         low="note",
-        problem="Maps are baked for the triangles that texbake cuts them into, along the shorter "
-        "diagonal. A program that cuts them from their first corner has other triangles, and the "
-        "normal map shades wrongly there.",
-        remedy="Use the mesh as triangles: texbake export, or texbake convert to a .glb file.",
+        problem="texbake splits polygons along the shorter diagonal, and bakes maps for these "
+        "triangles. Programs that split polygons from the first corner use other triangles, and "
+        "their shading with the normal map is wrong there.",
+        remedy="Triangulate the mesh: texbake export, or texbake convert to a .glb file.",
     ),
 )
 

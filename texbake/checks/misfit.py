@@ -98,7 +98,7 @@ def why_rays_pass(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple
 
 
 def why_apart(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple[str, ...]:
-    """Say in the words of `check` what lies apart: all of two meshes, or some low-poly faces."""
+    """Say in the words of `check` whether two meshes are apart, or only some low-poly faces."""
     options = CheckOptions(threads=threads)
     pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
     found = [finding for finding in misfit(pair) if finding is not None]

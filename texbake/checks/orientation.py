@@ -208,7 +208,7 @@ def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
 
 
 def other_diagonals(checked: CheckedMesh) -> Finding | None:
-    """Polygons that are not flat, and not cut from their first corner."""
+    """Polygons that are not flat, and not split from the first corner."""
     mesh = checked.mesh
     if mesh.polygon_of is None:
         return None

@@ -79,7 +79,7 @@ PAIR_KINDS = (
         low="error",
         problem="Most of the low-poly mesh faces against the high-poly surface next to it: rays "
         "pass through what they should hit.",
-        remedy="Turn over the mesh that is inside out: texbake repair if it is closed, texbake "
+        remedy="Flip the mesh that is inside out: texbake repair if it is closed, texbake "
         "transform --flip if it is open.",
     ),
     Kind(

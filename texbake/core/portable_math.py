@@ -155,7 +155,7 @@ def norm(
 
 
 def interp(x: npt.ArrayLike, places: npt.ArrayLike, values: npt.ArrayLike) -> Array:
-    """Interpolate between values at rising places as `np.interp` does, without fused products."""
+    """Interpolate at increasing places as `np.interp` does, without fused multiply-adds."""
     x, places, values = np.asarray(x), np.asarray(places), np.asarray(values)
     left = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(places) - 2)
     slopes = np.diff(values) / np.diff(places)

@@ -35,7 +35,7 @@ from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
-# Some findings are about faces that are turned over, so back faces are drawn.
+# Some findings are about faces that are flipped, so back faces are drawn.
 FINDINGS_PICTURE = RenderOptions(
     width=420,
     height=420,

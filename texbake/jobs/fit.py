@@ -42,7 +42,7 @@ def why_rays_would_miss(
 ) -> tuple[str, ...]:
     """Say in the words of `check` that two meshes face opposite ways; nothing if they do not.
 
-    What faces inwards of the high-poly mesh counts as turned over, if `orientation` is auto.
+    Parts of the high-poly mesh that face inwards count as flipped, if `orientation` is auto.
     """
     from texbake.checks.misfit import why_rays_pass
     from texbake.raycast.orient import oriented
@@ -56,9 +56,9 @@ def why_missed(
 ) -> tuple[str, ...]:
     """Say why rays of a bake missed, in the words of `check`; nothing if hardly any did.
 
-    What faces inwards of the high-poly mesh was turned over for the bake, and is here. The low-poly
-    mesh is not: the maps would be those of another mesh than the one in its file, with other
-    normals and mirrored charts, and a bake writes no meshes.
+    Parts of the high-poly mesh that face inwards are flipped, as they were for the bake. The
+    low-poly mesh is not flipped: the maps would fit another mesh than the one in its file, with
+    other normals and mirrored charts, and a bake writes no meshes.
 
     Raises
     ------
@@ -78,24 +78,25 @@ def why_missed(
         return why
     if report.cage is not None:
         return (
-            f"{report.cage}: the cage lies on the wrong side of the high-poly surface there, or "
-            f"rays end before it, {report.back:.4g} behind {low.name}; make a cage with: texbake "
-            "cage",
+            f"{report.cage}: where rays missed, the cage is below the high-poly surface, or rays "
+            f"end {report.back:.4g} behind {low.name}, before they reach that surface; make a cage "
+            "with: texbake cage",
         )
     if not report.measured:
         return (
-            f"front, back: {low.name} lies near the high-poly surface, but with these distances "
-            "rays end before it or start behind it; leave both out, and they are measured",
+            f"front, back: {low.name} is close to the high-poly surface, but with these distances "
+            "rays start behind that surface or end before they reach it; leave both out, and "
+            "texbake measures them",
         )
     if join_objects:
         return (
             f"join_objects: objects of {low.name} that touch share normals and ray distances; "
-            "leave it out, and each has its own",
+            "leave out this option, and each object has its own",
         )
     if not report.n_objects and len(set(low.group_objects)) > 1:
         return (
-            f"{low.name}: where objects touch, rays of one meet the others; give the objects of "
-            "both meshes the same names, and each is baked from its own",
+            f"{low.name}: where objects touch, rays of one object hit another; give the objects of "
+            "both meshes the same names, and texbake bakes each object from its match",
         )
     return ()
 
@@ -103,7 +104,7 @@ def why_missed(
 def explained(
     high: Mesh | StreamedMesh, low: Mesh, baked: BakeResult, *, join_objects: bool
 ) -> BakeResult:
-    """Return a bake whose report says why rays missed, and what objects could be baked apart.
+    """Return a bake whose report says why rays missed, and which objects could be baked separately.
 
     Raises as `why_missed` does.
     """
@@ -114,11 +115,11 @@ def explained(
 
 
 def why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
-    """Say if each object could be baked from the one with its name, and is baked from all."""
+    """Say that objects are baked from all objects, if each has a match of its own."""
     if isinstance(high, StreamedMesh) or not match_objects([high], [low], PartsOptions()):
         return ()
     return (
-        f"the objects of {low.name} have the names of those of {high.name}, but the rays of each "
-        "may hit any of them; to bake each from its own, use texbake bake without `hits`, `html`, "
+        f"the objects of {low.name} and {high.name} have the same names, but rays can hit any "
+        "object; to bake each object from its match, use texbake bake without `hits`, `html`, "
         "`time_budget` and `max_memory`",
     )

@@ -31,7 +31,7 @@ SHARE, LEAST_FACES = 0.1, 5000
 class LightenOptions(CheckedOptions):
     """How `lighten` makes a model smaller.
 
-    Its faces are neither turned over nor wrapped in a closed surface unless asked for: who made a
+    Its faces are neither flipped nor wrapped in a closed surface unless asked for: who made a
     textured model has looked at it.
     """
 

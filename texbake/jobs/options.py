@@ -114,7 +114,7 @@ class RunOptions(CheckedOptions):
             time_budget=self.time_budget,
             convention=self.convention,
             fill="push-pull",
-            orientation="keep",  # turned over before it is simplified
+            orientation="keep",  # flipped before it is simplified
             threads=self.threads,
         )
 

@@ -76,7 +76,7 @@ class FaceDistortion:
         Its index in the mesh.
     chart : int
     l2, linf : float
-        Stretch at the scale of the whole mesh; a mirrored face is measured as if turned over.
+        Stretch at the scale of the whole mesh; a mirrored face is measured as if flipped.
     mirrored : bool
     """
 
@@ -96,7 +96,7 @@ class Distortion:
     stretch : Stretch
         Stretch of the mesh as a whole.
     turned_stretch : Stretch
-        The same with mirrored faces turned over, so always finite.
+        The same with mirrored faces flipped, so always finite.
     charts : tuple of ChartDistortion
         Every chart that has a measured face, by number.
     worst_faces : tuple of FaceDistortion

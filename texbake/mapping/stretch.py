@@ -149,7 +149,7 @@ def stretch_by_group(
     groups : (M,) int
         Group of each of its faces; from 0 without gaps.
     turned
-        Measure mirrored faces as if they were turned over, instead of as infinite.
+        Measure mirrored faces as if they were flipped, instead of as infinite.
     """
     n_groups = int(groups.max()) + 1
     ratios, growths = found.greatest / found.least, found.greatest * found.least

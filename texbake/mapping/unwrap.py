@@ -237,7 +237,7 @@ def _mapped_by_atlas(
         charts = atlas.charts
         tallies = {
             "faces without area, reduced to a point": charts.n_ignored,
-            "mirrored charts, turned over": charts.n_mirrored,
+            "mirrored charts, flipped": charts.n_mirrored,
             "charts split off because they overlapped their own chart": charts.n_split,
         }
         mapped.append(

@@ -1,4 +1,4 @@
-"""Meshes made of other meshes: joined, cut out, moved by an affine map, and turned over.
+"""Meshes made of other meshes: joined, cut out, moved by an affine map, and flipped.
 
 Under a map, normals follow by the inverse transpose and tangents as directions along the surface. A
 map that mirrors turns triangles inside out; they are turned back by listing their corners in the
@@ -292,7 +292,7 @@ def _moderate(linear: FloatArray) -> FloatArray:
 
 
 def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with some faces turned over, and the normals at their corners with them.
+    """Return a mesh with some faces flipped, and the normals at their corners with them.
 
     Tangents are left out, since they belong to the old normals.
 

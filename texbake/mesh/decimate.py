@@ -183,7 +183,7 @@ class MovedStream:
     stream : VertexStream
         Its ids are rows of the lists below.
     points : (P, 3) float64
-        On the mesh's `UnitGrid` but for those that moved.
+        On the mesh's `UnitGrid`, except those that moved.
     uvs : (T, 2) float64, optional
     normals : (N, 3) float64, optional
     """

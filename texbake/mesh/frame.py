@@ -7,9 +7,9 @@ The scale is a power of two. So scaling changes no bits of a coordinate, only th
 rounds (by half a unit in the last place), lengths convert exactly both ways, and a model scaled by
 a power of two has bit-equal local coordinates.
 
-Any other scale or move rounds the coordinates of a model. Whatever chooses among things that cost
-the same (which edge collapses next, where a chart is cut) works on a `UnitGrid`, whose points such
-rounding does not change.
+Scaling by any other factor, or moving a model, rounds its coordinates. Code that chooses among
+equal costs (which edge collapses next, where a chart is cut) works on a `UnitGrid`, whose points do
+not change with such rounding.
 """
 
 from __future__ import annotations
@@ -88,23 +88,23 @@ class LocalFrame:
 # regular raster (binary or decimal) do not lie on them, where the last bit would decide.
 _PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
 
-# A sixteenth of what float32 tells apart, so that this grid brings no error that a scan does not
-# have, and 2^24 times what float64 rounds.
+# A sixteenth of a step of float32, so that this grid adds no error that a scan does not have, and
+# 2^24 times the rounding error of float64.
 _CELLS = 2.0**28
 
 
 def snapped(values: npt.ArrayLike, cells: float) -> FloatArray:
-    """Values on the grid of 1 / cells, which those that are on it already do not leave."""
+    """Values snapped to steps of 1 / cells; values that were snapped before do not change."""
     return np.asarray(np.rint(np.asarray(values) * cells - _PHASE) / cells)
 
 
 @dataclass(frozen=True, eq=False)
 class UnitGrid:
-    """A frame in which the longest side of the bounding box is 1, and points are on a grid.
+    """A frame in which the longest side of the bounding box is 1 and points are on a grid.
 
-    Of meshes that differ only in scale and place, points are equal, bit for bit, unless rounding
-    moves a coordinate over a border between two cells. A float64 coordinate of a mesh near the
-    origin does so with a probability of about ``cells / 2^52``.
+    Meshes that differ only in scale and place have equal points, bit for bit, unless rounding moves
+    a coordinate across a border between two cells. For a float64 coordinate of a mesh near the
+    origin, the probability of that is about ``cells / 2^52``.
 
     Attributes
     ----------
@@ -124,8 +124,8 @@ class UnitGrid:
         return cls(frame, float((corners.max(axis=0) - corners.min(axis=0)).max()))
 
     def to_grid(self, points: npt.ArrayLike, cells: float = _CELLS) -> FloatArray:
-        """(..., 3) float64: points of model space on a grid with as many cells along its side."""
-        # Positions that no face uses may lie anywhere, also where numbers overflow.
+        """(..., 3) float64: points of model space on a grid of `cells` cells along its side."""
+        # Positions that no face uses can be anywhere, even where numbers overflow.
         local = np.clip(self.frame.to_local(points), -1.0, 1.0)
         return np.asarray(
             np.rint(local * (cells / self.side if self.side > 0.0 else 0.0) - _PHASE) / cells

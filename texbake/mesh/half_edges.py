@@ -52,7 +52,7 @@ def opposite_half_edges(
     solid : (F,) bool
         Faces to consider, as if there were no others.
     regions : (F,) int32, optional
-        Faces of different regions are not neighbors; each region is as if it were alone.
+        Faces of different regions are not neighbors; each region is treated as if it were alone.
     polygons : (F,) int32, optional
         Polygon of each face. Triangles of one are neighbors even where other faces meet there too.
 
@@ -98,7 +98,7 @@ def opposite_half_edges(
 def _pairs_within(
     labels: IntArray, keys: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Places of two equal keys that no third one of the same label is equal to."""
+    """Indices of pairs of equal keys with one label, where no third key is the same."""
     order = np.lexsort((keys, labels))
     differs = (np.diff(keys[order]) != 0) | (np.diff(labels[order]) != 0)
     begins = np.flatnonzero(np.concatenate([[True], differs]))

@@ -38,7 +38,7 @@ HalfEdges = npt.NDArray[np.intp]
 _SHARP, _GENTLE = pm.cos(math.radians(40.0)), pm.cos(math.radians(20.0))
 _RUNNING_ON, _MOST_CURVED = 0.9, 0.2
 
-# Degrees: above what float32 positions round of an angle between faces that are not slivers.
+# In degrees; more than rounding to float32 changes the angle between faces that are not slivers.
 _ANGLE_ROUNDING = 1e-3
 
 
@@ -82,16 +82,16 @@ def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAU
     one, other = inner_edges(mesh)
     if normals == "angle":
         sides = face_normals(mesh)
-        is_hard = meet_at_more(sides[one // 3], sides[other // 3], angle)
+        is_hard = exceed_angle(sides[one // 3], sides[other // 3], angle)
     else:
         is_hard = _uvs_split(mesh, one, other)
     return hardened(mesh, one, other, is_hard)
 
 
-def meet_at_more(one: FloatArray, other: FloatArray, angle: float) -> BoolArray:
-    """(E,) bool: pairs of face normals (E, 3) that are more than an angle, in degrees, apart.
+def exceed_angle(one: FloatArray, other: FloatArray, angle: float) -> BoolArray:
+    """(E,) bool: pairs of face normals (E, 3) that differ by more than an angle in degrees.
 
-    Those just at the angle, as between the sides of a prism, are not, however they are rounded.
+    Pairs exactly at the angle, such as sides of a prism, do not, however they are rounded.
     """
     return np.asarray(angles_between(one, other) > math.radians(angle + _ANGLE_ROUNDING))
 

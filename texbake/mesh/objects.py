@@ -34,8 +34,8 @@ _known: WeakKeyDictionary[Mesh, IntArray | None] = WeakKeyDictionary()
 def face_objects(mesh: Mesh) -> IntArray | None:
     """(F,) int32: object of each face.
 
-    None where all faces are of one object, or the groups of the mesh are not objects. Found once
-    for each mesh.
+    None where all faces are of one object, or the groups of the mesh are not objects. The result is
+    kept for each mesh.
     """
     if mesh not in _known:
         of_faces = _face_objects(mesh)
@@ -90,7 +90,7 @@ def _seen_otherwise(rows: IntArray, objects: IntArray) -> tuple[BoolArray, IntAr
 
 
 def separate_objects(mesh: Mesh) -> IntArray | None:
-    """(F,) int32: object of each face; None where there is one, or two share a vertex."""
+    """(F,) int32: object of each face; None if there is only one, or if two share a vertex."""
     if mesh.face_groups is None or len(set(mesh.group_objects)) < 2:
         return None
     of_faces = np.array(mesh.group_objects, np.int32)[mesh.face_groups]
@@ -133,7 +133,7 @@ def has_borders(mesh: Mesh) -> bool:
 
 
 def without_borders(mesh: Mesh) -> Mesh:
-    """Return a mesh each object of which has one group, its first; without groups if it is one."""
+    """Return a mesh with one group per object, its first; without groups if it is one object."""
     of_faces = face_objects(mesh)
     if of_faces is None or mesh.face_groups is None:
         return mesh.replace(face_groups=None, group_names=())

@@ -13,13 +13,13 @@ ORIENTATIONS: Final = ("auto", "keep")
 DEFAULT_ORIENTATION: Final = "auto"
 
 ORIENTATION_OPTION = Option(
-    "Turn over parts of the high-poly mesh that face inwards (auto), or leave all as they are "
-    "(keep).",
+    "Flip parts of the high-poly mesh that face inwards (auto), or leave all as they are (keep).",
     choices=ORIENTATIONS,
 )
 
 JOIN_OBJECTS_OPTION = Option(
-    "Treat all objects as one surface. Otherwise objects that touch stay apart, with their names."
+    "Treat all objects as one surface. By default, objects that touch stay separate and keep their "
+    "names."
 )
 
 NORMALS: Final = ("smooth", "angle", "uv", "keep")

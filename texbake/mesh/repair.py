@@ -1,7 +1,7 @@
 """Safe repairs of a mesh: those that move nothing on its surface.
 
 Vertices of one object at one position are joined, and those that no face uses removed; faces
-without area and duplicate faces are removed; neighbors are turned over so that they wind alike, and
+without area and duplicate faces are removed; neighbors are flipped so that they wind alike, and
 closed parts so that they face outwards. What cannot be repaired without changing the surface
 (holes, edges with three faces, parts that intersect) is left as it is; `texbake.check` names it. A
 mesh that was repaired is not changed by another repair.
@@ -61,7 +61,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
     -------
     mesh : Mesh
         Faces keep their order, texture coordinates, normals, groups and colors. Faces that are
-        turned over take their normals with them.
+        flipped take their normals with them.
     report : RepairReport
 
     Raises
@@ -123,11 +123,11 @@ def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
 
 
 def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """(F,) bool: faces to turn over so that neighbors agree and closed parts face outwards.
+    """(F,) bool: faces to flip so that neighbors agree and closed parts face outwards.
 
     A part without an inside keeps the side that most of its faces show, and one with a single side,
     such as a Möbius strip, is left as it is. Each face is two nodes of a graph, one as it is and
-    one turned over; neighbors that agree are linked like with like, others crosswise. A connected
+    one flipped; neighbors that agree are linked like with like, others crosswise. A connected
     component is then one way to orient a part.
 
     Kernel: `core/union_find.c`.

@@ -124,7 +124,7 @@ def smoothed_normals(
 def with_smoothing_groups(
     mesh: Mesh, polygons: Polygons, slots: Indices | None, groups: IntArray
 ) -> Mesh:
-    """Return a mesh with normals that are hard between groups; itself if all are of one group.
+    """Return a mesh with normals that are hard between groups; the same mesh if it has only one.
 
     It also stays as it is if no polygon has a group and its facets are fine, as those of a scan
     are: many programs write `s off` for every mesh.

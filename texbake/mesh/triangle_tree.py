@@ -155,12 +155,12 @@ def _morton_order(
 
 
 def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
-    """Give the faces of objects the groups that another mesh has within the same objects.
+    """Give each face the group that another mesh has at the closest point of the same object.
 
     Parameters
     ----------
     mesh
-        With the names of `source`, and one group for each object; else it is left as it is.
+        It has the group names of `source`, and one group per object; otherwise it does not change.
     source, threads
         As for `with_nearest_attributes`.
     """

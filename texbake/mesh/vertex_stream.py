@@ -2,7 +2,7 @@
 
 Where corners at one position differ in texture coordinates, hard normals or group, the stream has a
 vertex for each; a library that sees several vertices at one position takes the edges between them
-for a seam and keeps it. Vertices of two objects are never at one position, however close they lie.
+for a seam and keeps it. Vertices of two objects never share a position, however close they are.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class VertexStream:
     position_ids : (S,) int32
     uv_ids, normal_ids, group_ids : (S,) int32, optional
     object_ids : (S,) int32, optional
-        A group of the object of each vertex, where the mesh has several objects.
+        First group of the object of each vertex, if the mesh has several objects.
     """
 
     faces: IntArray

@@ -4,8 +4,8 @@ One closed surface with few tunnels is not. Of other meshes, a coarse wrap tells
 where much of it has the mesh's outside on both sides, the mesh is an open surface, such as a range
 scan, cloth, leaves or terrain, and stays one. Where much of the mesh lies inside of the wrap, or
 its edges have more than two faces, simplifying it would spend triangles on what is not seen, or
-tear it. Several objects stay apart, although they hide what lies between them. Where a closed mesh
-has more tunnels than the triangles can show, they must be closed.
+tear it. A mesh of several objects stays as it is, because wrapping would join them. Where a closed
+mesh has more tunnels than the triangles can show, they must be closed.
 """
 
 from __future__ import annotations

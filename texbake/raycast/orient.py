@@ -20,7 +20,7 @@ class OrientationReport:
     mesh : str
         Name of the mesh.
     n_parts, n_faces : int
-        Parts that faced inwards as a whole, and faces that were turned over.
+        Parts that faced inwards as a whole, and faces that were flipped.
     n_unclear : int
         Parts that are seen alike from both sides, and were left as they are.
     """
@@ -36,13 +36,13 @@ class OrientationReport:
         notes = []
         if self.n_faces:
             notes.append(
-                f"{self.mesh}: turned over {self.n_faces:,} triangles, which faced inwards; "
+                f"{self.mesh}: flipped {self.n_faces:,} triangles, which faced inwards; "
                 "`orientation` keep leaves them as they are"
             )
         if self.n_unclear:
             notes.append(
                 f"{self.mesh}: which side is outside is not clear for {self.n_unclear:,} of its "
-                "parts, which are left as they are; look at them, and turn them over if need be"
+                "parts, which are left as they are; look at them, and flip them if need be"
             )
         return tuple(notes)
 
@@ -50,7 +50,7 @@ class OrientationReport:
 def oriented(
     mesh: Mesh, orientation: str, *, keep_open: bool = False, threads: int | None = None
 ) -> tuple[Mesh, OrientationReport]:
-    """Turn over the parts of a mesh that face inwards.
+    """Flip the parts of a mesh that face inwards.
 
     A mesh of which nothing is seen from behind is returned as it is.
 
@@ -75,7 +75,7 @@ def oriented(
 def oriented_in(
     mesh: Mesh, scene: RayScene, *, keep_open: bool = False
 ) -> tuple[Mesh, OrientationReport]:
-    """Turn over the parts of a mesh that face inwards, using a scene of it that was built before.
+    """Flip the parts of a mesh that face inwards, using a scene of it that was built before.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Which side of a surface is outside, part by part, and which faces to turn over.
+"""Which side of a surface is outside, part by part, and which faces to flip.
 
 The faces of a part, which edges of two faces connect, are first wound alike, as most of their area
 is. Rays then leave both sides of sampled points of a part. Outside is the side from
 which more of them get away from the whole mesh. A part that no ray leaves, such as the wall of a
-cavity, goes with the part that its rays hit from their outer side: it is turned over if that is.
+cavity, goes with the part that its rays hit from their outer side: it is flipped if that is.
 
 Based on: K. Takayama, A. Jacobson, L. Kavan, O. Sorkine-Hornung, "A Simple Method for Correcting
 Facet Orientations in Polygon Meshes Based on Ray Casting", Journal of Computer Graphics Techniques
@@ -54,11 +54,11 @@ class Orientation:
     Attributes
     ----------
     turned : (F,) bool
-        Faces to turn over.
+        Faces to flip.
     n_parts, n_turned : int
         Parts, and those that face inwards as a whole.
     n_faces : int
-        Faces to turn over.
+        Faces to flip.
     unclear : tuple of int
         The first face of each part that is seen alike from both sides, and so is left as it is.
     """
@@ -70,7 +70,7 @@ class Orientation:
 
     @property
     def n_faces(self) -> int:
-        """Faces to turn over."""
+        """Faces to flip."""
         return int(np.count_nonzero(self.turned))
 
 
@@ -259,7 +259,7 @@ class _Votes:
         return np.asarray(self.seen & (ahead > _CLEAR * np.sqrt(self.in_front + self.behind)))
 
     def inwards(self) -> BoolArray:
-        """(n_parts,) bool: parts to turn over."""
+        """(n_parts,) bool: parts to flip."""
         inwards: BoolArray = self.clear & (self.behind > self.in_front)
         asked = np.union1d(self.hits[:, 0], np.flatnonzero(self.seen))
         for part in np.setdiff1d(asked, np.flatnonzero(self.seen)).tolist():

@@ -1,4 +1,4 @@
-"""Materials of model files without the images that are damaged, which count as missing."""
+"""Reading materials of model files; damaged images count as missing."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 
 
 def without_damaged_images(materials: Materials) -> tuple[Materials, tuple[str, ...]]:
-    """Return materials without images that cannot be decoded, and lines to warn of these.
+    """Return materials without images that cannot be decoded, and warnings about these.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def without_damaged_images(materials: Materials) -> tuple[Materials, tuple[str, 
 
 
 def _damage(image: ChannelImage, known: dict[str, str]) -> str:
-    """Return why an image cannot be decoded, which is looked up in `known` first; "" if it can."""
+    """Return why an image cannot be decoded, "" if it can; `known` keeps the answers."""
     if image.name not in known:
         try:
             require_whole(image.data, image.name)

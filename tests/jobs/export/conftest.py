@@ -1,4 +1,4 @@
-"""Blender, where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1."""
+"""Blender, if TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Models as people make them, unwrapped, baked and exported, are the same in texbake and Blender.
+"""Models as people make them, unwrapped, baked and exported: equal in texbake and Blender.
 
 `pytest -rP` prints how many degrees apart the normals of both pictures are.
 """

@@ -240,7 +240,8 @@ def bake_parts(
     -------
     PartsResult
         The same, byte for byte, for any number of threads. Each part is baked as `bake` bakes it
-        alone from its match; of more than eight parts, ray distances are measured at fewer points.
+        alone from its match, but with more than eight parts, texbake measures ray distances at
+        fewer points of each.
 
     Raises
     ------
@@ -310,9 +311,10 @@ def bake_objects(
     clock: BudgetClock | None = None,
     **shared: Any,
 ) -> BakeResult:
-    """Bake each object from the one with its name if all names pair up, else as `bake` does.
+    """Bake each object from the one with the matching name if all names pair up, else as `bake`.
 
-    So do bakes with a time budget, and those whose hits are kept. Parameters are those of `bake`.
+    Bakes with a time budget, or whose hits are kept, are always those of `bake`, and so are the
+    parameters.
     """
     paired = None
     if pair and isinstance(high, Mesh) and options.time_budget is None and not options.keep_hits:

@@ -114,7 +114,7 @@ def match_objects(
 ) -> tuple[Matching, list[NamedPart], list[NamedPart]] | None:
     """Return which object would be baked from which, as `match_parts`.
 
-    None unless the names of the objects pair up and parts are not matched or joined on demand.
+    None if the names do not pair up, or if `parts` matches parts by name or joins objects.
     """
     if parts.match_by_name or parts.join_objects:
         return None

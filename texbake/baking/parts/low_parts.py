@@ -128,7 +128,7 @@ class LowPart:
         Its faces in the whole mesh.
     cage : Mesh, optional
     is_stacked : (F,) bool, optional
-        Faces whose islands lie on others of the whole mesh on purpose.
+        Faces whose islands are stacked on purpose on others of the whole mesh.
     """
 
     name: str

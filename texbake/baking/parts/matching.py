@@ -133,8 +133,8 @@ def pair_names(
     """Find the high-poly object of each low-poly object; None unless all names pair up.
 
     A name without a suffix counts as a whole, so that `crate` pairs with `crate` and `crate_high`.
-    What `simplify` makes of `crate_high` keeps that name.
-    There must be several low-poly objects, no two of one name.
+    Low-poly objects may be named `crate_high` as well, because `simplify` keeps names.
+    There must be several low-poly objects, no two with the same name.
 
     Examples
     --------

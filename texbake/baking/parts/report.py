@@ -58,7 +58,7 @@ class PartsReport:
     without_texel : tuple of str
         Parts that cover no texel of a set of maps that they have faces on.
     orientations : dict of str to OrientationReport
-        What was turned over of the high-poly mesh of each low-poly part.
+        What was flipped of the high-poly mesh of each low-poly part.
     stages : list of StageRecord
     """
 
@@ -106,7 +106,7 @@ class PartsReport:
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, to print."""
-        own = f"{len(self.parts):,} objects, each baked from the one with its name"
+        own = f"{len(self.parts):,} objects, each baked from the one with the matching name"
         rows = [("parts", own if self.is_paired else "")]
         several = len(self.targets) > 1
         for part in self.parts:

@@ -67,7 +67,7 @@ class TargetMaps:
         face_ids : (F,) int32
             Faces of the part in the whole mesh.
         n_faces
-            Number of them on these maps.
+            Number of these faces on these maps.
         is_stacked : (F,) bool, optional
             Faces that share their texels on purpose.
         """
@@ -75,14 +75,14 @@ class TargetMaps:
         first = not self._values
         if first:
             self._values = {kind: result.maps[kind.name].values for kind in self._kinds}
-        # Of many parts, each covers a small window of the maps.
+        # With many parts, each covers a small window of the maps.
         at = _window(covered)
         covered, faces, has_data = covered[at], result.texel_faces[at], result.has_data[at]
         taken = self._faces[at] != NO_FACE
-        unmeant = covered & taken
+        unintended = covered & taken
         if is_stacked is not None:
-            unmeant &= ~is_stacked[faces]
-        self.n_overlapping += int(np.count_nonzero(unmeant))
+            unintended &= ~is_stacked[faces]
+        self.n_overlapping += int(np.count_nonzero(unintended))
         # A hit of another part replaces a miss.
         mine = np.where(taken, has_data & ~self._has_data[at], covered)
         for kind in [] if first else self._kinds:
@@ -130,7 +130,7 @@ class TargetMaps:
 
 
 def _window(covered: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Rows and columns that hold all covered texels, of which there is one at least."""
+    """Rows and columns that hold all covered texels, of which there is at least one."""
     rows = np.flatnonzero(covered.any(axis=1))
     columns = np.flatnonzero(covered[rows[0] : rows[-1] + 1].any(axis=0))
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

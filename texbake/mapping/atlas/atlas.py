@@ -39,7 +39,7 @@ _JOINED_SIDES = 1.15
 # Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
-# Steps between no size and that of the largest of several meshes.
+# Steps from zero to the size of the largest of several meshes.
 _SIZES = 2.0**40
 
 
@@ -148,7 +148,7 @@ def _packed_charts(
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
-    """Make the charts of one mesh, in units of the longest side of its box."""
+    """Make the charts of one mesh, in units of the longest side of its bounding box."""
     regions = mesh.face_groups if options.by_group else face_objects(mesh)
     if options.keep:
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)

@@ -32,7 +32,7 @@ class Charts:
     n_ignored : int
         Faces without a chart, because they have no area on the grid, or almost none.
     n_mirrored : int
-        Charts that came out mirrored and were turned over.
+        Charts that came out mirrored and were flipped.
     n_split : int
         Charts that were split off because they overlapped their own chart.
     notes : tuple of str
@@ -122,8 +122,8 @@ def existing_charts(
     Returns
     -------
     Charts
-        All charts together have the area that the faces have where the longest side of the box of
-        the mesh is 1.
+        The charts have the total area of the faces, if the mesh is scaled so that the longest side
+        of its bounding box is 1.
 
     Raises
     ------

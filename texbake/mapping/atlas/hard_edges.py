@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.hard_edges import inner_edges, meet_at_more, normals_jump
+from texbake.mesh.hard_edges import exceed_angle, inner_edges, normals_jump
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
@@ -45,7 +45,7 @@ def regions_between(
         divides |= normals_jump(mesh, one, other)
     if angle is not None:
         normals = face_normals(mesh)
-        divides |= meet_at_more(normals[one // 3], normals[other // 3], angle)
+        divides |= exceed_angle(normals[one // 3], normals[other // 3], angle)
     labels = merged_labels(
         mesh.n_faces,
         (one[~divides] // 3).astype(np.int32),

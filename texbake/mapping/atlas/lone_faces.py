@@ -36,7 +36,7 @@ def find_lone_faces(
     regions : (F,) int32, optional
         Faces of different regions do not continue each other.
     polygons : (F,) int32, optional
-        As of `Mesh`.
+        As in `Mesh`.
 
     Returns
     -------

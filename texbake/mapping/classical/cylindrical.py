@@ -38,7 +38,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 
-# Faces with normals within 45 degrees of the axis are caps, those just at 45 degrees included,
+# Faces with normals within 45 degrees of the axis are caps, including those at exactly 45 degrees,
 # however float32 positions are rounded.
 _CAP_COSINE = math.sqrt(0.5) - 1e-6
 _GAP = 1.0 / 64.0  # between side and caps, as a share of the texture: 16 texels of 1024
@@ -89,7 +89,7 @@ def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
 def _of_polygons(
     mesh: Mesh, normals: FloatArray, cosines: FloatArray, frame: FloatArray
 ) -> FloatArray:
-    """(F,) cosines of polygons for all their faces, unless these look along the axis both ways."""
+    """(F,) cosine of the polygon of each face; its own where a polygon faces both ways."""
     assert mesh.polygon_of is not None
     areas = surface_areas(mesh.positions[mesh.faces])
     sums = [np.bincount(mesh.polygon_of, areas * normals[:, axis]) for axis in range(3)]

@@ -226,7 +226,7 @@ def wrap_angles(
     rounding : float
         Points no farther than this from the axis lie on it.
     polygons : (F,) int32, optional
-        Polygon of each face. All of a polygon is on the turn of its centroid, unless it is around
+        Polygon of each face. A whole polygon is on the turn of its centroid, unless it surrounds
         the axis.
 
     Returns
@@ -269,7 +269,7 @@ def _polygon_turns(
     own: FloatArray,
     on_axis: BoolArray,
 ) -> FloatArray:
-    """(F,) float64: `own`, but that of the whole polygon where it spans less than half a turn."""
+    """(F,) float64: turn of the polygon of each face; `own` if it spans half a turn or more."""
     corners = points[faces].sum(axis=1)
     x, y = (np.bincount(polygons, corners[:, axis])[polygons] for axis in (0, 1))
     whole = pm.arctan2(y, x) / (2.0 * np.pi)

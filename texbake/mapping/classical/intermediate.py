@@ -259,7 +259,7 @@ def mapped_by_rays(
         As for `IntermediateSurface.hits`.
     faces : (F, 3) int32
     polygons : (F,) int32, optional
-        As of `Mesh`.
+        As in `Mesh`.
 
     Returns
     -------

@@ -105,7 +105,7 @@ def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.
     away = (across < 0.0) & ~edge_on
     if mesh.polygon_of is None:
         return away, edge_on
-    # Triangles seen edge-on lie with the others of their polygon.
+    # Triangles seen edge-on go with the others of their polygon.
     n_away, n_toward = (np.bincount(mesh.polygon_of, faces) for faces in (away, ~away & ~edge_on))
     return away | (edge_on & ((n_away > 0) & (n_toward == 0))[mesh.polygon_of]), edge_on
 
@@ -160,7 +160,7 @@ def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> Floa
     across = 2.0 * variances[0, 1]
     along = variances[0, 0] - variances[1, 1]
     if abs(across) <= _VARIANCE_ROUNDING * np.trace(variances):
-        across = 0.0  # whose sign would decide between two opposite directions
+        across = 0.0  # else rounding would choose between two opposite directions
     if pm.hypot(across, along) <= _VARIANCE_ROUNDING * np.trace(variances):
         return frame
     angle = pm.arctan2(across, along) / 2.0

@@ -152,7 +152,7 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
     corners, behind = _cast(positions, mesh.faces, used, matrix)
     away = ~behind & ~_turned_to(positions, mesh.faces, seen_from)
     hidden = _hidden(positions, mesh.faces, ~behind & ~away, seen_from)
-    if mesh.polygon_of is not None:  # those that face the projector are hidden together
+    if mesh.polygon_of is not None:  # triangles that face the projector are hidden together
         facing = ~behind & ~away
         n_hidden, n_facing = (np.bincount(mesh.polygon_of, faces) for faces in (hidden, facing))
         hidden = facing & (2.0 * n_hidden > n_facing)[mesh.polygon_of]

@@ -9,9 +9,9 @@ twice. Differences between files are removed, as the reader of USD does:
 Each model is a group with its name; if it has several materials, each of them is a group named
 ``model/material``. For polygons see `texbake.mesh.polygons`. A subdivision surface is read as its
 control mesh, and a mesh with bones or shapes in the pose it is stored in, without animation. Hidden
-models, unless all are, NURBS, curves, lights and cameras are left out. A warning names omissions
-that change the surface. Of several sets of texture coordinates or colors, the first is that of the
-mesh. Corners without one get zeros.
+models are left out, unless all meshes are hidden, and so are NURBS, curves, lights and cameras. A
+warning names omissions that change the surface. Of several sets of texture coordinates or colors,
+the first is that of the mesh. Corners without one get zeros.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.
@@ -70,13 +70,13 @@ def read_fbx(path: PathLike) -> Mesh:
     if not parts:
         raise MeshError(f"{path}: {_why_empty(scene)}")
     if are_hidden:
-        warn_of(path, "all its meshes are hidden; they are read as if they were shown")
+        warn_of(path, "all its meshes are hidden; texbake reads them anyway")
     warn_of_fbx(scene, placed)
     return join_parts(parts, Path(path).name)
 
 
 def _models_to_read(scene: FbxScene) -> tuple[list[PlacedModel], bool]:
-    """Models that are shown, or all if none of these has a mesh; and whether that adds any."""
+    """Models that are shown, or all if none of those has a mesh; and whether that adds any."""
     shown = list(placed_models(scene))
     if any(model_geometry(scene, item.model) for item in shown):
         return shown, False

@@ -210,7 +210,7 @@ class PlacedModel:
 
 
 def placed_models(scene: FbxScene, *, hidden: bool = False) -> Iterator[PlacedModel]:
-    """Models that are shown, or with `hidden` all, depth first, each after its parent.
+    """Models that are shown, or all models with `hidden`, depth first, each after its parent.
 
     Raises
     ------

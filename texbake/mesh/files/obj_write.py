@@ -69,7 +69,7 @@ def write_obj(
             (True, True): " %d/%d/%d",
         }[mesh.uvs is not None, mesh.normals is not None]
         groups, group, material = _group_statements(mesh), None, None
-        is_said_smooth = False
+        is_marked_smooth = False
         for start, stop in _runs(mesh, face_materials, polygons):
             face = polygons.firsts[start]
             if mesh.face_groups is not None and mesh.face_groups[face] != group:
@@ -79,13 +79,13 @@ def write_obj(
                 group = mesh.face_groups[face]
                 text = groups[group][1] or "g\n" if is_same else "".join(groups[group])
                 file.write(text.encode("utf-8", "replace"))
-                is_said_smooth = False
+                is_marked_smooth = False
             if face_materials is not None and face_materials[face] != material:
                 material = face_materials[face]
                 file.write(f"usemtl {material_names[material]}\n".encode("utf-8", "replace"))
-            if mesh.normals is None and not is_said_smooth:
-                file.write(b"s 1\n")  # else other programs show the facets of each object
-                is_said_smooth = True
+            if mesh.normals is None and not is_marked_smooth:
+                file.write(b"s 1\n")  # without it, other programs show each object faceted
+                is_marked_smooth = True
             sizes = polygons.sizes[start:stop]
             rows = corners[ends[start] - sizes[0] : ends[stop - 1]]
             write_lists(file, lambda size: f"f{size * corner_format}\n", sizes, rows)

@@ -139,7 +139,7 @@ def _warned_of_geometries(path: PathLike) -> Iterator[None]:
 
     def heard(reader: Any) -> None:
         for numbers in reader.xmlnode.iter(collada.tag("float_array")):
-            # pycollada makes NaN 0, and leaves infinities.
+            # pycollada reads NaN as 0, but keeps infinities.
             numbers.text = _NAN.sub("inf", numbers.text or "")
         n_before = len(reader.errors)
         load(reader)
@@ -169,7 +169,7 @@ def _check_positions(path: PathLike, primitives: list[Any]) -> None:
             continue
         found[id(part.vertex)] = is_bad = rows_not_finite(part.vertex)
         if is_bad[part.vertex_index].any():
-            raise MeshError(f"{path}: a position is not finite; correct it where it was made")
+            raise MeshError(f"{path}: a position of a face is not finite; export the mesh again")
     if n_bad := sum(map(np.count_nonzero, found.values())):
         warn_unused(path, f"{n_bad:,} of {sum(map(len, found.values())):,}")
 

@@ -164,7 +164,7 @@ def _stage(
 
 
 def _objects(mesh: Mesh, name: str) -> Iterator[tuple[str, Mesh]]:
-    """Yield each object of a mesh with its name; `name` and the mesh if there are none."""
+    """Yield each object of a mesh with its name; the whole mesh with `name` if there are none."""
     objects = separate_objects(mesh)
     if objects is None:
         yield mesh.group_names[0] if len(mesh.group_names) == 1 else name, mesh
@@ -187,7 +187,7 @@ def _objects(mesh: Mesh, name: str) -> Iterator[tuple[str, Mesh]]:
 
 
 def _identifier(name: str, taken: set[str]) -> str:
-    """Return an identifier of USD that is not taken, and take it."""
+    """Return a USD identifier that is not in `taken`, and add it there."""
     from pxr import Tf
 
     first = identifier = Tf.MakeValidIdentifier(as_text(name))

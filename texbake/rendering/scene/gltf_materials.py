@@ -76,7 +76,7 @@ class MaterialReader:
     _first_set: int = 0
     _name: str = ""  # of the material that is being read
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
-    # In the place of an image that is missing or damaged, a line says why.
+    # If an image is missing or damaged, its value is a line that says why.
     _images: dict[tuple[str | int | None, bool], Path | Image | str] = field(default_factory=dict)
     _is_checked: bool = False  # how many pixels all images have together
 
@@ -173,7 +173,7 @@ class MaterialReader:
         )
 
     def _image(self, index: int | None, color: bool) -> Path | Image | None:
-        """Return the image of an index; if there is none, None, and add a line to `missing`."""
+        """Return the image of an index; None, with a line in `missing`, if there is none."""
         if not self._is_checked:
             self._is_checked = True
             self._require_few_pixels()

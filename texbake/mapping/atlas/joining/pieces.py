@@ -193,7 +193,7 @@ def _settled(piece: ChartPiece) -> FloatArray:
 def whole_polygons(
     piece: ChartPiece, sides: npt.NDArray[np.bool_], polygons: IntArray | None
 ) -> npt.NDArray[np.bool_]:
-    """(m,) `sides` of the faces of a piece, such that all of a polygon are on the first one's."""
+    """(m,) `sides` of the faces of a piece, with each polygon on the side of its first face."""
     if polygons is None:
         return sides
     _, firsts, numbers = np.unique(polygons[piece.face_ids], return_index=True, return_inverse=True)
@@ -218,7 +218,7 @@ def compact_parts(
     opposite : (3 F,) int32
         From `opposite_half_edges`.
     polygons : (F,) int32, optional
-        Polygon of each face, which is not cut.
+        Polygon of each face; no polygon is cut.
     most_waste : float
         Largest waste, as a share of the area of a part. It may be exceeded where no cut helps.
     least_area : float
