@@ -9,11 +9,11 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
-from texbake.mesh.remesh import remesh, remesh_with_report
+from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.holes import Loops
-from texbake.mesh.remeshing.sides import areas_of, kind_of
-from texbake.mesh.shapes import icosphere, plane
+from texbake.mesh.remeshing.sides import areas_of
+from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
@@ -130,6 +130,20 @@ def nearest(points, mesh):
     return TriangleTree.build(mesh.positions, mesh.faces).closest_points(points)[0]
 
 
+def test_simplified_and_sharp_sheets_keep_their_boundary():
+    mesh = face_mask()
+    low, report = remesh_with_report(mesh, RemeshOptions(resolution=96, n_faces=600))
+    assert low.n_faces <= 600 and figures(low) == (1, 1) and report.n_boundaries == 1
+    box = cube()
+    box = box.replace(
+        faces=box.faces[(box.positions[box.faces][:, :, 2] < box.bounds[1][2]).any(1)]
+    )
+    options = RemeshOptions(resolution=64, surface="open", sharp_edges=True)
+    result, report = remesh_with_report(box, options)
+    assert figures(result) == (1, 1)
+    assert surface_distance(result, box).max < 0.35 * report.voxel
+
+
 def test_holes_of_sheets_are_filled_up_to_a_width():
     mesh = range_scan()
     result, report = remesh_with_report(mesh, RemeshOptions(resolution=128, close=0.4))
@@ -226,9 +240,7 @@ def test_a_base_is_closed_flat():
     ],
 )
 def test_open_surfaces_are_told_from_bodies(mesh, is_open):
-    low, high = mesh.bounds
-    kind = kind_of((mesh.positions - low) * (128.0 / (high - low).max()), mesh.faces)
-    assert kind.is_open == is_open and kind.reason
+    assert looks_open(mesh) == is_open
 
 
 def test_wrong_results_are_errors():

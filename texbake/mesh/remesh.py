@@ -106,6 +106,24 @@ def remesh(
     return _remeshed(mesh, options, stages, threads, counts_cavities=False)[0]
 
 
+def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
+    """Tell whether `remesh` takes a mesh for an open surface.
+
+    Raises
+    ------
+    MeshError
+        The mesh has no extent.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import icosphere, plane
+    >>> looks_open(plane()), looks_open(icosphere(2))
+    (True, False)
+    """
+    points = Grid.around(mesh, RemeshOptions()).to_voxels(mesh.positions)
+    return kind_of(points, mesh.faces, threads=threads).is_open
+
+
 def remesh_with_thinness(
     mesh: Mesh, options: RemeshOptions, *, threads: int | None = None
 ) -> tuple[Mesh, float, float]:
@@ -145,7 +163,7 @@ def remesh_with_report(
         surface=OPEN if counts.kind.is_open else CLOSED,
         reason=counts.kind.reason,
         n_holes_filled=counts.n_holes_filled,
-        n_boundaries=len(Loops.of(wrapped.positions, wrapped.faces).sizes),
+        n_boundaries=_n_boundaries(wrapped) if counts.kind.is_open else 0,
         n_handles_made=counts.n_handles_made,
         area_ratio=counts.area_ratio,
         thin_share=counts.thin_share,
@@ -154,6 +172,10 @@ def remesh_with_report(
         seconds=seconds,
     )
     return wrapped, report
+
+
+def _n_boundaries(mesh: Mesh) -> int:
+    return len(Loops.of(mesh.positions, mesh.faces).sizes)
 
 
 _NO_ROOMS = Rooms(n_cavities=0, n_untested=0)
