@@ -12,7 +12,7 @@ import texbake
 from texbake.baking import scenes
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.rays import check_cage
+from texbake.baking.rays import checked_cage
 from texbake.baking.remap import remap
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.distance import surface_distance
@@ -410,6 +410,16 @@ def test_a_cage_with_other_faces_is_an_error(other):
         bake(icosphere(3), low, cage=other)
 
 
+def test_a_cage_may_have_other_diagonals_than_the_mesh():
+    """Those of quads that are no longer rectangles once their corners have moved."""
+    low = plane().replace(polygon_of=[0, 0])
+    outer = low.positions + [[0, 0, 0.1 + 0.1 * i] for i in range(4)]
+    cage = Mesh(positions=outer, faces=[[0, 1, 2], [1, 3, 2]], polygon_of=[0, 0])
+    assert not set(map(tuple, cage.faces)) & set(map(tuple, low.faces))
+    found = checked_cage(cage, low)
+    assert np.array_equal(found.faces, low.faces) and np.array_equal(found.positions, outer)
+
+
 def test_a_flipped_cage_is_an_error():
     low = uv_sphere(8, 16)
     with pytest.raises(CageError):
@@ -438,10 +448,10 @@ def test_a_cage_must_enclose_the_mesh_with_its_vertices_in_order(change, message
     cage = change(low).replace(name="cage")
     low, cage = (mesh.replace(positions=size * mesh.positions) for mesh in (low, cage))
     if message is None:
-        check_cage(cage, low)
+        checked_cage(cage, low)
     else:
         with pytest.raises(CageError, match=message):
-            check_cage(cage, low)
+            checked_cage(cage, low)
 
 
 def test_measured_distances_suffice_and_are_not_much_longer():

@@ -14,7 +14,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import ADAPTIVE, BakeOptions
-from texbake.baking.rays import RayMaps, check_cage
+from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult, unseen_faces
 from texbake.baking.scenes import BakeScenes
@@ -107,7 +107,7 @@ def bake(
     inputs = BakeInputs.of(high, low, options, materials)
     check_maps(kinds, inputs)
     if cage is not None:
-        check_cage(cage, low)
+        cage = checked_cage(cage, low)
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give only one of the two")
     ray_maps = RayMaps.of(skew_mask, offset_map)

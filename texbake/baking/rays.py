@@ -29,6 +29,7 @@ from texbake.mapping.seams import chart_ids
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
+from texbake.mesh.polygons import outlines
 from texbake.parallel import run_bands
 from texbake.raycast.rays import Rays
 from texbake.raycast.scene import RayPlaces
@@ -168,7 +169,7 @@ class RayField:
         self.positions = frozen(frame.to_local(low.positions))
         self.faces = low.faces
         if cage is not None:
-            check_cage(cage, low)
+            cage = checked_cage(cage, low)
         self.starts = None if cage is None else frozen(frame.to_local(cage.positions))
         normals, corners = ray_normals(low, kind)
         self.normals, self.normal_faces = frozen(normals), frozen(corners)
@@ -274,13 +275,16 @@ _MOST_TURNED = 0.25
 _MOST_BEHIND = 0.5
 
 
-def check_cage(cage: Mesh, low: Mesh) -> None:
-    """Raise `CageError` unless a cage is the low-poly mesh with its vertices moved outward.
+def checked_cage(cage: Mesh, low: Mesh) -> Mesh:
+    """Return a cage with the triangles of the low-poly mesh.
 
-    The faces must be the same, in the same order. At most a quarter of the area may face against
-    the low-poly mesh, as it does where vertices are in another order, and at most half of the area
-    may lie behind it.
+    Raise `CageError` unless it is the low-poly mesh with its vertices moved outward. The polygons
+    must be the same, in the same order, but can be cut along other diagonals. At most a quarter of
+    the area may face against the low-poly mesh, as it does where vertices are in another order, and
+    at most half of the area may lie behind it.
     """
+    if np.array_equal(_polygons(cage), _polygons(low)):
+        cage = Mesh(positions=cage.positions, faces=low.faces, name=cage.name)
     if cage.n_vertices != low.n_vertices or not np.array_equal(cage.faces, low.faces):
         raise CageError(
             f"{cage.name}: a cage must have the faces of the low-poly mesh, in the same order; it "
@@ -315,3 +319,11 @@ def check_cage(cage: Mesh, low: Mesh) -> None:
                 f"{cage.name}: {100.0 * area / areas.sum():.0f} % of it {what}, or make it with: "
                 f"texbake cage HIGH {low.name} -o OUT"
             )
+    return cage
+
+
+def _polygons(mesh: Mesh) -> IntArray:
+    """(C,) int: vertices of all polygons, each after the negative number of its corners."""
+    polygons = outlines(mesh)
+    starts = np.cumsum(polygons.sizes) - polygons.sizes
+    return np.insert(mesh.faces.ravel()[polygons.slots], starts, -polygons.sizes)

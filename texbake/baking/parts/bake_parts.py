@@ -27,7 +27,7 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.report import PartFigures, PartsReport, target_name
 from texbake.baking.parts.result import PartsResult
 from texbake.baking.parts.target_maps import TargetMaps
-from texbake.baking.rays import RayMaps, check_cage
+from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import DistanceSummary
 from texbake.baking.result import BakeResult
 from texbake.baking.scenes import BakeScenes
@@ -271,7 +271,7 @@ def bake_parts(
             raise OptionError("cage: it belongs to one low-poly mesh; bake the meshes one by one")
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give only one of the two")
-        check_cage(cage, low[0])
+        cage = checked_cage(cage, low[0])
     if parts.join_objects:
         high, low = ([joined_objects(mesh) for mesh in meshes] for meshes in (high, low))
     high_meshes = HighMeshes(high, high_materials)
