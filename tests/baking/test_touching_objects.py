@@ -125,6 +125,21 @@ def test_objects_whose_names_pair_up_are_each_baked_from_their_match(name):
     assert bake_objects(joined_objects(high), low, options).report.n_objects == 0
 
 
+@pytest.mark.parametrize(
+    ("place", "warning"),
+    [(lambda uvs: uvs + 5.0, "1_low covers no texel of the maps"),
+     (lambda uvs: uvs * 0.0 + 0.5, "1_low covers no texel of the maps"),
+     (lambda uvs: 0.9 - 0.8 * uvs, "texels are covered by more than one part")],
+    ids=["outside", "point", "overlap"],
+)  # fmt: skip
+def test_coordinates_of_one_object_that_are_at_fault_are_named(place, warning):
+    high, low = named(SCENES["lid"][0], "_high"), unwrap(named(SCENES["lid"][1], "_low"), size=64)
+    uvs, lid = low.uvs.copy(), np.unique(low.uv_faces[low.face_groups == 1])
+    uvs[lid] = place(uvs[lid])
+    report = bake_objects(high, low.replace(uvs=uvs), BakeOptions(size=64)).report
+    assert report.n_objects == 2 and len([w for w in report.warnings if warning in w]) == 1
+
+
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("join", [False, True])
 def test_run_keeps_objects_that_touch_apart(tmp_path, name, join):

@@ -96,6 +96,13 @@ def test_objects_come_back_from_files(tmp_path, suffix):
     assert object_names(mesh) == ("lid", "box")
 
 
+def test_objects_whose_names_are_alike_as_identifiers(tmp_path):
+    names = ("x_y", "x_y_3", "x y", "x_y_1", "x/y", "material")
+    boxes = [grouped(transformed(cube(), ASIDE * (i + 2)), n) for i, n in enumerate(names)]
+    write_mesh(join_parts(boxes, "six"), tmp_path / "six.usda")
+    assert read_mesh(tmp_path / "six.usda").group_names == names
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".usda"])
 def test_groups_of_objects_come_back_from_files(tmp_path, suffix):
     names = "lid", "lid/handle", "box"

@@ -112,6 +112,8 @@ class BakeReport:
         then the greatest, which rays that find nothing take.
     n_objects : int
         Number of objects that were baked from their matches; 0 if all were baked from all.
+    of_objects : tuple of str
+        Sentences on these objects: overlaps of two, and those without a texel.
     why_missed : tuple of str
         Sentences that say why rays missed, or could miss; empty if no cause was looked for.
     """
@@ -141,6 +143,7 @@ class BakeReport:
     budget: TimeBudget | None = None
     median_reach: tuple[float, float] | None = None
     n_objects: int = 0
+    of_objects: tuple[str, ...] = ()
     why_missed: tuple[str, ...] = ()
 
     @property
@@ -194,7 +197,7 @@ class BakeReport:
             ),
         )
         found = [message for count, message in checks if count]
-        found += self.why_missed
+        found += (*self.why_missed, *self.of_objects)
         if counts.islands_sharing:
             found.append(
                 f"stacked islands share texels, and {counts.islands_sharing:,} of them show what "

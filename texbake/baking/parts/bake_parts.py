@@ -139,9 +139,8 @@ class PartsBake:
                     self.kinds, inputs, part.cage, images, self.stages, self.scenes, distances
                 )
             except UvError:
-                self.without.append(
-                    f"{part.name} covers no texel of {target_name(target) or 'the map'}"
-                )
+                where = target_name(target) if self.is_tiled else target.texture_set or "the maps"
+                self.without.append(f"{part.name} covers no texel of {where}")
                 continue
             self.inputs = inputs
             maps.add(result, inputs, part.face_ids, int(chosen.sum()), part.is_stacked)
@@ -326,7 +325,9 @@ def bake_objects(
     shared["high_materials"] = [shared.pop("materials", None)]
     done = bake_parts([high], [low], options, cage=cage, ray_maps=lambda _: ray_maps, **shared)
     (baked,) = done.targets.values()
-    return replace(baked, report=replace(baked.report, n_objects=len(paired[0].matches)))
+    warnings = tuple(done.report.part_warnings)
+    report = replace(baked.report, n_objects=len(paired[0].matches), of_objects=warnings)
+    return replace(baked, report=report)
 
 
 def _first(names: Sequence[str], low_parts: list[LowPart]) -> list[LowPart]:

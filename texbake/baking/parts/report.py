@@ -79,8 +79,8 @@ class PartsReport:
         return self.matching is not None and not self.options.match_by_name
 
     @property
-    def warnings(self) -> list[str]:
-        """What the user should check, a sentence each."""
+    def part_warnings(self) -> list[str]:
+        """What the user should check about the parts, besides the bake of each."""
         found = [] if self.matching is None else list(self.matching.warnings)
         for turned in self.orientations.values():
             found += turned.notes
@@ -97,7 +97,13 @@ class PartsReport:
             ),
         )
         found += [message for count, message in checks if count]
-        found += [f"{what}; use a larger `size`" for what in self.without_texel]
+        what_to_do = "use a larger `size` or new coordinates"
+        return found + [f"{what}; {what_to_do}" for what in self.without_texel]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should check, a sentence each."""
+        found = self.part_warnings
         several = len(self.targets) > 1
         for target, report in self.targets.items():
             start = f"{target_name(target)}: " if several else ""

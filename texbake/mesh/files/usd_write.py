@@ -17,6 +17,7 @@ import os
 import struct
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -190,9 +191,9 @@ def _identifier(name: str, taken: set[str]) -> str:
     """Return a USD identifier that is not in `taken`, and add it there."""
     from pxr import Tf
 
-    first = identifier = Tf.MakeValidIdentifier(as_text(name))
-    while identifier in taken:
-        identifier = f"{first}_{len(taken)}"
+    first = Tf.MakeValidIdentifier(as_text(name))
+    names = chain([first], (f"{first}_{number}" for number in count(1)))
+    identifier = next(name for name in names if name not in taken)
     taken.add(identifier)
     return str(identifier)
 
