@@ -33,9 +33,8 @@ class RemeshOptions(CheckedOptions):
     surface: Annotated[
         str,
         Option(
-            "What the result is: the closed surface of a body, of which all holes are filled; an "
-            "open surface of one sheet, which keeps its boundary; or what the mesh looks like "
-            "(auto).",
+            "Make a closed surface, with all holes filled (closed); an open surface of one sheet, "
+            "which keeps its boundary (open); or the one that fits the mesh (auto).",
             choices=(AUTO, CLOSED, OPEN),
         ),
     ] = AUTO

@@ -89,8 +89,8 @@ class SimplifyOptions(CheckedOptions):
     topology: Annotated[
         str,
         Option(
-            "Holes, tunnels and parts that need more triangles than requested: an error (keep), or "
-            "close them with a surface around the mesh, which has no texture coordinates "
+            "If holes, tunnels and parts need more triangles than requested, stop with an error "
+            "(keep), or close them with a surface around the mesh, without texture coordinates "
             "(simplify).",
             choices=TOPOLOGIES,
         ),

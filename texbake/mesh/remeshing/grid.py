@@ -17,8 +17,8 @@ from texbake.mesh.remeshing.flood import MAX_RADIUS
 # Voxels between the mesh and the border of the grid, besides the radius of the ball: the width of
 # the band, and a point that is outside in any case.
 _MARGIN = 4
-# Points are on a grid with as many cells per voxel, which rounding in the model's coordinates does
-# not affect.
+# Points are snapped to this many cells per voxel, so that rounding of the model's coordinates does
+# not affect them.
 _CELLS = 2.0**24
 
 
