@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
+from texbake.baking.cage.fit import fit_cage
+from texbake.jobs.cages import cage_file
+from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import orange, plane, uv_sphere
+from texbake.mesh.shapes import cube, orange, plane, uv_sphere
 
 
 @pytest.fixture
@@ -31,6 +35,23 @@ def test_a_bake_accepts_the_cage(pair: tuple[str, str], tmp_path: Path) -> None:
     words = ["bake-normals", *pair, "-o", normal, "--size", "32", "--cage", cage]
     result = CliRunner().invoke(texbake, [*words, "--fail-on-miss", "0"])
     assert result.exit_code == 0, result.output
+
+
+def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) -> None:
+    """The ball bulges toward the cube, which is no reason for the cube's cage to be larger."""
+    beside = np.eye(4)
+    beside[0, 3] = 1.52
+    box = transformed(cube(), beside).replace(name="box")
+    highs, lows = ([mesh.replace(name="ball"), box] for mesh in (orange(2_000), uv_sphere(6, 8)))
+    files = [tmp_path / f"{name}.obj" for name in ("high", "low", "cage")]
+    for path, meshes in zip(files, (highs, lows), strict=False):
+        write_mesh(join_meshes(meshes), path)
+    report = cage_file(*files, margin=0.01).report
+    alone = [fit_cage(*pair, margin=0.01) for pair in zip(highs, lows, strict=True)]
+    distances = np.concatenate([cage.distances for cage in alone])
+    assert np.allclose(report.distances, distances, rtol=0.0, atol=1e-6)
+    joined = fit_cage(join_meshes(highs), join_meshes(lows), margin=0.01)
+    assert joined.distances[-8:].max() > 2.0 * distances[-8:].max()
 
 
 def test_the_low_poly_mesh_is_not_overwritten(pair: tuple[str, str]) -> None:

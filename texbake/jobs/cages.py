@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from texbake.baking.cage.fit import Cage, fit_cage
+from texbake.baking.parts.high_parts import HighMeshes, match_objects
+from texbake.baking.parts.options import PartsOptions
 from texbake.files import PathLike, appearing_together
 from texbake.jobs.fit import check_fit, why_rays_would_miss
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
+from texbake.mesh.compose import excerpt
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 
 
@@ -22,6 +28,7 @@ def cage_file(
 ) -> JobResult[Cage]:
     """Fit a cage around a high-poly mesh file, and write it.
 
+    If the names of all objects pair up, each is fitted to the one with its name, as it is baked.
     The high-poly mesh may face either way. A low-poly mesh that is inside out gets a
     warning, because its cage lies on the wrong side.
 
@@ -40,7 +47,41 @@ def cage_file(
     check_mesh(output)
     high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
     check_fit(high_mesh, low_mesh, threads=threads)
-    cage = fit_cage(high_mesh, low_mesh, margin=margin, threads=threads)
+    cage = _fitted(high_mesh, low_mesh, margin, threads)
     write_mesh(cage.mesh, output)
     inside_out = why_rays_would_miss(high_mesh, low_mesh, orientation="auto", threads=threads)
     return JobResult(files=given(output), report=cage, warnings=(*inside_out, *cage.warnings))
+
+
+def _fitted(high: Mesh, low: Mesh, margin: float | None, threads: int | None) -> Cage:
+    """Fit a cage, object by object if their names pair up."""
+    paired = match_objects([high], [low], PartsOptions())
+    if paired is None:
+        return fit_cage(high, low, margin=margin, threads=threads)
+    matching, highs, lows = paired
+    high_meshes = HighMeshes([high])
+    positions, distances = low.positions.copy(), np.zeros(low.n_vertices)
+    cages = []
+    for match in matching.matches:
+        chosen = lows[match.low].faces_of(low)
+        source, _ = high_meshes.joined([highs[i] for i in match.highs])
+        cage = fit_cage(source, excerpt(low, chosen), margin=margin, threads=threads)
+        rows = np.unique(low.faces[chosen])
+        positions[rows], distances[rows] = cage.mesh.positions, cage.distances
+        cages.append(cage)
+    mesh = low.replace(
+        positions=positions,
+        normals=None,
+        normal_faces=None,
+        tangents=None,
+        name=f"cage of {low.name}",
+    )
+    return Cage(
+        mesh,
+        distances,
+        sum(cage.n_points for cage in cages),
+        sum(cage.n_beside for cage in cages),
+        sum(cage.n_uncertain for cage in cages),
+        max(cage.greatest_outside for cage in cages),
+        sum(cage.n_still for cage in cages),
+    )
