@@ -288,8 +288,9 @@ def checked_cage(cage: Mesh, low: Mesh) -> Mesh:
     if cage.n_vertices != low.n_vertices or not np.array_equal(cage.faces, low.faces):
         raise CageError(
             f"{cage.name}: a cage must have the faces of the low-poly mesh, in the same order; it "
-            f"has {cage.n_faces} faces on {cage.n_vertices} vertices and {low.name} has "
-            f"{low.n_faces} on {low.n_vertices}; make the cage by moving the vertices of {low.name}"
+            f"has {cage.n_polygons} faces on {cage.n_vertices} vertices and {low.name} has "
+            f"{low.n_polygons} on {low.n_vertices}; make the cage by moving the vertices of "
+            f"{low.name}"
         )
     frame = LocalFrame.around(low, cage)
     inner, outer = (frame.to_local(mesh.positions)[mesh.faces] for mesh in (low, cage))
