@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from models import sponge
+from models import model, real, sponge
 
 import texbake
 from texbake.errors import MeshError
@@ -56,3 +56,12 @@ def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None
     with pytest.raises(MeshError, match=r"sponge\.ply: 200 triangles cannot .* `remesh` always"):
         texbake.run(mesh, "asset", options)
     assert list(Path("asset").glob("*")) == []
+
+
+@pytest.mark.parametrize("name", real("broken/VH_M_Heart.glb"))
+def test_run_wraps_what_can_only_be_reached_by_clusters(name: str, tmp_path: Path) -> None:
+    options = RunOptions(n_faces=500, size=128, compare="off")
+    result = texbake.run(model(name), tmp_path, options)
+    assert 495 <= result.low.n_faces <= 500
+    assert result.simplified.is_whole
+    assert "closed surface around it" in result.why_closed[0]

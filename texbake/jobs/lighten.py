@@ -343,10 +343,11 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        if made is not None:
-            chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
+        rays = None if made is None else made.ray_distance
+        chosen = replace(chosen, front=rays, back=rays)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        baked = explained(high, low, baked, join_objects=options.join_objects)
+        if rays is None:  # else, they miss what fills the tunnels
+            baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("encode images"):
         channels = encoded_channels(

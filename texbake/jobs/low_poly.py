@@ -11,7 +11,7 @@ from texbake.errors import MeshError
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
-from texbake.mesh.wrapping import reason_to_wrap, wrapped
+from texbake.mesh.wrapping import Reason, reason_to_wrap, wrapped
 from texbake.progress import ProgressSink
 from texbake.rendering.compare import Closeness, compare
 from texbake.rendering.options import RenderOptions
@@ -19,9 +19,11 @@ from texbake.rendering.options import RenderOptions
 # Side of the pictures that decide, from six sides. A pixel that shows another part counts as much
 # as one whose normals differ by this, in degrees.
 _PICTURE, _OTHER_PART = 256, 90.0
-# How far rays go for a wrap whose tunnels were closed, as a share of the diagonal. Measured
-# distances reach into the deepest pore there: they take ten times as long, and gain nothing.
-_RAYS = 0.02
+# How far rays go for a wrap whose tunnels were closed, as a share of the diagonal, and how far for
+# up to so many faces. Measured distances reach into the deepest pore there: they take ten times as
+# long, and gain nothing.
+_RAYS, _RAYS_OF_FEW_FACES = 0.02, 0.04
+_FEW_FACES = 1_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,32 +74,32 @@ class _Maker:
     def kept(self) -> LowPoly:
         return self.simplified(self.high, self.quality)
 
-    def wrapped(self, reason: str, *, has_tunnels: bool = False) -> LowPoly:
+    def wrapped(self, reason: Reason | None) -> LowPoly:
+        name, diagonal = self.high.name, self.high.diagonal
         wrap, width = wrapped(
             self.high,
             self.n_faces,
-            has_tunnels=has_tunnels,
+            has_tunnels=reason is not None and reason.has_tunnels,
             threads=self.threads,
             progress=self.progress,
         )
         # The vertices of a wrap are none of the mesh: nothing is lost if they move.
         low = self.simplified(wrap, "best" if width else self.quality)
-        if not reason:
-            why: tuple[str, ...] = ()
-        else:
-            why = (
-                f"{self.high.name}: {reason}; the low-poly mesh was made from a closed surface "
-                "around it; `remesh` never leaves it as it is",
+        why: list[str] = []
+        if reason is not None:
+            why.append(
+                f"{name}: {reason.text}; the low-poly mesh was made from a closed surface around "
+                "it; `remesh` never leaves it as it is"
             )
-        if width:
-            share = 100.0 * width / self.high.diagonal
-            why = (
-                *why,
-                f"{self.high.name}: gaps up to {share:.0f} % of its diagonal were closed, so that "
-                f"{self.n_faces:,} triangles can show the tunnels that are left",
-            )
-        distance = _RAYS * self.high.diagonal if width else None
-        return replace(low, why=why, ray_distance=distance)
+        if not width:
+            return replace(low, why=tuple(why))
+        why.append(
+            f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed, so "
+            f"that {self.n_faces:,} triangles can show the tunnels that are left"
+        )
+        few = self.n_faces is not None and self.n_faces <= _FEW_FACES
+        rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
+        return replace(low, why=tuple(why), ray_distance=rays)
 
     def off_by(self, low: LowPoly) -> float:
         """Mean angle between the normals in pictures of the high-poly mesh and a low-poly one."""
@@ -148,7 +150,7 @@ def make_low_poly(
         threads=threads, progress=progress,
     )  # fmt: skip
     if remesh == "always":
-        low = make.wrapped("")
+        low = make.wrapped(None)
     else:
         low = _closest(make) if remesh == "auto" else make.kept()
     if error is None:
@@ -159,19 +161,23 @@ def make_low_poly(
 
 def _closest(make: _Maker) -> LowPoly:
     high, n_faces = make.high, make.n_faces
-    reason = None
-    if n_faces is None or high.n_faces > n_faces:
-        reason = reason_to_wrap(high, n_faces, threads=make.threads)
+    if n_faces is not None and high.n_faces <= n_faces:
+        return make.kept()
+    reason = reason_to_wrap(high, n_faces, threads=make.threads)
+    kept = None
     if reason is None:
-        return make.kept()
+        kept = make.kept()
+        if kept.report.is_whole:
+            return kept
+        reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
     try:
-        wrap = make.wrapped(reason.text, has_tunnels=reason.has_tunnels)
+        wrap = make.wrapped(reason)
     except MeshError:
-        return make.kept()
+        return kept or make.kept()
     if n_faces is None or (reason.is_certain and wrap.report.is_whole):
         return wrap
-    kept = make.kept()
-    candidates = [low for low in (wrap, kept) if low.report.is_whole]
-    if len(candidates) == 2:
-        return min(candidates, key=make.off_by)
-    return candidates[0] if candidates else min(wrap, kept, key=lambda low: low.mesh.n_faces)
+    candidates = [wrap, kept or make.kept()]
+    reached = [low for low in candidates if low.report.is_close_to_count]
+    if len(reached) == 2:
+        return min(reached, key=make.off_by)
+    return min(candidates, key=lambda low: low.mesh.n_faces)

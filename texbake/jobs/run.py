@@ -212,7 +212,8 @@ def run(
         chosen = options.bake_options(channels, unwrapped.options.padding)
         chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        baked = explained(high, low, baked, join_objects=options.join_objects)
+        if made.ray_distance is None:  # else, they miss what fills the tunnels
+            baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):
