@@ -31,7 +31,7 @@ from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError
 from texbake.mesh.remeshing.flood import Rooms, flood_outside
 from texbake.mesh.remeshing.grid import Grid, too_crowded
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
-from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs
+from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs, without_cut_off
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
 from texbake.mesh.remeshing.sheets import (
@@ -155,6 +155,7 @@ def remesh_with_report(
         n_components=counts.n_components,
         n_dropped=counts.n_dropped,
         n_crumbs=counts.n_crumbs,
+        n_cut_off=counts.n_cut_off,
         n_cavities_kept=counts.n_cavities,
         n_cavities_filled=0 if options.keep_interior else counts.rooms.n_cavities,
         n_rooms_untested=counts.rooms.n_untested,
@@ -188,6 +189,7 @@ class _Counts:
     n_components: int
     n_dropped: int
     n_crumbs: int
+    n_cut_off: int = 0
     n_cavities: int = 0
     rooms: Rooms = _NO_ROOMS
     thin_share: float = 0.0
@@ -223,12 +225,15 @@ def _remeshed(
             raise MeshError(f"{mesh.name}: its sheets have one side only; use `surface={CLOSED}`")
         if not kind.is_open and filled.n_holes == 0:
             filled = as_it_is
+    n_parts = mesh.n_faces
+    if fills_holes:
+        n_parts = face_components(kind.faces, mesh.n_vertices)[1]
     try:
         if kind.is_open:
             moved, faces, counts = _sheet(points, filled, grid, options, stages, threads)
         else:
             moved, faces, counts = _wrap(
-                points, mesh.faces, filled, grid, options, stages, threads, counts_cavities
+                points, mesh.faces, filled, grid, options, stages, threads, counts_cavities, n_parts
             )
     except CrowdedGridError as error:
         raise too_crowded(mesh, options, error) from error
@@ -241,6 +246,7 @@ def _remeshed(
         n_made = require_no_more_tangles(
             mesh.name,
             kind,
+            n_parts,
             faces,
             counts.n_components,
             may_have_handles=counts.n_handles > 0,
@@ -267,8 +273,9 @@ def _wrap(
     stages: Stages,
     threads: int | None,
     counts_cavities: bool,
+    n_parts: int,
 ) -> tuple[FloatArray, IntArray, _Counts]:
-    """Wrap a body in a closed surface."""
+    """Wrap a body of some separate parts in a closed surface."""
 
     def measure_windings(of_rooms: FloatArray) -> FloatArray:
         # Of a soup of triangles, which has rooms by the ten thousand, only the largest are tested.
@@ -297,6 +304,7 @@ def _wrap(
             nets, tree, sharp_edges=options.sharp_edges, smooth=filled.smooth, threads=threads
         )
     moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=options.keep_interior)
+    moved, faces, n_cut_off = without_cut_off(moved, faces, n_parts)
     moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
     parts = Parts.of(moved, faces)
     counts = _Counts(
@@ -304,6 +312,7 @@ def _wrap(
         n_cavities=int(np.count_nonzero(parts.is_wall)),
         n_dropped=n_dropped,
         n_crumbs=n_crumbs,
+        n_cut_off=n_cut_off,
         rooms=rooms,
         thin_share=float(np.mean(nets.thin)),
         n_handles=n_handles,

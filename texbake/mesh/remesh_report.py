@@ -21,6 +21,8 @@ class RemeshReport:
         Separate parts of the result, and those that `components` left out.
     n_crumbs : int
         Separate parts smaller than a voxel, which are left out.
+    n_cut_off : int
+        Small parts of the result, more than the mesh has, which are left out.
     n_cavities_kept, n_cavities_filled : int
         Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
         gaps that are closed.
@@ -57,6 +59,7 @@ class RemeshReport:
     n_components: int
     n_dropped: int
     n_crumbs: int
+    n_cut_off: int
     n_cavities_kept: int
     n_cavities_filled: int
     n_rooms_untested: int
@@ -81,6 +84,11 @@ class RemeshReport:
             notes.append(
                 f"separate parts smaller than a voxel are left out: {self.n_crumbs:,}; a greater "
                 "`resolution` keeps more"
+            )
+        if self.n_cut_off:
+            notes.append(
+                "small parts that thin places of the mesh cut off are left out: "
+                f"{self.n_cut_off:,}; another `resolution` may keep them"
             )
         if self.n_dropped:
             notes.append(

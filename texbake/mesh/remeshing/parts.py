@@ -16,6 +16,8 @@ from texbake.mesh.topology import face_components
 _LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5
 # Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as long.
 _LEAST_CAVITY = 3.0
+# Parts that thin places cut off are left out up to this share of the area, together.
+_CUT_OFF = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,27 @@ def _of_parts(
     """Some of the faces, and the points that they use."""
     used, compact = np.unique(faces[kept], return_inverse=True)
     return points[used], compact.reshape(-1, 3).astype(np.int32)
+
+
+def without_cut_off(
+    points: FloatArray, faces: IntArray, n_given: int
+) -> tuple[FloatArray, IntArray, int]:
+    """Leave out small solid parts, more than the `n_given` of the mesh; also count them.
+
+    Thin places of the mesh cut them off. If they are not small together, all parts stay.
+    """
+    parts = Parts.of(points, faces)
+    solids = np.flatnonzero(~parts.is_wall)
+    if len(solids) <= n_given:
+        return points, faces, 0
+    corners = points[faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.bincount(parts.ids, pm.norm(crosses, axis=1), len(parts.volumes))
+    more = solids[np.argsort(-areas[solids], kind="stable")[n_given:]]
+    if areas[more].sum() > _CUT_OFF * areas.sum():
+        return points, faces, 0
+    cut_off = np.isin(parts.ids, more)
+    return *_of_parts(points, faces, ~cut_off), len(more)
 
 
 def largest_parts(

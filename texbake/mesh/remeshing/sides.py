@@ -219,6 +219,7 @@ def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Fi
 def require_no_more_tangles(
     name: str,
     kind: Kind,
+    n_parts: int,
     faces: IntArray,
     n_components: int,
     *,
@@ -230,7 +231,6 @@ def require_no_more_tangles(
     Gaps that are closed make handles of a body, as they should. If the mesh is one, return how many
     there are more.
     """
-    n_parts = face_components(kind.faces, int(kind.faces.max()) + 1)[1]
     advice = "use a greater `resolution`"
     if n_components > n_parts:
         raise MeshError(
@@ -252,9 +252,9 @@ def require_no_more_tangles(
         n_tangles //= 2
     if n_tangles > given and (kind.is_open or may_be_pierced):
         what = "sheet" if kind.is_open else "closed surface"
-        other = CLOSED if kind.is_open else OPEN
+        other = f"or `surface={CLOSED if kind.is_open else OPEN}`"
         raise MeshError(
             f"{name}: the {what} has {n_tangles:,} handles and holes, and the mesh {given:,}; "
-            f"{advice}, a smaller `close`, or `surface={other}`"
+            f"{advice}, a smaller `close`" + (f", {other}" if n_loops else "")
         )
     return 0 if kind.is_open else max(n_made, 0)
