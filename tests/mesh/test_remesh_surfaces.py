@@ -271,6 +271,17 @@ def test_sheets_do_not_depend_on_the_threads_and_the_size():
         assert np.array_equal(here.positions * scale, there.positions)
 
 
+@pytest.mark.parametrize("resolution", [48, 80, 128])
+def test_thin_blades_are_not_pierced(resolution):
+    """Between a voxel and nothing thick, and in no direction of the grid."""
+    ball = icosphere(5)
+    x, y, z = ball.positions.T
+    blade = np.stack([x + 0.6 * z, 0.3 * y, z + 0.3 * y], axis=1) * [1.0, 0.02, 1.0]
+    turned = blade @ np.array([[0.8, 0.36, 0.48], [-0.6, 0.48, 0.64], [0.0, -0.8, 0.6]])
+    result = remesh(ball.replace(positions=turned), RemeshOptions(resolution=resolution))
+    assert figures(result) == (1, 2) and find_edges(result.faces).closed
+
+
 def test_handles_that_closed_gaps_make_are_told():
     ring = bare(make("torus", resolution=(96, 24)))
     angles = np.arctan2(ring.positions[:, 2], ring.positions[:, 0])

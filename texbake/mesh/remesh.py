@@ -35,6 +35,7 @@ from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs, w
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
 from texbake.mesh.remeshing.sheets import (
+    PIERCED,
     NoSheetError,
     build_body,
     largest_sheets,
@@ -56,8 +57,6 @@ from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
-# Share of the wrap's vertices around sheets from which on its handles may be holes that pierce it.
-_PIERCED = 0.05
 
 
 def remesh(
@@ -211,20 +210,10 @@ def _remeshed(
 ) -> tuple[Mesh, Grid, _Counts]:
     grid = Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
-    kind = AS_IT_IS
-    filled = as_it_is = Filled(mesh.faces, None, mesh.n_faces, 0, NO_LOOPS.edges)
+    kind, filled = AS_IT_IS, _unfilled(mesh)
     if fills_holes:
         with stages.stage("find boundary"):
-            kind = kind_of(points, mesh.faces, threads=threads)
-            if options.surface != AUTO:
-                kind = replace(kind, is_open=options.surface == OPEN, reason="as asked for")
-            elif options.keep_interior and kind.is_open:
-                kind = replace(kind, is_open=False, reason="its interior is kept")
-            filled = fill_holes(points, kind, grid.gap, whole=options.surface == CLOSED)
-        if kind.is_open and kind.is_one_sided:
-            raise MeshError(f"{mesh.name}: its sheets have one side only; use `surface={CLOSED}`")
-        if not kind.is_open and filled.n_holes == 0:
-            filled = as_it_is
+            kind, filled = _filled(mesh, points, grid.gap, options, threads)
     n_parts = mesh.n_faces
     if fills_holes:
         n_parts = face_components(kind.faces, mesh.n_vertices)[1]
@@ -233,7 +222,16 @@ def _remeshed(
             moved, faces, counts = _sheet(points, filled, grid, options, stages, threads)
         else:
             moved, faces, counts = _wrap(
-                points, mesh.faces, filled, grid, options, stages, threads, counts_cavities, n_parts
+                points,
+                mesh.faces,
+                filled,
+                grid,
+                options,
+                stages,
+                threads,
+                counts_cavities,
+                n_parts,
+                (filled.faces if filled.n_holes else kind.faces)[: None if n_parts == 1 else 0],
             )
     except CrowdedGridError as error:
         raise too_crowded(mesh, options, error) from error
@@ -250,7 +248,7 @@ def _remeshed(
             faces,
             counts.n_components,
             may_have_handles=counts.n_handles > 0,
-            may_be_pierced=filled.n_holes > 0 or counts.thin_share > _PIERCED,
+            may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
         )
         counts = replace(counts, n_handles_made=n_made)
     if kind.is_open:
@@ -264,6 +262,25 @@ def _remeshed(
     return with_nearest_attributes(wrapped, mesh, threads), grid, counts
 
 
+def _unfilled(mesh: Mesh) -> Filled:
+    return Filled(mesh.faces, None, mesh.n_faces, 0, NO_LOOPS.edges)
+
+
+def _filled(
+    mesh: Mesh, points: FloatArray, gap: float, options: RemeshOptions, threads: int | None
+) -> tuple[Kind, Filled]:
+    """Choose between an open surface and a body, and fill holes accordingly."""
+    kind = kind_of(points, mesh.faces, threads=threads)
+    if options.surface != AUTO:
+        kind = replace(kind, is_open=options.surface == OPEN, reason="as asked for")
+    elif options.keep_interior and kind.is_open:
+        kind = replace(kind, is_open=False, reason="its interior is kept")
+    if kind.is_open and kind.is_one_sided:
+        raise MeshError(f"{mesh.name}: its sheets have one side only; use `surface={CLOSED}`")
+    filled = fill_holes(points, kind, gap, whole=options.surface == CLOSED)
+    return kind, filled if kind.is_open or filled.n_holes else _unfilled(mesh)
+
+
 def _wrap(
     points: FloatArray,
     given: IntArray,
@@ -274,8 +291,9 @@ def _wrap(
     threads: int | None,
     counts_cavities: bool,
     n_parts: int,
+    whole: IntArray,
 ) -> tuple[FloatArray, IntArray, _Counts]:
-    """Wrap a body of some separate parts in a closed surface."""
+    """Wrap a body of some separate parts in a closed surface, or one `whole` part."""
 
     def measure_windings(of_rooms: FloatArray) -> FloatArray:
         # Of a soup of triangles, which has rooms by the ten thousand, only the largest are tested.
@@ -295,7 +313,7 @@ def _wrap(
             threads=threads,
         )
     with stages.stage("build surface"):
-        nets = build_body(band, labels, points, filled, threads=threads)
+        nets = build_body(band, labels, points, filled, whole, threads=threads)
     n_handles = nets.n_handles
     del band, labels
     with stages.stage("project"):

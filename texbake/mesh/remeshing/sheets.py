@@ -44,6 +44,8 @@ class NoSheetError(Exception):
 
 BoolArray = npt.NDArray[np.bool_]
 
+# Share of a wrap's vertices around sheets from which on its handles may be holes that pierce it.
+PIERCED = 0.05
 # How far the distances of the ends of a grid edge may add up to more than its length, in voxels.
 _SLACK = 1e-3
 # How far vertices at the boundary move along it, in voxels.
@@ -99,13 +101,14 @@ def build_body(
     labels: npt.NDArray[np.uint8],
     points: FloatArray,
     filled: Filled,
+    whole: IntArray,
     *,
     threads: int | None = None,
 ) -> Nets:
-    """Build the net of a body, which is pierced nowhere next to the holes that are filled.
+    """Build the net of a body that is pierced nowhere.
 
-    Between the surface and what fills a hole, the solid can be thinner than a voxel. If that leaves
-    handles, points next to the surface belong to the solid there.
+    Thin walls, and the room between the surface and what fills a hole, can be thinner than a voxel.
+    If that leaves handles, all points next to the surface belong to the solid there.
 
     Parameters
     ----------
@@ -113,19 +116,21 @@ def build_body(
         As for `build_nets`.
     points : (V, 3) float64
     filled
+    whole : (F, 3) int32
+        Faces of a body of one part, with what fills its holes, or none.
     threads
         None for every processor.
     """
-    if filled.n_holes == 0:
-        return build_nets(band, labels, threads=threads)
-    field, thin = signed(band, labels, threads)
-    nets = nets_of(band, field.copy(), labels, thin, threads=threads)
-    if nets.n_handles <= count_tangles(filled.faces) // 2:
+    nets = build_nets(band, labels, threads=threads)
+    is_thin = filled.n_holes > 0 or float(nets.thin.mean()) > PIERCED
+    if not is_thin or len(whole) == 0 or nets.n_handles <= count_tangles(whole) // 2:
         return nets
-    fills = TriangleTree.build(points, filled.faces[filled.n_given :], threads=threads)
+    field, thin = signed(band, labels, threads)
     near = np.flatnonzero((band.distances < SHELL_DEPTH) & (field > 0.0))
-    found = fills.closest_points(_grid_points(band, near), max_distance=BAND_WIDTH, threads=threads)
-    near = near[found[1] >= 0]
+    if filled.n_holes > 0:
+        fills = TriangleTree.build(points, filled.faces[filled.n_given :], threads=threads)
+        places = _grid_points(band, near)
+        near = near[fills.closest_points(places, max_distance=BAND_WIDTH, threads=threads)[1] >= 0]
     field.ravel()[near] = band.distances.ravel()[near] - SHELL_DEPTH
     thick = nets_of(band, field, labels, thin, threads=threads)
     return thick if thick.n_handles < nets.n_handles else nets
