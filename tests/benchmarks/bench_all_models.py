@@ -1,12 +1,12 @@
 """`texbake run` on every model of the data folder: figures of each asset, and a sheet of all.
 
-    python tests/benchmarks/bench_all_models.py OUT [NAME ...] [--picture SHEET.jpg]
+    python tests/benchmarks/bench_all_models.py OUT [NAME ...] [--faces N] [--picture SHEET.jpg]
 
 The models are those of TEXBAKE_DATA, or of ../shared/data beside the project: single meshes,
-dense meshes of pairs, broken meshes and glTF models. Each gets a tenth of its triangles, 500 at
-least and 5,000 at most, and maps of 1024². Assets stay in the folder OUT; a model whose asset is
-there already is not made again. Prints a table in Markdown; `--picture` draws a sheet with each
-model beside its asset.
+dense meshes of pairs, broken meshes and glTF models. Each gets N triangles, or a tenth of its own,
+500 at least and 5,000 at most, and maps of 1024². Assets stay in the folder OUT; a model whose
+asset is there already is not made again. Prints a table in Markdown; `--picture` draws a sheet with
+each model beside its asset.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def name_of(path: Path) -> str:
     return path.parent.name if path.stem == "high" else path.stem
 
 
-def make_asset(path: Path, folder: Path) -> dict:
+def make_asset(path: Path, folder: Path, n_faces: int | None) -> dict:
     """Run the command, and keep its exit status, time and what it printed."""
     record = folder / "record.json"
     if record.exists():
@@ -56,7 +56,7 @@ def make_asset(path: Path, folder: Path) -> dict:
         triangles = texbake.read_mesh(path).n_faces
     except TexbakeError:
         triangles = 0
-    faces = min(max(triangles // 10, 500), 5000)
+    faces = n_faces or min(max(triangles // 10, 500), 5000)
     command = [sys.executable, "-m", "texbake", "run", str(path), "-o", str(folder)]
     command += ["--faces", str(faces), "--size", "1024", "--compare", "full"]
     command += ["--progress", "none"]
@@ -152,6 +152,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("names", nargs="*")
+    parser.add_argument("--faces", type=int)
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     print(
@@ -161,7 +162,7 @@ def main() -> None:
     entries = []
     for path in models(arguments.names):
         folder = arguments.out / name_of(path)
-        entries.append((make_asset(path, folder), path, folder))
+        entries.append((make_asset(path, folder, arguments.faces), path, folder))
         print(row(entries[-1][0]), flush=True)
     figures = [entry for entry, *_ in entries if "compare" in entry]
     better = [
