@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 from texbake.errors import MeshError
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.remesh_options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
+from texbake.mesh.topology import surface_side
 from texbake.mesh.wrapping import Reason, reason_to_wrap, wrapped
 from texbake.progress import ProgressSink
 from texbake.rendering.compare import Closeness, compare
@@ -80,6 +82,7 @@ class _Maker:
             self.high,
             self.n_faces,
             has_tunnels=reason is not None and reason.has_tunnels,
+            surface=CLOSED if reason is None else AUTO,
             threads=self.threads,
             progress=self.progress,
         )
@@ -87,9 +90,11 @@ class _Maker:
         low = self.simplified(wrap, "best" if width else self.quality)
         why: list[str] = []
         if reason is not None:
+            is_closed = surface_side(wrap, threads=self.threads) != "both"
+            kind = "a closed surface around it" if is_closed else "a remeshed open surface"
             why.append(
-                f"{name}: {reason.text}; the low-poly mesh was made from a closed surface around "
-                "it; `remesh` never leaves it as it is"
+                f"{name}: {reason.text}; the low-poly mesh was made from {kind}; `remesh` never "
+                "leaves it as it is"
             )
         if not width:
             return replace(low, why=tuple(why))

@@ -19,8 +19,8 @@ from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import face_objects, weld_vertices
-from texbake.mesh.remesh import remesh, remesh_with_thinness
-from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
+from texbake.mesh.remesh_options import AUTO, RemeshOptions
 from texbake.mesh.remeshing.tunnels import remesh_with_few_tunnels
 from texbake.mesh.topology import (
     face_components,
@@ -94,6 +94,8 @@ def reason_to_wrap(
     if _is_clean(faces, handles, mesh.n_vertices):
         return None
     try:
+        if looks_open(mesh, threads=threads):
+            return None
         wrap, voxel, thin_share = remesh_with_thinness(_bare(mesh), _COARSE, threads=threads)
     except MeshError:
         return None
@@ -135,6 +137,7 @@ def wrapped(
     n_faces: int | None,
     *,
     has_tunnels: bool = False,
+    surface: str = AUTO,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> tuple[Mesh, float]:
@@ -147,7 +150,7 @@ def wrapped(
         What the wrap will be reduced to; None where an error decides, and all tunnels stay.
     has_tunnels
         Whether the mesh is known to have more.
-    threads, progress
+    surface, threads, progress
         As for `remesh`.
 
     Returns
@@ -158,7 +161,8 @@ def wrapped(
     """
     bare = _bare(mesh)
     if not has_tunnels:
-        wrap = remesh(bare, threads=threads, progress=progress)
+        options = RemeshOptions(surface=surface)
+        wrap = remesh(bare, options, threads=threads, progress=progress)
         handles = genus(wrap.faces, find_edges(wrap.faces), wrap.n_vertices) or 0
         if n_faces is None or handles <= n_faces / _FACES_PER_TUNNEL:
             return wrap, 0.0
