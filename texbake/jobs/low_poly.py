@@ -19,8 +19,8 @@ from texbake.rendering.compare import Closeness, compare
 from texbake.rendering.options import RenderOptions
 
 # Side of the pictures that decide, from six sides. A pixel that shows another part counts as much
-# as one whose normals differ by this, in degrees.
-_PICTURE, _OTHER_PART = 256, 90.0
+# as one whose normals differ by this, in degrees. Of other angles, a normal map leaves this share.
+_PICTURE, _OTHER_PART, _WITH_MAP = 256, 90.0, 0.2
 # How far rays go for a wrap whose tunnels were closed, as a share of the diagonal, and how far for
 # up to so many faces. Measured distances reach into the deepest pore there: they take ten times as
 # long, and gain nothing.
@@ -107,7 +107,7 @@ class _Maker:
         return replace(low, why=tuple(why), ray_distance=rays)
 
     def off_by(self, low: LowPoly) -> float:
-        """Mean angle between the normals in pictures of the high-poly mesh and a low-poly one."""
+        """Mean angle that a normal map would leave in pictures of both meshes, in degrees."""
         options = RenderOptions(width=_PICTURE, height=_PICTURE)
         found = compare(
             self.high, low.mesh.replace(uvs=None, uv_faces=None), options=options,
@@ -119,7 +119,7 @@ class _Maker:
 def _mean_with_mismatches(found: Closeness) -> float:
     mismatch = found.outline_mismatch + found.depth_mismatch
     mean = found.mean_deg if found.n_pixels else 0.0
-    return (1.0 - mismatch) * mean + mismatch * _OTHER_PART
+    return (1.0 - mismatch) * _WITH_MAP * mean + mismatch * _OTHER_PART
 
 
 def make_low_poly(
