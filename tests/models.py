@@ -73,11 +73,17 @@ def creature(n, bump=0.0):
         near = np.maximum(0.1 - np.abs(field - part), 0.0)
         field = np.minimum(field, part) - near * near / 0.4
     field = field + bump * np.sin(25.0 * x) * np.sin(25.0 * y) * np.sin(25.0 * z)
+    mesh = level_surface(field, 0.0, spacing=2.0 / n)
+    return mesh.replace(positions=mesh.positions - 1.0)
+
+
+def level_surface(field, level, *, spacing=1.0):
+    """The surface where a field has a value, by marching cubes."""
     with warnings.catch_warnings():
         # scikit-image 0.26 sets the shape of arrays, which NumPy 2.5 warns of.
         warnings.simplefilter("ignore", DeprecationWarning)
-        positions, faces, _, _ = marching_cubes(field, 0.0, spacing=(2.0 / n,) * 3)
-    return Mesh(positions=positions - 1.0, faces=faces)
+        positions, faces, _, _ = marching_cubes(field, level, spacing=(spacing,) * 3)
+    return Mesh(positions=positions, faces=faces)
 
 
 def evened(mesh, n_rounds):

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-from models import model, real, sponge
 
 import texbake
+from tests.models import model, real, sponge
 from texbake.errors import MeshError
 from texbake.jobs.options import RunOptions
 from texbake.mesh.topology import find_edges, genus

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from skimage import measure
 
-from tests.models import BROKEN, HAS_REAL, model, real
+from tests.models import BROKEN, HAS_REAL, level_surface, model, real
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.decimate import bring_down
@@ -112,8 +111,7 @@ def noise_surface(n, seed):
     field /= field.std()
     for axis in range(3):
         np.moveaxis(field, axis, 0)[[0, -1]] = 3.0
-    positions, faces, _, _ = measure.marching_cubes(field, 0.3)
-    return Mesh(positions=positions, faces=faces)
+    return level_surface(field, 0.3)
 
 
 def topology(mesh):

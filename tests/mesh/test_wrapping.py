@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from skimage.filters import gaussian
-from skimage.measure import euler_number, label, marching_cubes
+from skimage.measure import euler_number, label
 
+from tests.models import level_surface
 from texbake.core import core
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
@@ -74,8 +75,8 @@ def foam(n: int = 64, width: float = 1.6) -> Mesh:
     noise = gaussian(np.random.default_rng(3).standard_normal((n, n, n)), width)
     radii = np.linalg.norm(np.indices((n, n, n)) - (n - 1) / 2.0, axis=0)
     field = np.minimum(noise / noise.std() + 0.2, 0.45 * n - radii)
-    positions, faces, _, _ = marching_cubes(np.pad(field, 2, constant_values=-9.0), 0.0)
-    return Mesh(positions=positions.astype(float), faces=faces[:, ::-1], name="foam.ply")
+    mesh = level_surface(np.pad(field, 2, constant_values=-9.0), 0.0)
+    return mesh.replace(faces=mesh.faces[:, ::-1], name="foam.ply")
 
 
 def handles(mesh: Mesh) -> int:
