@@ -386,6 +386,7 @@ def _simplified(
         quality=options.quality,
         remesh=options.remesh,
         rule=rule,
+        must_reach=options.n_faces is not None,
         threads=options.threads,
         progress=progress,
     )

@@ -13,19 +13,18 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
 from texbake.mesh.topology import surface_side
-from texbake.mesh.wrapping import Reason, reason_to_wrap, wrapped
+from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wrapped
 from texbake.progress import ProgressSink
-from texbake.rendering.compare import Closeness, compare
+from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
 
 # Side of the pictures that decide, from six sides. A pixel that shows another part counts as much
 # as one whose normals differ by this, in degrees. Of other angles, a normal map leaves this share.
 _PICTURE, _OTHER_PART, _WITH_MAP = 256, 90.0, 0.2
 # How far rays go for a wrap whose tunnels were closed, as a share of the diagonal, and how far for
-# up to so many faces. Measured distances reach into the deepest pore there: they take ten times as
+# up to `FEW_FACES`. Measured distances reach into the deepest pore there: they take ten times as
 # long, and gain nothing.
 _RAYS, _RAYS_OF_FEW_FACES = 0.02, 0.04
-_FEW_FACES = 1_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +79,7 @@ class _Maker:
         name, diagonal = self.high.name, self.high.diagonal
         wrap, width = wrapped(
             self.high,
-            self.n_faces,
+            self.n_faces if self.error is None else None,
             has_tunnels=reason is not None and reason.has_tunnels,
             surface=CLOSED if reason is None else AUTO,
             threads=self.threads,
@@ -100,26 +99,19 @@ class _Maker:
             return replace(low, why=tuple(why))
         why.append(
             f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed, so "
-            f"that {self.n_faces:,} triangles can show the tunnels that are left"
+            f"that {self.n_faces:,} triangles can show the remaining tunnels"
         )
-        few = self.n_faces is not None and self.n_faces <= _FEW_FACES
+        few = self.n_faces is not None and self.n_faces <= FEW_FACES
         rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
         return replace(low, why=tuple(why), ray_distance=rays)
 
     def off_by(self, low: LowPoly) -> float:
         """Mean angle that a normal map would leave in pictures of both meshes, in degrees."""
         options = RenderOptions(width=_PICTURE, height=_PICTURE)
-        found = compare(
-            self.high, low.mesh.replace(uvs=None, uv_faces=None), options=options,
-            threads=self.threads,
-        ).bare  # fmt: skip
-        return _mean_with_mismatches(found)
-
-
-def _mean_with_mismatches(found: Closeness) -> float:
-    mismatch = found.outline_mismatch + found.depth_mismatch
-    mean = found.mean_deg if found.n_pixels else 0.0
-    return (1.0 - mismatch) * _WITH_MAP * mean + mismatch * _OTHER_PART
+        bare = compare(self.high, low.mesh, options=options, threads=self.threads).bare
+        mismatch = bare.outline_mismatch + bare.depth_mismatch
+        mean = bare.mean_deg if bare.n_pixels else 0.0
+        return (1.0 - mismatch) * _WITH_MAP * mean + mismatch * _OTHER_PART
 
 
 def make_low_poly(
@@ -131,6 +123,7 @@ def make_low_poly(
     seams: str = "auto",
     remesh: str,
     rule: LowNormals,
+    must_reach: bool = True,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> LowPoly:
@@ -144,11 +137,13 @@ def make_low_poly(
     remesh : {"auto", "always", "never"}
     rule
         Which edges are hard.
+    must_reach
+        Whether more faces than requested, by over 1 %, are an error.
 
     Raises
     ------
     MeshError
-        More faces than requested are left, by over 1 %.
+        There are more faces than requested, and no error allows them.
     """
     make = _Maker(
         high=high, rule=rule, n_faces=n_faces, error=error, quality=quality, seams=seams,
@@ -158,8 +153,8 @@ def make_low_poly(
         low = make.wrapped(None)
     else:
         low = _closest(make) if remesh == "auto" else make.kept()
-    if error is None:
-        more = "ask for more" if remesh == "always" else "ask for more, or use `remesh` always"
+    if must_reach and error is None:
+        more = "request more" + ("" if remesh == "always" else ", or use `remesh` always")
         check_count(low.report, high.name, more)
     return low
 
@@ -168,6 +163,9 @@ def _closest(make: _Maker) -> LowPoly:
     high, n_faces = make.high, make.n_faces
     if n_faces is not None and high.n_faces <= n_faces:
         return make.kept()
+    if make.error is not None:
+        reason = reason_to_wrap(high, threads=make.threads)
+        return make.kept() if reason is None else make.wrapped(reason)
     reason = reason_to_wrap(high, n_faces, threads=make.threads)
     kept = None
     if reason is None:
@@ -179,7 +177,7 @@ def _closest(make: _Maker) -> LowPoly:
         wrap = make.wrapped(reason)
     except MeshError:
         return kept or make.kept()
-    if n_faces is None or (reason.is_certain and wrap.report.is_whole):
+    if reason.is_certain and wrap.report.is_whole:
         return wrap
     candidates = [wrap, kept or make.kept()]
     reached = [low for low in candidates if low.report.is_close_to_count]

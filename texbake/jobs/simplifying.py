@@ -31,7 +31,7 @@ from texbake.mesh.wrapping import wrapped
 from texbake.progress import ProgressSink
 
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
-_MORE = "ask for more triangles, or use `topology` simplify, which closes holes and tunnels"
+_MORE = "request more, or use `topology` simplify, which closes holes and tunnels"
 
 
 @appearing_together()

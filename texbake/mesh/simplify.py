@@ -215,8 +215,8 @@ def check_count(report: SimplifyReport, name: str, remedy: str) -> None:
     """Raise `MeshError` if more faces than requested are left, by over 1 %."""
     if not report.is_close_to_count:
         raise MeshError(
-            f"{name}: {report.n_faces_asked:,} triangles cannot be reached: "
-            f"{report.notes[-1]}; {remedy}"
+            f"{name}: {report.n_faces_asked:,} triangles cannot be reached, because its holes, "
+            f"tunnels and separate parts need {report.n_faces:,}; {remedy}"
         )
 
 

@@ -43,7 +43,8 @@ _MOST_HANDLES = 100
 # Of low-poly meshes of two scans, those with 54 and 179 faces per tunnel were good, those with 18
 # and 9 were not.
 _FACES_PER_TUNNEL, _TOO_FEW = 60, 20
-_FEW_FACES = 1_000  # up to here, coarse voxels are finer than they can show
+FEW_FACES = 1_000
+"""Up to here, coarse voxels are finer than the faces can show."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def reason_to_wrap(
     edges = find_edges(faces)
     handles = genus(faces, edges, mesh.n_vertices)
     if handles and n_faces is not None and handles > n_faces / _FACES_PER_TUNNEL:
-        text = f"{n_faces:,} triangles cannot show its tunnels: {handles:,}"
+        text = f"{n_faces:,} triangles cannot show its tunnels ({handles:,})"
         return Reason(text, has_tunnels=True, is_certain=handles > n_faces / _TOO_FEW)
     n_torn = int(np.count_nonzero(edges.non_manifold))
     if _is_clean(faces, handles, mesh.n_vertices):
@@ -163,14 +164,16 @@ def wrapped(
     if not has_tunnels:
         options = RemeshOptions(surface=surface)
         wrap = remesh(bare, options, threads=threads, progress=progress)
+        if n_faces is None:
+            return wrap, 0.0
         handles = genus(wrap.faces, find_edges(wrap.faces), wrap.n_vertices) or 0
-        if n_faces is None or handles <= n_faces / _FACES_PER_TUNNEL:
+        if handles <= n_faces / _FACES_PER_TUNNEL:
             return wrap, 0.0
     assert n_faces is not None
     return remesh_with_few_tunnels(
         bare,
         n_faces / _FACES_PER_TUNNEL,
-        resolution=_COARSE.resolution if n_faces <= _FEW_FACES else RemeshOptions.resolution,
+        resolution=_COARSE.resolution if n_faces <= FEW_FACES else RemeshOptions.resolution,
         threads=threads,
         progress=progress,
     )
