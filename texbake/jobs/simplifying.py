@@ -66,7 +66,7 @@ def simplify_file(
         Where the mesh needs more triangles for its holes, tunnels and parts, an error, or the
         result is made from a closed surface around the mesh, without texture coordinates.
     orientation
-        `auto` turns over parts of the mesh that face inwards; `keep` leaves all as they are.
+        `auto` flips parts of the mesh that face inwards; `keep` leaves all as they are.
     join_objects
         Whether objects that touch become one surface.
     normals, angle

@@ -37,10 +37,16 @@ def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
     neighbors = edge_neighbors(weld_vertices(mesh, threads=threads)[mesh.faces])
     a, b = corners[neighbors.first, 0], corners[neighbors.second, 0]
     hard = _differ(mesh.normals, a, b)
-    if 2 * np.count_nonzero(hard) < len(a) or not len(a):
+    return turn_gently(mesh.normals[a], mesh.normals[b], hard, _CURVED)
+
+
+def turn_gently(
+    one: FloatArray, other: FloatArray, turns: npt.NDArray[np.bool_], cosine: float
+) -> bool:
+    """Whether at least half of the pairs of normals turn, by less than an angle in the median."""
+    if 2 * np.count_nonzero(turns) < len(turns) or not len(turns):
         return False
-    cosines = pm.vecdot(mesh.normals[a[hard]], mesh.normals[b[hard]])
-    return bool(np.median(cosines) > _CURVED)
+    return bool(np.median(pm.vecdot(one[turns], other[turns])) > cosine)
 
 
 def _differ(normals: FloatArray, one: IntArray, other: IntArray) -> npt.NDArray[np.bool_]:

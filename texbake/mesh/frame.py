@@ -93,9 +93,9 @@ _PHASE = 0.3090169943749474  # (sqrt(5) - 1) / 4
 _CELLS = 2.0**28
 
 
-def snapped(values: npt.ArrayLike, cells: float) -> FloatArray:
-    """Values snapped to steps of 1 / cells; values that were snapped before do not change."""
-    return np.asarray(np.rint(np.asarray(values) * cells - _PHASE) / cells)
+def snapped(values: npt.ArrayLike, cells: float, *, unit: float = 1.0) -> FloatArray:
+    """Values as multiples of a unit, snapped to steps of 1 / cells; snapped ones do not change."""
+    return np.asarray(np.rint(np.asarray(values) * (cells / unit) - _PHASE) / cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,7 @@ class UnitGrid:
         """(..., 3) float64: points of model space on a grid of `cells` cells along its side."""
         # Positions that no face uses can be anywhere, even where numbers overflow.
         local = np.clip(self.frame.to_local(points), -1.0, 1.0)
-        return np.asarray(
-            np.rint(local * (cells / self.side if self.side > 0.0 else 0.0) - _PHASE) / cells
-        )
+        return snapped(local, cells, unit=self.side or np.inf)
 
     def length_to_grid(self, lengths: npt.ArrayLike) -> FloatArray:
         """Lengths in model units as shares of the longest side."""

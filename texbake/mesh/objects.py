@@ -24,9 +24,8 @@ from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
 
-# Cosine of 60 degrees, below which faces at an edge continue one surface in another object.
+# Cosine of the largest angle between faces across which a surface continues: 60 degrees.
 _GOES_ON = 0.5
-
 
 _known: WeakKeyDictionary[Mesh, IntArray | None] = WeakKeyDictionary()
 
@@ -124,22 +123,30 @@ def joined_objects(mesh: Mesh) -> Mesh:
     return mesh.replace(group_objects=()) if mesh.group_objects else mesh
 
 
+def object_groups(mesh: Mesh) -> IntArray | None:
+    """(F,) int32: first group of the object of each face; None as `face_objects`."""
+    of_faces = face_objects(mesh)
+    if of_faces is None or mesh.face_groups is None:
+        return None
+    firsts = np.full(int(of_faces.max()) + 1, len(mesh.group_names), np.int32)
+    np.minimum.at(firsts, of_faces, mesh.face_groups)
+    return np.asarray(firsts[of_faces])
+
+
 def has_borders(mesh: Mesh) -> bool:
     """Whether an object has several groups."""
     if mesh.face_groups is None or len(mesh.group_names) < 2:
         return False
-    of_objects = without_borders(mesh).face_groups
-    return of_objects is None or not np.array_equal(of_objects, mesh.face_groups)
+    groups = object_groups(mesh)
+    return groups is None or not np.array_equal(groups, mesh.face_groups)
 
 
 def without_borders(mesh: Mesh) -> Mesh:
     """Return a mesh with one group per object, its first; without groups if it is one object."""
-    of_faces = face_objects(mesh)
-    if of_faces is None or mesh.face_groups is None:
+    groups = object_groups(mesh)
+    if groups is None:
         return mesh.replace(face_groups=None, group_names=())
-    firsts = np.full(int(of_faces.max()) + 1, len(mesh.group_names), np.int32)
-    np.minimum.at(firsts, of_faces, mesh.face_groups)
-    return mesh.replace(face_groups=firsts[of_faces])
+    return mesh.replace(face_groups=groups)
 
 
 def object_names(mesh: Mesh) -> tuple[str, ...]:

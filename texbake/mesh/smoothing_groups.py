@@ -16,14 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.flat_shading import turn_gently
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, weighted_normals
 from texbake.mesh.polygons import next_corners
 
 Indices = npt.NDArray[np.int64]
 
-# Angle in degrees between neighboring facets that are too fine to be meant as flat.
-_FINE = 5.0
+# Neighboring facets at a smaller angle, whose cosine this is, are too fine to be meant as flat.
+_FINE = pm.cos(np.radians(5.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +159,7 @@ def _has_fine_facets(mesh: Mesh, slots: Indices, pairs: EdgePairs) -> bool:
     face_of[slots.ravel()] = np.arange(slots.size) // 3
     sides = face_normals(mesh)
     one, other = sides[face_of[pairs.one]], sides[face_of[pairs.other]]
-    turns = (one != other).any(axis=1)
-    if 2 * np.count_nonzero(turns) < len(one) or not len(one):
-        return False
-    cosines = pm.vecdot(one[turns], other[turns])
-    return bool(np.median(cosines) > pm.cos(np.radians(_FINE)))
+    return turn_gently(one, other, (one != other).any(axis=1), _FINE)
 
 
 def joined_normals(

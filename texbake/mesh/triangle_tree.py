@@ -14,7 +14,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.objects import face_objects, without_borders
+from texbake.mesh.objects import face_objects, object_groups
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13
@@ -164,7 +164,7 @@ def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) ->
     source, threads
         As for `with_nearest_attributes`.
     """
-    apart, groups_of_objects = face_objects(source), without_borders(source).face_groups
+    apart, groups_of_objects = face_objects(source), object_groups(source)
     if apart is None or groups_of_objects is None or mesh.face_groups is None:
         return mesh
     assert source.face_groups is not None

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.objects import has_borders, weld_vertices, without_borders
+from texbake.mesh.objects import has_borders, object_groups, weld_vertices
 from texbake.mesh.weld import weld_rows
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
@@ -115,7 +115,7 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
 
 def _object_groups(mesh: Mesh, position_ids: IntArray) -> IntArray | None:
     """First group of the object of each vertex; None if the mesh is one object."""
-    groups = without_borders(mesh).face_groups
+    groups = object_groups(mesh)
     if groups is None:
         return None
     found = np.zeros(mesh.n_vertices, np.int32)
