@@ -17,6 +17,7 @@ import os
 import struct
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -97,13 +98,12 @@ def write_usd(
         check_normal_map(normal_map)
     media = {slot: image_file(file)[1] for slot, file in textures.items()}
     name = Path(path).stem if name is None else name
-    outlines(mesh).warn(path)
     factors = None
     if base_color is not None and "base_color" not in textures:
         factors = color_factors(base_color)  # type: ignore[arg-type]
     if Path(path).suffix.lower() == ".usdz":
         inside = {slot: f"textures/{slot}{_EXTENSIONS[media[slot]]}" for slot in textures}
-        stage = _stage(mesh, name, inside, factors)
+        stage = _stage(path, mesh, name, inside, factors)
         with replacing(path) as temporary:
             _package(stage, temporary, {inside[slot]: textures[slot] for slot in textures})
         return
@@ -112,7 +112,7 @@ def write_usd(
         slot: Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
         for slot, file in textures.items()
     }
-    stage = _stage(mesh, name, beside, factors)
+    stage = _stage(path, mesh, name, beside, factors)
     with replacing(path) as temporary:
         stage.GetRootLayer().Export(str(temporary))
 
@@ -137,9 +137,13 @@ def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
 
 
 def _stage(
-    mesh: Mesh, name: str, textures: Mapping[str, str], factors: Sequence[float] | None
+    path: PathLike,
+    mesh: Mesh,
+    name: str,
+    textures: Mapping[str, str],
+    factors: Sequence[float] | None,
 ) -> Any:
-    """Build the stage; `textures` are paths as the file is to have them."""
+    """Build the stage; `textures` are paths as the file is to have them, `path` is for warnings."""
     from pxr import Sdf, Usd, UsdGeom
 
     stage = Usd.Stage.CreateInMemory()
@@ -148,7 +152,7 @@ def _stage(
     root = UsdGeom.Xform.Define(stage, Sdf.Path("/asset"))
     stage.SetDefaultPrim(root.GetPrim())
     origin = far_origin(mesh)
-    taken, usd_meshes = {"material"}, []
+    taken, usd_meshes, n_split = {"material"}, [], 0
     for title, part in _objects(mesh, name):
         usd_mesh = UsdGeom.Mesh.Define(stage, Sdf.Path(f"/asset/{_identifier(title, taken)}"))
         if usd_mesh.GetPrim().GetName() != title:
@@ -156,10 +160,12 @@ def _stage(
         if origin.any():
             usd_mesh.AddTranslateOp().Set(tuple(origin.tolist()))
         polygons = outlines(part)
+        n_split += polygons.n_split
         _set_geometry(usd_mesh, part, origin, polygons)
         _set_primvars(usd_mesh, part, polygons.slots)
         _set_groups(usd_mesh, part, polygons.firsts)
         usd_meshes.append(usd_mesh)
+    replace(polygons, n_split=n_split).warn(path)
     _add_material(stage, usd_meshes, name, textures, factors)
     return stage
 
