@@ -22,7 +22,7 @@ COMMANDS = {
     "make": "Make a mesh of a parametric surface.",
     "convert": "Write the mesh in SOURCE in the format of OUTPUT.",
     "repair": "Repair MESH without moving its surface.",
-    "transform": "Scale, turn and move MESH, or turn its faces over.",
+    "transform": "Scale, rotate and move MESH, or flip its faces.",
     "remesh": "Give MESH a new surface, closed or open.",
     "simplify": "Reduce MESH to fewer triangles.",
     "unwrap": "Give MESH texture coordinates.",

@@ -29,7 +29,7 @@ from ..terminal import Terminal, terminal_options
 @options_of(TransformOptions)
 @terminal_options
 def transform(mesh: Path, output: Path, terminal: Terminal, **options: Any) -> None:
-    """Scale, turn and move MESH, or turn its faces over.
+    """Scale, rotate and move MESH, or flip its faces.
 
     The mesh is scaled and turned upright, then rotated about the origin, then moved.
     """

@@ -163,7 +163,7 @@ def bake_inputs(
     ----------
     scenes
         Ray scenes that are used for other bakes as well, of a high-poly mesh that faces outwards;
-        None: the bake builds its own, and turns the mesh over where `orientation` says so.
+        None: the bake builds its own, and flips the mesh where `orientation` says so.
     distances
         Collects the distances of several bakes; None: of this one alone.
     clock

@@ -63,7 +63,7 @@ def transform_file(
     mtl: bool = True,
     progress: ProgressSink | None = None,
 ) -> JobResult[Mesh]:
-    """Scale, turn and move a mesh file, and write the result in the format of the output.
+    """Scale, rotate and move a mesh file, and write the result in the format of the output.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Scale, turn and move a mesh, or turn its faces over."""
+"""Scale, rotate and move a mesh, or flip its faces."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
 
 
 def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
-    """Scale, turn, move or subdivide a mesh, or turn its faces over.
+    """Scale, rotate, move or subdivide a mesh, or flip its faces.
 
     Parameters
     ----------

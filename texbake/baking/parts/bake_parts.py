@@ -312,8 +312,8 @@ def bake_objects(
 ) -> BakeResult:
     """Bake each object from the one with the matching name if all names pair up, else as `bake`.
 
-    Bakes with a time budget, or whose hits are kept, are always those of `bake`, and so are the
-    parameters.
+    A bake with a time budget or with kept hits is always that of `bake`. All parameters but `pair`
+    are those of `bake`; if `pair` is False, objects are not paired.
     """
     paired = None
     if pair and isinstance(high, Mesh) and options.time_budget is None and not options.keep_hits:
