@@ -11,9 +11,8 @@ from itertools import permutations
 
 import numpy as np
 
-from texbake.checks.checked_mesh import CheckedMesh, make_finding
+from texbake.checks.checked_mesh import make_finding
 from texbake.checks.finding import Finding
-from texbake.checks.options import CheckOptions
 from texbake.checks.pair import APART, MeshPair, distances, opposite_sides
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -67,8 +66,7 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
     """
     if min(high.n_faces, low.n_faces) == 0:
         return
-    options = CheckOptions(threads=threads)
-    pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
+    pair = MeshPair.of(high, low, threads=threads)
     if not pair.apart:
         return
     sides = [float(pm.norm(side)) for side in pair.sides]
@@ -83,28 +81,30 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
     }
     for finding in misfit(pair):
         if finding is not None and not harmless.get(finding.name):
-            raise MeshError(f"{low.name}: {finding.problem} {finding.remedy}")
+            raise MeshError(_worded(pair, finding))
 
 
-def why_rays_pass(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple[str, ...]:
+def why_rays_pass(pair: MeshPair) -> tuple[str, ...]:
     """Say in the words of `check` that two meshes face against each other; nothing if they do not.
 
     For bakes of which most rays missed.
     """
-    options = CheckOptions(threads=threads)
-    pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
     found = opposite_sides(pair)
-    return () if found is None else (f"{low.name}: {found.problem} {found.remedy}",)
+    return () if found is None else (_worded(pair, found),)
 
 
-def why_apart(high: Mesh, low: Mesh, *, threads: int | None = None) -> tuple[str, ...]:
+def why_apart(pair: MeshPair) -> tuple[str, ...]:
     """Say in the words of `check` whether two meshes are apart, or only some low-poly faces."""
-    options = CheckOptions(threads=threads)
-    pair = MeshPair(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
-    found = [finding for finding in misfit(pair) if finding is not None]
+    found = tuple(_worded(pair, finding) for finding in misfit(pair) if finding is not None)
     if not found and (far := distances(pair)[0]) is not None:
-        return (f"{low.name}: {far.count:,} {far.kind.title}. {far.problem} {far.remedy}",)
-    return tuple(f"{low.name}: {finding.problem} {finding.remedy}" for finding in found)
+        return (
+            f"{pair.low.mesh.name}: {far.count:,} {far.kind.title}. {far.problem} {far.remedy}",
+        )
+    return found
+
+
+def _worded(pair: MeshPair, finding: Finding) -> str:
+    return f"{pair.low.mesh.name}: {finding.problem} {finding.remedy}"
 
 
 def _axes_of(turn: FloatArray) -> str:

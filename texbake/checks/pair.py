@@ -18,10 +18,11 @@ from texbake.baking.texels import NO_FACE
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
+from texbake.checks.options import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.mapping.options.texture import MAX_SIZE
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 
 # Shares of the size of the low-poly mesh. In pairs made from scans, the low-poly mesh lies within
@@ -67,6 +68,12 @@ class MeshPair:
         self.sides = box[1] - box[0], other[1] - other[0]
         self.middles = box.mean(axis=0), other.mean(axis=0)
         self.size = float(pm.norm(self.sides[0]))
+
+    @classmethod
+    def of(cls, high: Mesh, low: Mesh, *, threads: int | None = None) -> MeshPair:
+        """Pair two meshes."""
+        options = CheckOptions(threads=threads)
+        return cls(CheckedMesh(low, "low", options), CheckedMesh(high, "high", options))
 
     @cached_property
     def from_low(self) -> ClosestPoints:

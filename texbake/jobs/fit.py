@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from texbake.baking.result import BakeResult
 from texbake.errors import MeshError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
+
+if TYPE_CHECKING:
+    from texbake.checks.pair import MeshPair
 
 # Share of the smaller diagonal. Meshes whose boxes differ by no more need no closer look.
 _NEAR = 0.02
@@ -45,10 +49,16 @@ def why_rays_would_miss(
     Parts of the high-poly mesh that face inwards count as flipped, if `orientation` is auto.
     """
     from texbake.checks.misfit import why_rays_pass
+
+    return why_rays_pass(_flipped_pair(high, low, orientation, threads))
+
+
+def _flipped_pair(high: Mesh, low: Mesh, orientation: str, threads: int | None) -> MeshPair:
+    from texbake.checks.pair import MeshPair
     from texbake.raycast.orient import oriented
 
     high, _ = oriented(high, orientation, threads=threads)
-    return why_rays_pass(high, low, threads=threads)
+    return MeshPair.of(high, low, threads=threads)
 
 
 def why_missed(
@@ -68,13 +78,14 @@ def why_missed(
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()
-    from texbake.checks.misfit import why_apart
+    from texbake.checks.misfit import why_apart, why_rays_pass
 
-    orientation, threads = report.options.orientation, report.options.threads
-    why = why_rays_would_miss(high, low, orientation=orientation, threads=threads)
+    orientation = report.options.orientation
+    pair = _flipped_pair(high, low, orientation, report.options.threads)
+    why = why_rays_pass(pair)
     if why and orientation != "keep" and report.miss_percent > _MOST_MISSED:
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
-    if why or (why := why_apart(high, low, threads=threads)):
+    if why or (why := why_apart(pair)):
         return why
     if report.cage is not None:
         return (

@@ -297,13 +297,9 @@ def _check_names(paths: Sequence[Path], pattern: str) -> None:
 def _why_missed(
     highs: Sequence[Mesh], lows: Sequence[Mesh], report: PartsReport
 ) -> tuple[str, ...]:
-    """Say why most rays of a set of maps missed; raise if all meshes face opposite ways."""
-    lines = [
-        line
-        for figures in report.targets.values()
-        for line in why_missed(_whole(highs), joined_objects(_whole(lows)), figures)
-    ]
-    return tuple(dict.fromkeys(lines))
+    """Say why rays of the worst set of maps missed; raise if all meshes face opposite ways."""
+    worst = max(report.targets.values(), key=lambda figures: figures.miss_percent)
+    return why_missed(_whole(highs), joined_objects(_whole(lows)), worst)
 
 
 def _high_materials(

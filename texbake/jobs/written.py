@@ -166,17 +166,17 @@ def write_with_materials(
     elif not source.fit(output, mtl=mtl) or mesh.n_faces != len(materials.face_materials):
         lost.append("materials")
         write_mesh(mesh, output)
-    elif Path(output).suffix.lower() == ".glb":
-        materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
-        materials = gltf_images(_of_colors(mesh, materials, lost))
-        notes += (*damaged, *materials.notes())
-        write_mesh(mesh, output, materials=materials)
     else:
         materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
-        materials, without = mtl_images(materials)
         notes += damaged
-        lost += without
-        files = write_obj_materials(mesh, output, materials)
+        if Path(output).suffix.lower() == ".glb":
+            materials = gltf_images(_of_colors(mesh, materials, lost))
+            notes += materials.notes()
+            write_mesh(mesh, output, materials=materials)
+        else:
+            materials, without = mtl_images(materials)
+            lost += without
+            files = write_obj_materials(mesh, output, materials)
     if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
