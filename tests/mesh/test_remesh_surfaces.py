@@ -6,13 +6,12 @@ import pytest
 from tests.models import HAS_REAL, flipped, joined, model, moved
 from texbake.core import core
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.distance import surface_distance
+from texbake.mesh.distance import face_areas, surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.holes import Loops
-from texbake.mesh.remeshing.sides import areas_of
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -116,7 +115,7 @@ def test_open_surfaces_stay_sheets_with_their_boundary(name, resolution):
     result, report = remesh_with_report(mesh, RemeshOptions(resolution=resolution, close=0.0))
     assert report.surface == "open"
     assert figures(result) == figures(mesh)
-    areas = [areas_of(one.positions, one.faces).sum() for one in (result, mesh)]
+    areas = [face_areas(one.positions, one.faces).sum() for one in (result, mesh)]
     assert areas[0] == pytest.approx(areas[1], rel=0.02)
     away = surface_distance(result, mesh)
     assert away.a_to_b.max < report.voxel and away.b_to_a.max < report.voxel
@@ -239,7 +238,7 @@ def test_a_base_is_closed_flat():
         if HAS_REAL
     ],
 )
-def test_open_surfaces_are_told_from_bodies(mesh, is_open):
+def test_open_surfaces_are_distinguished_from_bodies(mesh, is_open):
     assert looks_open(mesh) == is_open
 
 
@@ -282,7 +281,7 @@ def test_thin_blades_are_not_pierced(resolution):
     assert figures(result) == (1, 2) and find_edges(result.faces).closed
 
 
-def test_handles_that_closed_gaps_make_are_told():
+def test_handles_that_closed_gaps_make_are_reported():
     ring = bare(make("torus", resolution=(96, 24)))
     angles = np.arctan2(ring.positions[:, 2], ring.positions[:, 0])
     # A ring opened by a gap, a bent bar whose ends are capped.

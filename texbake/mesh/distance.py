@@ -230,7 +230,7 @@ def _spread_samples(
     random = np.empty(n + 2)
     core.draw_uniform(seed, random)
     steps = np.arange(n)
-    sums = np.cumsum(_areas(positions, faces, threads))
+    sums = np.cumsum(face_areas(positions, faces, threads=threads))
     if sums[-1] > 0.0:
         # A face takes the samples from the sum before it up to, not including, its own; so a
         # face without area takes none.
@@ -247,7 +247,8 @@ def _spread_samples(
     return face_ids.astype(np.int32), barycentrics
 
 
-def _areas(positions: FloatArray, faces: IntArray, threads: int | None) -> FloatArray:
+def face_areas(positions: FloatArray, faces: IntArray, *, threads: int | None = None) -> FloatArray:
+    """(F,) areas of triangles."""
     areas = np.empty(len(faces))
 
     def work(start: int, stop: int) -> None:

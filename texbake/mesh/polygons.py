@@ -82,32 +82,42 @@ def triangulated(
     [[0, 1, 2], [0, 2, 3]]
     """
     sizes = sizes.astype(np.int64)
-    polygons = polygon_of_triangles(sizes)
-    first_corners = np.cumsum(sizes) - sizes
-    triangles = np.empty((len(polygons), 3), np.int64)
     if (sizes == 3).all():
-        return np.arange(len(vertices)).reshape(-1, 3), polygons
+        return np.arange(len(vertices)).reshape(-1, 3), polygon_of_triangles(sizes)
     if n_short := np.count_nonzero(sizes < 3):
         noun = "face" if n_short == 1 else "faces"
         warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
-    is_crossed = np.zeros(len(sizes), np.bool_)
     if len(positions) == 0:
         positions = np.zeros((1, 3))
     known = np.clip(vertices, 0, len(positions) - 1).astype(np.int32)
-    n_triangles = np.maximum(sizes - 2, 0)
+    triangles, polygons, is_crossed = cut_polygons(positions, known, sizes)
+    if n_crossed := np.count_nonzero(is_crossed):
+        noun = "face crosses itself" if n_crossed == 1 else "faces cross themselves"
+        warn_of(path, f"{n_crossed:,} {noun}; the triangles overlap or fold there")
+    return triangles, polygons
+
+
+def cut_polygons(
+    positions: npt.NDArray[np.float64], vertices: IntArray, sizes: Indices
+) -> tuple[Indices, Indices, npt.NDArray[np.bool_]]:
+    """Cut polygons into triangles, as `triangulated`; also return which polygons cross themselves.
+
+    Every vertex (C,) int32 is in range.
+    """
+    polygons = polygon_of_triangles(sizes)
+    triangles = np.empty((len(polygons), 3), np.int64)
+    is_crossed = np.zeros(len(sizes), np.bool_)
+    first_corners, n_triangles = np.cumsum(sizes) - sizes, np.maximum(sizes - 2, 0)
     first_triangles = np.cumsum(n_triangles) - n_triangles
     run_bands(
         lambda start, stop: core.triangulate_polygons(
-            positions, known, first_corners, sizes, first_triangles, triangles, is_crossed,
+            positions, vertices, first_corners, sizes, first_triangles, triangles, is_crossed,
             start, stop,
         ),
         len(sizes),
         band=_BAND,
     )  # fmt: skip
-    if n_crossed := np.count_nonzero(is_crossed):
-        noun = "face crosses itself" if n_crossed == 1 else "faces cross themselves"
-        warn_of(path, f"{n_crossed:,} {noun}; the triangles overlap or fold there")
-    return triangles, polygons
+    return triangles, polygons, is_crossed
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Any triangles to a manifold surface: a closed one around what is seen from outside, or a sheet.
+"""Remesh any triangles as a manifold surface: closed, around what is seen from outside, or open.
 
-Holes of a body are filled first. An open surface is remeshed as one sheet; see `remeshing.sheets`.
+Holes of a body are filled first. Open surfaces are remeshed as sheets; see `remeshing.sheets`.
 
 The mesh is put into a grid of voxels. What a ball cannot reach from outside, because all gaps are
 too narrow for it, is solid: inner walls vanish, overlapping parts become one, and holes are closed.
@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.distance import surface_distance
+from texbake.mesh.distance import face_areas, surface_distance
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -45,10 +45,10 @@ from texbake.mesh.remeshing.sides import (
     AS_IT_IS,
     Filled,
     Kind,
-    areas_of,
+    count_loops,
     fill_holes,
     kind_of,
-    require_no_more_tangles,
+    require_topology,
 )
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import simplify
@@ -106,7 +106,7 @@ def remesh(
 
 
 def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
-    """Tell whether `remesh` takes a mesh for an open surface.
+    """Tell whether `remesh` keeps a mesh open.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
 def remesh_with_thinness(
     mesh: Mesh, options: RemeshOptions, *, threads: int | None = None
 ) -> tuple[Mesh, float, float]:
-    """Wrap a mesh and fill no holes; also return a voxel's side, and the share of thin sheets."""
+    """Wrap a mesh without filling holes; also return a voxel's side, and `thin_share`."""
     wrapped, grid, counts = _remeshed(
         mesh, options, Stages(None), threads, counts_cavities=False, fills_holes=False
     )
@@ -140,7 +140,7 @@ def remesh_with_report(
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> tuple[Mesh, RemeshReport]:
-    """Wrap a mesh in a closed surface, and report how far that lies from the mesh."""
+    """Remesh a mesh, and report how far the result lies from it."""
     mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
     start = time.perf_counter()
     wrapped, grid, counts = _remeshed(mesh, options, stages, threads, counts_cavities=True)
@@ -183,7 +183,7 @@ _NO_ROOMS = Rooms(n_cavities=0, n_untested=0)
 
 @dataclass(frozen=True, kw_only=True)
 class _Counts:
-    """Figures of the report that only the work itself knows, as in `RemeshReport`."""
+    """Figures for `RemeshReport`, and `count_loops` of the result."""
 
     n_components: int
     n_dropped: int
@@ -194,7 +194,7 @@ class _Counts:
     thin_share: float = 0.0
     kind: Kind = AS_IT_IS
     n_holes_filled: int = 0
-    n_handles: int = 0
+    n_loops: int = 0
     n_handles_made: int = 0
     area_ratio: float = 1.0
 
@@ -210,13 +210,13 @@ def _remeshed(
 ) -> tuple[Mesh, Grid, _Counts]:
     grid = Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
-    kind, filled = AS_IT_IS, _unfilled(mesh)
+    kind, filled, n_parts, whole = AS_IT_IS, _unfilled(mesh), mesh.n_faces, None
     if fills_holes:
         with stages.stage("find boundary"):
             kind, filled = _filled(mesh, points, grid.gap, options, threads)
-    n_parts = mesh.n_faces
-    if fills_holes:
-        n_parts = face_components(kind.faces, mesh.n_vertices)[1]
+            n_parts = face_components(kind.faces, mesh.n_vertices)[1]
+        if n_parts == 1:
+            whole = filled.faces if filled.n_holes else kind.faces
     try:
         if kind.is_open:
             moved, faces, counts = _sheet(points, filled, grid, options, stages, threads)
@@ -229,9 +229,9 @@ def _remeshed(
                 options,
                 stages,
                 threads,
-                counts_cavities,
-                n_parts,
-                (filled.faces if filled.n_holes else kind.faces)[: None if n_parts == 1 else 0],
+                counts_cavities=counts_cavities,
+                n_parts=n_parts,
+                whole=whole,
             )
     except CrowdedGridError as error:
         raise too_crowded(mesh, options, error) from error
@@ -241,19 +241,21 @@ def _remeshed(
         ) from error
     counts = replace(counts, kind=kind, n_holes_filled=filled.n_holes)
     if fills_holes:
-        n_made = require_no_more_tangles(
+        n_made = require_topology(
             mesh.name,
             kind,
             n_parts,
-            faces,
             counts.n_components,
-            may_have_handles=counts.n_handles > 0,
+            counts.n_loops,
             may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
         )
         counts = replace(counts, n_handles_made=n_made)
     if kind.is_open:
-        area = float(areas_of(points, filled.faces).sum())
-        counts = replace(counts, area_ratio=float(areas_of(moved, faces).sum()) / area)
+        areas = [
+            float(face_areas(*one, threads=threads).sum())
+            for one in ((moved, faces), (points, filled.faces))
+        ]
+        counts = replace(counts, area_ratio=areas[0] / areas[1])
     wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
     if options.sharp_edges:
         wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
@@ -272,7 +274,7 @@ def _filled(
     """Choose between an open surface and a body, and fill holes accordingly."""
     kind = kind_of(points, mesh.faces, threads=threads)
     if options.surface != AUTO:
-        kind = replace(kind, is_open=options.surface == OPEN, reason="as asked for")
+        kind = replace(kind, is_open=options.surface == OPEN, reason="as requested")
     elif options.keep_interior and kind.is_open:
         kind = replace(kind, is_open=False, reason="its interior is kept")
     if kind.is_open and kind.is_one_sided:
@@ -289,9 +291,10 @@ def _wrap(
     options: RemeshOptions,
     stages: Stages,
     threads: int | None,
+    *,
     counts_cavities: bool,
     n_parts: int,
-    whole: IntArray,
+    whole: IntArray | None,
 ) -> tuple[FloatArray, IntArray, _Counts]:
     """Wrap a body of some separate parts in a closed surface, or one `whole` part."""
 
@@ -314,7 +317,6 @@ def _wrap(
         )
     with stages.stage("build surface"):
         nets = build_body(band, labels, points, filled, whole, threads=threads)
-    n_handles = nets.n_handles
     del band, labels
     with stages.stage("project"):
         tree = TriangleTree.build(points, filled.faces, threads=threads)
@@ -333,7 +335,8 @@ def _wrap(
         n_cut_off=n_cut_off,
         rooms=rooms,
         thin_share=float(np.mean(nets.thin)),
-        n_handles=n_handles,
+        # Every edge has two faces.
+        n_loops=2 * len(parts.volumes) - len(moved) + len(faces) // 2,
     )
     return moved, faces, counts
 
@@ -354,6 +357,9 @@ def _sheet(
         )
     moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
     counts = _Counts(
-        n_components=face_components(faces, len(moved))[1], n_dropped=n_dropped, n_crumbs=n_crumbs
+        n_components=face_components(faces, len(moved))[1],
+        n_dropped=n_dropped,
+        n_crumbs=n_crumbs,
+        n_loops=count_loops(faces),
     )
     return moved, faces, counts

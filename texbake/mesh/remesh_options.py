@@ -21,7 +21,7 @@ DEFAULT_REMESH: Final = "auto"
 
 REMESH_OPTION = Option(
     "Make the low-poly mesh from a closed surface around the high-poly mesh: always, never, or "
-    "where that has an inside or is torn, and is no open surface (auto).",
+    "where that has an inside or is torn, and is not an open surface (auto).",
     choices=REMESH_CHOICES,
 )
 

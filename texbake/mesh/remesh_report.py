@@ -22,7 +22,7 @@ class RemeshReport:
     n_crumbs : int
         Separate parts smaller than a voxel, which are left out.
     n_cut_off : int
-        Small parts of the result, more than the mesh has, which are left out.
+        Small parts that were cut off at thin places of the mesh, which are left out.
     n_cavities_kept, n_cavities_filled : int
         Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
         gaps that are closed.
@@ -34,13 +34,13 @@ class RemeshReport:
     gap : float
         Gaps up to this width are closed, in model units.
     surface : str
-        What was made, `closed` or `open`.
+        What the result is, `closed` or `open`.
     reason : str
-        Why, as the end of a sentence.
+        Why it is that, as the end of a sentence.
     n_holes_filled, n_boundaries : int
-        Loops of the mesh's boundary that were filled, and those of the result's.
+        Loops of the mesh's boundary that were filled, and loops of the boundary of an open result.
     n_handles_made : int
-        Handles of the closed surface of a mesh of one part that the mesh itself has not.
+        Handles of a closed result that the mesh, if it is one part, does not have.
     area_ratio : float
         Area of an open result, as a share of that of the mesh and what fills its holes.
     thin_share : float
@@ -87,7 +87,7 @@ class RemeshReport:
             )
         if self.n_cut_off:
             notes.append(
-                "small parts that thin places of the mesh cut off are left out: "
+                "small parts that were cut off at thin places of the mesh are left out: "
                 f"{self.n_cut_off:,}; another `resolution` may keep them"
             )
         if self.n_dropped:
@@ -101,8 +101,8 @@ class RemeshReport:
             )
         if self.n_handles_made:
             notes.append(
-                f"closing gaps made handles that the mesh has not: {self.n_handles_made:,}; a "
-                "smaller `close` or a greater `resolution` makes fewer"
+                "closing gaps made handles that the mesh does not have: "
+                f"{self.n_handles_made:,}; a smaller `close` or a greater `resolution` makes fewer"
             )
         if abs(self.area_ratio - 1.0) > _AREA_KEPT:
             notes.append(

@@ -13,14 +13,11 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.polygons import polygon_of_triangles
+from texbake.mesh.polygons import cut_polygons, next_corners
 from texbake.mesh.topology import edge_neighbors, face_components, find_edges
-from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]
-
-_LOOPS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +54,18 @@ class Loops:
         edges = find_edges(faces)
         odd = edges.vertices[edges.n_faces % 2 == 1]
         loops = _traced(odd.tolist())
+        if not loops:
+            return NO_LOOPS
         sizes = np.array([len(loop) for loop in loops], dtype=np.int64)
         vertices = np.array([vertex for loop in loops for vertex in loop], dtype=np.int32)
         part_of = np.zeros(len(points), dtype=np.int32)
         part_of[faces] = face_components(faces, len(points))[0][:, None]
         starts = np.cumsum(sizes) - sizes
-        if len(sizes) == 0:
-            return NO_LOOPS
         corners = points[vertices]
         means = np.add.reduceat(corners, starts, axis=0) / sizes[:, None]
         offsets = corners - np.repeat(means, sizes, axis=0)
         reach = np.maximum.reduceat((offsets * offsets).sum(axis=1), starts)
-        following = np.arange(1, len(vertices) + 1)
-        following[starts + sizes - 1] = starts
-        steps = points[vertices[following]] - corners
+        steps = corners[next_corners(sizes)] - corners
         lengths = np.add.reduceat(np.sqrt((steps * steps).sum(axis=1)), starts)
         return cls(vertices, sizes, 2.0 * np.sqrt(reach), lengths, part_of[vertices[starts]])
 
@@ -85,10 +80,7 @@ class Loops:
     @property
     def edges(self) -> IntArray:
         """(n, 2) int32: the edge from each vertex to the next of its loop."""
-        following = np.arange(1, len(self.vertices) + 1)
-        ends = np.cumsum(self.sizes)
-        following[ends - 1] = ends - self.sizes
-        return np.stack([self.vertices, self.vertices[following]], axis=1)
+        return np.stack([self.vertices, self.vertices[next_corners(self.sizes)]], axis=1)
 
     def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
         """Triangulate some loops.
@@ -105,19 +97,7 @@ class Loops:
             Which loop each of them fills.
         """
         vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
-        sizes = self.sizes[chosen]
-        owners = polygon_of_triangles(sizes)
-        if len(owners) == 0:
-            return np.zeros((0, 3), dtype=np.int32), owners
-        triangles = np.empty((len(owners), 3), dtype=np.int64)
-        crossed = np.zeros(len(sizes), dtype=np.bool_)
-        firsts, first_faces = np.cumsum(sizes) - sizes, np.cumsum(sizes - 2) - (sizes - 2)
-        given = (points, vertices, firsts, sizes, first_faces, triangles, crossed)
-
-        def work(start: int, stop: int) -> None:
-            core.triangulate_polygons(*given, start, stop)
-
-        run_bands(work, len(sizes), band=_LOOPS)
+        triangles, owners, _ = cut_polygons(points, vertices, self.sizes[chosen])
         return vertices[triangles], np.flatnonzero(chosen)[owners]
 
     def fanned(self, points: FloatArray, chosen: BoolArray) -> tuple[FloatArray, IntArray]:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.topology import face_components
@@ -16,7 +17,7 @@ from texbake.mesh.topology import face_components
 _LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5
 # Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as long.
 _LEAST_CAVITY = 3.0
-# Parts that thin places cut off are left out up to this share of the area, together.
+# Parts that were cut off at thin places are left out up to this share of the area, together.
 _CUT_OFF = 0.01
 
 
@@ -95,17 +96,15 @@ def _of_parts(
 def without_cut_off(
     points: FloatArray, faces: IntArray, n_given: int
 ) -> tuple[FloatArray, IntArray, int]:
-    """Leave out small solid parts, more than the `n_given` of the mesh; also count them.
+    """Leave out small solid parts beyond the `n_given` of the mesh; also count them.
 
-    Thin places of the mesh cut them off. If they are not small together, all parts stay.
+    They were cut off at thin places of the mesh. If they are not small together, all parts stay.
     """
     parts = Parts.of(points, faces)
     solids = np.flatnonzero(~parts.is_wall)
     if len(solids) <= n_given:
         return points, faces, 0
-    corners = points[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.bincount(parts.ids, pm.norm(crosses, axis=1), len(parts.volumes))
+    areas = np.bincount(parts.ids, face_areas(points, faces), len(parts.volumes))
     more = solids[np.argsort(-areas[solids], kind="stable")[n_given:]]
     if areas[more].sum() > _CUT_OFF * areas.sum():
         return points, faces, 0

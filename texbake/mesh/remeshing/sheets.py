@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.distance import face_areas
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
@@ -30,20 +31,14 @@ from texbake.mesh.remeshing.band import (
 from texbake.mesh.remeshing.holes import Loops, with_own_fans
 from texbake.mesh.remeshing.nets import Nets, build_nets, nets_of, signed
 from texbake.mesh.remeshing.projection import project, without_folds
-from texbake.mesh.remeshing.sides import Filled, areas_of, count_tangles, oriented
+from texbake.mesh.remeshing.sides import Filled, count_loops, oriented, unit_normals
 from texbake.mesh.topology import face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
-# Rounds in which sheets are remeshed, and parts that are given one by their boxes.
-_ROUNDS, _MOST_PARTS = 12, 2048
-
-
-class NoSheetError(Exception):
-    """The voxels are so large that nothing is left of the sheets."""
-
-
 BoolArray = npt.NDArray[np.bool_]
 
+# Rounds in which sheets are remeshed, and how many parts are assigned to one by their boxes.
+_ROUNDS, _MOST_PARTS = 12, 2048
 # Share of a wrap's vertices around sheets from which on its handles may be holes that pierce it.
 PIERCED = 0.05
 # How far the distances of the ends of a grid edge may add up to more than its length, in voxels.
@@ -59,6 +54,10 @@ _CUT_OFF = 0.01
 _GRID_HOLE, _OFF_RIM, _NOTCH = 3.0, 1.5, 12.0
 # Weights of corners below this are 0 but for rounding.
 _ZERO = 1e-9
+
+
+class NoSheetError(Exception):
+    """The voxels are so large that nothing is left of the sheets."""
 
 
 def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -> Nets:
@@ -101,7 +100,7 @@ def build_body(
     labels: npt.NDArray[np.uint8],
     points: FloatArray,
     filled: Filled,
-    whole: IntArray,
+    whole: IntArray | None,
     *,
     threads: int | None = None,
 ) -> Nets:
@@ -117,13 +116,13 @@ def build_body(
     points : (V, 3) float64
     filled
     whole : (F, 3) int32
-        Faces of a body of one part, with what fills its holes, or none.
+        Faces of a body of one part, with what fills its holes; None for other bodies.
     threads
         None for every processor.
     """
     nets = build_nets(band, labels, threads=threads)
     is_thin = filled.n_holes > 0 or float(nets.thin.mean()) > PIERCED
-    if not is_thin or len(whole) == 0 or nets.n_handles <= count_tangles(whole) // 2:
+    if not is_thin or whole is None or nets.n_handles <= count_loops(whole) // 2:
         return nets
     field, thin = signed(band, labels, threads)
     near = np.flatnonzero((band.distances < SHELL_DEPTH) & (field > 0.0))
@@ -151,8 +150,7 @@ def _is_behind(
     limit = 2.0 * BAND_WIDTH
     _, face_ids, weights = tree.closest_points(points, max_distance=limit, threads=threads)
     corners = tree.positions[tree.faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300)
+    normals = unit_normals(corners)
     opposite = opposite_half_edges(tree.faces, solid=np.ones(len(tree.faces), dtype=np.bool_))
     across = np.where(opposite[:, None] < 0, 0.0, normals[opposite // 3]).reshape(-1, 3, 3)
     at_vertices = smooth_normals(Mesh(positions=tree.positions, faces=tree.faces), threads=threads)
@@ -177,7 +175,7 @@ def remesh_sheets(
     sharp_edges: bool = False,
     threads: int | None = None,
 ) -> tuple[FloatArray, IntArray, int]:
-    """Remesh an open surface, sheets whose boxes meet one after the other.
+    """Remesh an open surface; sheets whose boxes meet are remeshed one after the other.
 
     Parameters
     ----------
@@ -226,11 +224,11 @@ def remesh_sheets(
         all_points.append(moved)
         all_faces.append(faces + n_points)
         n_points += len(moved)
-    if not all_faces or not areas_of(points, filled.faces).any():
+    if not all_faces or not face_areas(points, filled.faces, threads=threads).any():
         raise NoSheetError
-    all_of_them = np.concatenate(all_faces).astype(np.int32)
-    n_lost = max(n_parts - face_components(all_of_them, n_points)[1], 0)
-    return np.concatenate(all_points), all_of_them, n_lost
+    joined = np.concatenate(all_faces).astype(np.int32)
+    n_lost = max(n_parts - face_components(joined, n_points)[1], 0)
+    return np.concatenate(all_points), joined, n_lost
 
 
 def _rounds(
@@ -258,7 +256,7 @@ def largest_sheets(
     parts, n_parts = face_components(faces, len(points))
     if n_kept is None or n_parts <= n_kept:
         return points, faces, 0
-    areas = np.bincount(parts, areas_of(points, faces), n_parts)
+    areas = np.bincount(parts, face_areas(points, faces), n_parts)
     kept = np.isin(parts, np.argsort(-areas, kind="stable")[:n_kept])
     return *with_own_fans(points, faces[kept]), n_parts - n_kept
 
@@ -271,14 +269,14 @@ def _cleaned(
     gap: float,
     threads: int | None,
 ) -> tuple[FloatArray, IntArray]:
-    """Leave out crumbs, and fill holes that the grid made.
+    """Leave out small parts, and fill holes that the grid made.
 
-    Crumbs are tiny parts, and small ones at a thin neck, more than the `n_given` of the mesh. Holes
-    of the grid are small, or far from the boundary of the mesh.
+    These parts are tiny, or small and cut off at a thin neck, beyond the `n_given` of the mesh.
+    Holes of the grid are small, or far from the boundary of the mesh.
     """
     faces = _without_pinches(points, faces)
     parts, n_parts = face_components(faces, len(points))
-    areas = np.bincount(parts, areas_of(points, faces), n_parts)
+    areas = np.bincount(parts, face_areas(points, faces), n_parts)
     is_crumb = areas < min(_LEAST_AREA, areas.max())
     more_than_given = np.argsort(-areas, kind="stable")[n_given:]
     if areas[more_than_given].sum() < _CUT_OFF * areas.sum():
@@ -343,5 +341,5 @@ def _onto_rim(
     ids, lines, weights = ids[lines >= 0], lines[lines >= 0], weights[lines >= 0]
     targets = points.copy()
     targets[ids] = pm.vecmat(weights, rim.positions[rim.faces[lines]])
-    nobody = np.zeros(len(points), dtype=np.bool_)
-    return without_folds(points, targets, faces, nobody, threads)
+    is_sharp = np.zeros(len(points), dtype=np.bool_)
+    return without_folds(points, targets, faces, is_sharp, threads)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
+from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.remesh_options import CLOSED, OPEN
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
@@ -72,12 +73,12 @@ class Kind:
     reason: str
 
 
-# Of a surface that is wrapped without a look at it.
+# Of a surface that is wrapped without being examined.
 AS_IT_IS = Kind(np.zeros((0, 3), np.int32), NO_LOOPS, np.zeros(0, np.bool_), False, False, "")
 
 
 def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) -> Kind:
-    """Tell whether a surface is open or the surface of a body.
+    """Decide whether a surface is open or the surface of a body.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
         return Kind(faces, loops, none, False, False, _CLOSED)
     faces = oriented(points, faces)
     edges = find_edges(faces)
-    areas = areas_of(points, faces)
+    areas = face_areas(points, faces, threads=threads)
     length, area = float(loops.lengths.sum()), float(areas.sum())
     seen = _seen_through_holes(points, faces, areas, threads)
     n_seen = np.bincount(parts[seen.faces], minlength=n_parts)
@@ -113,7 +114,7 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     is_one_sided = bool(np.count_nonzero(edges.misoriented) > _TORN * len(edges.vertices))
     n_bad = np.count_nonzero(edges.non_manifold | edges.misoriented)
     if n_bad > _TORN * len(edges.vertices):
-        is_open, share = False, f"{n_bad:,} of its edges have no two sides"
+        is_open, share = False, f"its two sides cannot be told apart at {n_bad:,} edges"
     elif is_open and area < _NARROW * length:
         is_open, share = False, "its sheets are too narrow for these voxels"
     return Kind(faces, loops, open_parts, is_open, is_one_sided, share)
@@ -125,20 +126,16 @@ def oriented(points: FloatArray, faces: IntArray) -> IntArray:
     return np.ascontiguousarray(np.where(turned, faces[:, ::-1], faces), dtype=np.int32)
 
 
-def count_tangles(faces: IntArray) -> int:
-    """Twice the handles, plus the loops of the boundary, of all separate parts together."""
+def count_loops(faces: IntArray) -> int:
+    """Two for each handle, and the loops of the boundary, of all separate parts together."""
     n_parts = face_components(faces, int(faces.max()) + 1)[1]
     return 2 * n_parts - euler_characteristic(faces, find_edges(faces))
 
 
-def areas_of(points: FloatArray, faces: IntArray) -> FloatArray:
-    """(F,) areas of faces."""
-    return np.asarray(0.5 * pm.norm(_crosses(points, faces), axis=1))
-
-
-def _crosses(points: FloatArray, faces: IntArray) -> FloatArray:
-    a, b, c = (points[faces[:, corner]] for corner in range(3))
-    return np.asarray(np.cross(b - a, c - a))
+def unit_normals(corners: FloatArray) -> FloatArray:
+    """(F, 3) normals of triangles (F, 3, 3), 0 without area."""
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +152,8 @@ def _seen_through_holes(
     # A large odd step puts them in no order, since the last ones may not be measured.
     steps = (np.arange(_SAMPLES) * 197 % _SAMPLES + 0.5) / _SAMPLES
     chosen = np.minimum(np.searchsorted(sums, steps * sums[-1]), len(faces) - 1)
-    crosses = _crosses(points, faces[chosen])
-    normals = crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300)
-    places = points[faces[chosen]].mean(axis=1) - _OFF * normals
+    corners = points[faces[chosen]]
+    places = corners.mean(axis=1) - _OFF * unit_normals(corners)
     windings = winding_numbers(points, faces, places, most_work=_MOST_WORK, threads=threads)
     known = ~np.isnan(windings)
     middle = np.abs(windings[known] - 0.5)
@@ -216,20 +212,30 @@ def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Fi
     return Filled(faces, smooth, len(kind.faces), int(np.count_nonzero(chosen)), rim)
 
 
-def require_no_more_tangles(
+def require_topology(
     name: str,
     kind: Kind,
     n_parts: int,
-    faces: IntArray,
     n_components: int,
+    n_loops: int,
     *,
-    may_have_handles: bool,
     may_be_pierced: bool,
 ) -> int:
     """Refuse a result with more parts than the mesh, or a sheet with more handles and holes.
 
     Gaps that are closed make handles of a body, as they should. If the mesh is one, return how many
     there are more.
+
+    Parameters
+    ----------
+    name
+    kind
+    n_parts
+        Separate parts of the mesh.
+    n_components, n_loops
+        Separate parts of the result, and what `count_loops` counts.
+    may_be_pierced
+        Whether handles of a body may be holes in thin walls.
     """
     advice = "use a greater `resolution`"
     if n_components > n_parts:
@@ -237,24 +243,23 @@ def require_no_more_tangles(
             f"{name}: the result has {n_components:,} separate parts and the mesh "
             f"{n_parts:,}; {advice}, or keep the largest with `components={n_parts}`"
         )
-    if not kind.is_open and (n_parts > 1 or not may_have_handles):
+    if not kind.is_open and (n_parts > 1 or n_loops == 0):
         return 0
     edges = find_edges(kind.faces)
     if not kind.is_open and edges.non_manifold.any():
         return 0
-    n_loops = len(kind.loops.sizes)
-    given = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_loops)
-    n_tangles = count_tangles(faces)
-    n_made = n_tangles // 2 - (given - n_loops) // 2
+    n_boundaries = len(kind.loops.sizes)
+    given = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_boundaries)
+    n_made = n_loops // 2 - (given - n_boundaries) // 2
     # Parts that cross are joined, maybe at several places.
     given += 2 * (n_parts - n_components)
     if not kind.is_open:
-        n_tangles //= 2
-    if n_tangles > given and (kind.is_open or may_be_pierced):
+        n_loops //= 2
+    if n_loops > given and (kind.is_open or may_be_pierced):
         what = "sheet" if kind.is_open else "closed surface"
         other = f"or `surface={CLOSED if kind.is_open else OPEN}`"
         raise MeshError(
-            f"{name}: the {what} has {n_tangles:,} handles and holes, and the mesh {given:,}; "
-            f"{advice}, a smaller `close`" + (f", {other}" if n_loops else "")
+            f"{name}: the {what} has {n_loops:,} handles and holes, and the mesh {given:,}; "
+            f"{advice}, a smaller `close`" + (f", {other}" if n_boundaries else "")
         )
     return 0 if kind.is_open else max(n_made, 0)
