@@ -1,8 +1,8 @@
-/* Carves a solid down to a narrower one inside of it, from outside, without opening a tunnel.
+/* Carves a solid down to a smaller one inside it, from outside, without opening a tunnel.
 
-   A point goes if the points outside next to it are joined around it: then no two parts of the
-   outside meet there. Between them a wall of one point stays. A handle may be cut, and a part come
-   apart; nothing else changes the topology.
+   A point is removed if the outside points next to it are connected around it, so that removing it
+   joins no two parts of the outside: a wall one point thick stays between them. A handle may be cut
+   and a part may split; the topology does not change otherwise.
 
    Based on: Andrzej Szymczak, James Vanderhyde, "Extraction of Topologically Simple Isosurfaces from
    Volume Datasets", IEEE Visualization 2003; Gilles Bertrand, Grégoire Malandain, "A new

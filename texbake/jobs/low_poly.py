@@ -1,6 +1,6 @@
-"""The low-poly mesh of `run` and `lighten`: simplified as it is, or wrapped before.
+"""The low-poly mesh of `run` and `lighten`: the high-poly mesh simplified as it is, or its wrap.
 
-Where both are possible, pictures decide which comes closer to the high-poly mesh.
+If both reach the number of triangles, pictures decide which one is closer to the high-poly mesh.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from texbake.progress import ProgressSink
 from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
 
-# Side of the pictures that decide, from six sides. A pixel that shows another part counts as much
-# as one whose normals differ by this, in degrees. Of other angles, a normal map leaves this share.
+# Width and height of the six pictures that decide. A pixel that shows another part counts as much
+# as normals that differ by this angle, in degrees. A normal map leaves about this share of angles.
 _PICTURE, _OTHER_PART, _WITH_MAP = 256, 90.0, 0.2
-# How far rays go for a wrap whose tunnels were closed, as a share of the diagonal, and how far for
-# up to `FEW_FACES`. Measured distances reach into the deepest pore there: they take ten times as
-# long, and gain nothing.
+# Length of rays if tunnels were closed, as a share of the diagonal, and the length for up to
+# `FEW_FACES` faces. Measured lengths reach into the deepest pore: bakes take ten times as long, and
+# are no closer.
 _RAYS, _RAYS_OF_FEW_FACES = 0.02, 0.04
 
 
@@ -36,9 +36,10 @@ class LowPoly:
     mesh : Mesh
     report : SimplifyReport
     why : tuple of str
-        Why it was made from a closed surface around the high-poly mesh, if no option asked for it.
+        Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which
+        gaps were closed.
     ray_distance : float, optional
-        How far rays of the bake go, outside and inside; None where that is measured.
+        Length of the bake's rays outside and inside of the low-poly mesh; None to measure it.
     """
 
     mesh: Mesh
@@ -85,7 +86,7 @@ class _Maker:
             threads=self.threads,
             progress=self.progress,
         )
-        # The vertices of a wrap are none of the mesh: nothing is lost if they move.
+        # The vertices of a wrap are not vertices of the mesh, so they may move.
         low = self.simplified(wrap, "best" if width else self.quality)
         why: list[str] = []
         if reason is not None:

@@ -1,7 +1,7 @@
-"""A solid with few tunnels, and as close to the mesh as they allow.
+"""A solid with few tunnels around a mesh.
 
-Gaps are closed up to the narrowest width that leaves few enough tunnels. What that fills is then
-carved out again, from outside and to a small depth, where it opens no tunnel: pores become pits.
+Gaps are closed up to the narrowest width that leaves few enough tunnels. The filling is then carved
+out again, from outside and to a small depth, wherever that opens no tunnel: pores become pits.
 
 Based on: Andrzej Szymczak, James Vanderhyde, "Extraction of Topologically Simple Isosurfaces from
 Volume Datasets", IEEE Visualization 2003.
@@ -27,8 +27,8 @@ from texbake.mesh.remeshing.projection import project
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 
-# Widths of gaps, and how deep what fills them is carved, as shares of the diagonal. Deeper pits
-# cost triangles that the surface around them needs more.
+# Widths of gaps, and the depth of carving, as shares of the diagonal. Deeper pits use triangles
+# that the surface around them needs.
 CLOSINGS: Final = (0.01, 0.02, 0.03, 0.05, 0.08)
 _DEPTH = 0.008
 
@@ -49,7 +49,7 @@ def remesh_with_few_tunnels(
     ----------
     mesh
     most
-        Tunnels that may be left. Where the widest gaps of `CLOSINGS` leave more, so be it.
+        Number of tunnels that may remain. More remain if the widest of `CLOSINGS` leaves more.
     resolution, threads, progress
         As for `remesh`.
 
@@ -109,7 +109,7 @@ def _close(
 def _flooded(
     band: Band, labels: Labels, radius: float, threads: int | None
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Solid points, the field, and which of its points are thin, where a ball passes no gap."""
+    """Close gaps that a ball does not pass; return solid points, the field and its thin points."""
     labels = labels.copy()
     flood_outside(labels, max(radius, 0.0), None, threads=threads)
     field, thin = signed(band, labels, threads)
