@@ -145,8 +145,6 @@ class Asked:
     ----------
     high, low : tuple of Path
         Mesh files, including those in the folders that were given.
-    options : PartsOptions
-    dry_run : bool
     name : str
         Name of the asset.
     """

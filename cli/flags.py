@@ -20,13 +20,6 @@ _FALSE, _QUOTES = "False", "\"'"
 def with_flags(message: str, command: click.Command | None = None) -> str:
     """Replace the library's parameters in a message by the flags of a command.
 
-    Parameters
-    ----------
-    message
-        A message of the library.
-    command
-        None: the running command. Parameters that are not options of it are left unchanged.
-
     Examples
     --------
     >>> bake = click.Command("bake", params=[click.Option(["--max-error"])])

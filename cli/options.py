@@ -46,23 +46,7 @@ def options_of(
     unset: bool = False,
     defaults: Mapping[str, Any] | None = None,
 ) -> Decorator[Any]:
-    """Add flags for the fields of an option class, in their order.
-
-    Parameters
-    ----------
-    kind
-        The option class.
-    names
-        Fields to add; all if there are none.
-    without
-        Fields to leave out.
-    required
-        Fields that must be given although they have a default.
-    unset
-        Whether flags that are not given are None and show no default.
-    defaults
-        Defaults of this command that differ from those of the class.
-    """
+    """Add flags for the fields of an option class, in their order."""
     fields = {field.name: field for field in option_fields(kind)}
     chosen = [fields[name] for name in names] or [
         field for field in fields.values() if field.name not in without
@@ -233,16 +217,7 @@ _LAST = "last_argument"
 def output_option(
     kind: click.Path, metavar: str, text: str, *, after: str | None = None, **extra: Any
 ) -> Decorator[Any]:
-    """Add `-o`, whose value may instead be the last argument.
-
-    Parameters
-    ----------
-    kind, metavar, text
-        Type, metavar and help of the option.
-    after
-        The argument with any number of inputs, whose last value is the output if no such file
-        exists. None adds an argument for the output.
-    """
+    """Add `-o`, whose value may instead be the last argument."""
     option = click.option(
         "-o", "--output", cls=_Output, after=after, type=kind, metavar=metavar, help=text, **extra
     )

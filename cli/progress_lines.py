@@ -25,12 +25,10 @@ class TimedStage:
 
     Attributes
     ----------
-    name : str
     total : int or None
         None if the amount of work is unknown.
     begun : float
         When, in seconds.
-    done : int
     """
 
     name: str

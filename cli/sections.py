@@ -9,13 +9,7 @@ import click
 
 
 class SectionedCommand(click.Command):
-    """A command whose help lists its options under headings.
-
-    Parameters
-    ----------
-    sections
-        Names of options by heading. All other options come first, under "Options".
-    """
+    """A command whose help lists its options under headings."""
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], **extra: Any) -> None:
         super().__init__(*args, **extra)

@@ -76,16 +76,7 @@ class ViewParam(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes n
 
 
 class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """Numbers separated by commas, or one of a few words.
-
-    Parameters
-    ----------
-    form
-        The form shown in the help, such as `X,Y,Z`: one name per number. A part in brackets is
-        optional.
-    words
-        Words that are accepted instead of numbers.
-    """
+    """Numbers separated by commas, or one of a few words."""
 
     name = "numbers"
 

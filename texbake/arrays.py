@@ -34,13 +34,7 @@ _HEADERS = {
 
 
 def write_arrays(path: PathLike, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Write arrays into an uncompressed archive, completely or not at all.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write arrays into an uncompressed archive, completely or not at all."""
     entries: dict[str, Any] = dict(arrays)  # the stub of numpy takes names for options
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **entries)
@@ -51,13 +45,6 @@ def read_arrays(path: PathLike) -> dict[str, npt.NDArray[Any]]:
 
     No more memory is taken than the file has bytes: entries are not compressed, hold just what
     their headers promise, and share no bytes of the file.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    Exception
-        Any of `DAMAGE`: the file is damaged, or an entry promises what is not there.
     """
     arrays = {}
     with Path(path).open("rb") as file, zipfile.ZipFile(file) as archive:

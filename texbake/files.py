@@ -87,15 +87,7 @@ def is_folder(path: PathLike) -> bool:
 
 
 def read_bytes(path: PathLike) -> bytes:
-    """Read the bytes of a file.
-
-    Raises
-    ------
-    FileError
-        There is no such file, it is not a regular file, or it cannot be read.
-    FileFormatError
-        It is empty.
-    """
+    """Read the bytes of a file."""
     require_file(path)
     try:
         content = Path(path).read_bytes()
@@ -116,12 +108,6 @@ def replacing(path: PathLike) -> Iterator[Path]:
 
     Within `appearing_together` the file is moved when that block ends; until then it is found at
     `written_file(path)`.
-
-    Raises
-    ------
-    FileError
-        The folder is missing or not writable, the disk is full, or `path` is a folder, a device or
-        a pipe.
     """
     target = _target_of(path)
     waiting = _WAITING.get()
@@ -162,12 +148,6 @@ def appearing_together() -> Iterator[None]:
     newer ones. Each file waits under a temporary name in its own folder. Folders that were made for
     them are removed if the block raises. A block within another one belongs to it. Also a decorator
     of functions.
-
-    Raises
-    ------
-    FileError
-        A file cannot take its name, such as one that another program holds open on Windows. The
-        files before it are in place then.
     """
     if _WAITING.get() is not None:
         yield
@@ -192,11 +172,6 @@ def remove_file(path: PathLike) -> None:
     """Remove a file if it exists; within `appearing_together`, when that block ends.
 
     For a file that belongs to an older version of another one.
-
-    Raises
-    ------
-    FileError
-        It cannot be removed.
     """
     target = _target_of(path)
     waiting = _WAITING.get()
@@ -267,13 +242,7 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def to_disk(path: Path) -> None:
-    """Have a file, or the names in a folder, on the disk before anything else is written.
-
-    Raises
-    ------
-    OSError
-        The content of a file cannot be written. Folders never raise: many systems cannot do this.
-    """
+    """Have a file, or the names in a folder, on the disk before anything else is written."""
     if path.is_dir():
         with suppress(OSError):
             _synchronize(path, os.O_RDONLY)
@@ -349,13 +318,7 @@ def check_folder(folder: PathLike) -> None:
 
 
 def make_folder(folder: PathLike) -> Path:
-    """Create a folder and its missing parents, and return its path; their names are on the disk.
-
-    Raises
-    ------
-    FileError
-        The folder cannot be created, or there is a file of that name.
-    """
+    """Create a folder and its missing parents, and return its path; their names are on the disk."""
     path, waiting = Path(folder), _WAITING.get()
     try:
         missing = [there for there in (path, *path.parents) if not there.exists()][::-1]
@@ -370,20 +333,7 @@ def make_folder(folder: PathLike) -> Path:
 
 
 def write_files(folder: PathLike, files: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder, all or none of them, and return their paths.
-
-    Parameters
-    ----------
-    folder
-        Made if it does not exist.
-    files
-        Contents by name.
-
-    Raises
-    ------
-    FileError
-        A file cannot be written.
-    """
+    """Write files into a folder, all or none of them, and return their paths."""
     there = make_folder(folder)
     with appearing_together():
         for name, content in files.items():

@@ -99,13 +99,6 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
     """Raise `FileFormatError` if an image has too many pixels.
 
     By default, it may have 16,384 x 16,384, whatever its shape, with up to four channels.
-
-    Raises
-    ------
-    FileFormatError
-        It has too many pixels, or too many channels for so many pixels.
-    OptionError
-        The environment variable is not a number of pixels.
     """
     side = _max_image()
     n_pixels = max(width * height, -(-width * height * n_channels // _MOST_CHANNELS))
@@ -124,21 +117,6 @@ def require_few_pixels(
     """Raise `FileFormatError` if the images of a file have too many pixels together.
 
     They may have as many as four images of the greatest size, or 16 for each byte of their files.
-
-    Parameters
-    ----------
-    path
-        Of the file, or the name of one of its images.
-    images
-        Functions that return the width, height and bytes of each, and are called if there are more
-        than four. Whatever is wrong with an image is left to its reader.
-
-    Raises
-    ------
-    FileFormatError
-        They have more.
-    OptionError
-        The environment variable is not a number of pixels.
     """
     if len(images) <= _MOST_IMAGES:
         return
@@ -170,13 +148,7 @@ def _max_image() -> int:
 
 
 def most_triangles(default: int) -> int:
-    """Return how many triangles a file may have once its meshes are repeated.
-
-    Raises
-    ------
-    OptionError
-        The environment variable is not a number of triangles.
-    """
+    """Return how many triangles a file may have once its meshes are repeated."""
     text = os.environ.get(MAX_TRIANGLES, "")
     number = whole_number(text) if text else default
     if number is None:
@@ -185,13 +157,7 @@ def most_triangles(default: int) -> int:
 
 
 def allows_outside() -> bool:
-    """Whether files may name files outside their own folders.
-
-    Raises
-    ------
-    OptionError
-        The environment variable is neither 1 nor 0.
-    """
+    """Whether files may name files outside their own folders."""
     text = os.environ.get(ALLOW_OUTSIDE, "")
     if text not in ("", "0", "1"):
         raise OptionError(f"{ALLOW_OUTSIDE}: {quoted(text)} is neither 1 nor 0")
@@ -202,18 +168,6 @@ def file_beside(path: PathLike, name: str) -> Path:
     """Return the path of a file that another file names, relative to its folder.
 
     Symbolic links in that folder are followed.
-
-    Parameters
-    ----------
-    path
-        The file that names it.
-    name
-
-    Raises
-    ------
-    FileError
-        It lies outside the folder of the file, and that is not allowed; or no file can have such a
-        name.
     """
     if len(name) > LONGEST_NAME:
         raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
@@ -228,14 +182,7 @@ def file_beside(path: PathLike, name: str) -> Path:
 
 
 def folder_beside(path: PathLike, name: str) -> Path:
-    """Return the path of a folder that a file names, to write into.
-
-    Raises
-    ------
-    FileError
-        It lies outside the folder of the file, or symbolic links lead there, and that is not
-        allowed.
-    """
+    """Return the path of a folder that a file names, to write into."""
     place = file_beside(path, name)
     if not is_within(real_path(path, ""), real_path(path, name)) and not allows_outside():
         raise FileError(
@@ -266,15 +213,7 @@ def real_path(path: PathLike, name: str) -> str:
 
 
 def toml_content(path: PathLike, text: str) -> dict[str, Any]:
-    """Parse a file in TOML.
-
-    Raises
-    ------
-    FileFormatError
-        It is not TOML, it is larger than a file that people write, one of its keys has so many
-        parts that the parser, which looks each of them up from the first, would take minutes, or
-        an integer has more than the 64 bits of TOML.
-    """
+    """Parse a file in TOML."""
     import tomllib
 
     if len(text) > _LONGEST_TOML:

@@ -58,17 +58,6 @@ def run_bands(
 ) -> None:
     """Call `work(start, stop)` over `range(n_items)` in bands of `band` items.
 
-    Parameters
-    ----------
-    work
-        Handles the items from start to stop - 1 and writes no other item's results.
-    band
-        Items per call; independent of `threads`, so that no result can depend on it.
-    threads
-        None for every processor.
-    advance
-        Called in the calling thread with the number of items of each finished band.
-
     The first error of a band, or an interrupt, cancels the bands not yet started and is raised.
     """
     starts = range(0, n_items, band)

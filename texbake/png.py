@@ -21,14 +21,7 @@ _LONGEST_SIDE = 1_000_000  # of libpng
 
 
 def png_description(path: PathLike) -> str:
-    """Check a PNG file; return the text under the keyword "Description", or "" if there is none.
-
-    Raises
-    ------
-    FileFormatError
-        The file is not a PNG file, it is truncated, a checksum is wrong, its header is none, or it
-        lacks its palette.
-    """
+    """Check a PNG file; return the text under the keyword "Description", or "" if there is none."""
     description = ""
     needs_palette: bool | None = None
     for kind, data in _chunks(path):

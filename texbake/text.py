@@ -9,16 +9,8 @@ import numpy.typing as npt
 def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
     """Draw a line of text, cropped to its glyphs.
 
-    Parameters
-    ----------
-    text
-    size
-        Height of the font in pixels, about 4/3 of the height of a digit.
-
-    Returns
-    -------
-    (h, w) float32
-        Share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
+    `size`: height of the font in pixels, about 4/3 of the height of a digit. Returns (h, w)
+    float32: share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
     """
     from PIL import Image, ImageDraw, ImageFont
 

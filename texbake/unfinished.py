@@ -97,10 +97,7 @@ def clear_unfinished(patience: float) -> None:
 
     For a signal that the work does not hear. Files that take their names just now are waited for.
 
-    Parameters
-    ----------
-    patience
-        Most seconds to wait.
+    `patience`: most seconds to wait.
     """
     _ONE_MOVES.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):

@@ -157,18 +157,7 @@ def bake_inputs(
     *,
     clock: BudgetClock | None = None,
 ) -> BakeResult:
-    """Bake with inputs that are checked.
-
-    Parameters
-    ----------
-    scenes
-        Ray scenes that are used for other bakes as well, of a high-poly mesh that faces outwards;
-        None: the bake builds its own, and flips the mesh where `orientation` says so.
-    distances
-        Collects the distances of several bakes; None: of this one alone.
-    clock
-        As for `bake`.
-    """
+    """Bake with inputs that are checked."""
     if ray_maps is not None and cage is None:
         ray_maps.check(inputs.options.rays)
     stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)

@@ -78,7 +78,6 @@ class ChannelImages:
         Sets of texture coordinates by their numbers.
     uv_faces : (F, 3) int32
         Indices into those of each set.
-    threads : int, optional
     """
 
     uvs: dict[int, FloatArray]
@@ -91,12 +90,7 @@ class ChannelImages:
     ) -> Float32Array:
         """(n, components) float32: linear values at points, looked up bilinearly.
 
-        Parameters
-        ----------
-        image
-        points
-        is_color
-            Whether an 8-bit image is coded in sRGB.
+        `is_color`: whether an 8-bit image is coded in sRGB.
         """
         pixels = self._pixels(image, is_color)
         places = points.places(image, self.uvs[image.uv_set], self.uv_faces, self.threads)

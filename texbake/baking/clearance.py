@@ -29,7 +29,6 @@ class ClearRays:
 
     Attributes
     ----------
-    field : RayField
     low : RayScene
         The low-poly mesh.
     """

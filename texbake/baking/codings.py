@@ -71,7 +71,6 @@ class Coded:
     ----------
     pixels : (H, W, C) uint8, uint16 or float32
         Codes, or floats that `write_image` converts.
-    metadata : dict
     n_clipped : int
         Values out of range of the given mid level and scale.
     """
@@ -89,8 +88,6 @@ class FileEncoding:
     ----------
     bits : int
         8 or 16 for codes, `FLOAT` for plain values.
-    convention : str, optional
-    mid, scale : float, optional
     """
 
     bits: int
@@ -100,23 +97,7 @@ class FileEncoding:
 
 
 def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -> int:
-    """Bits per channel of the file of a map.
-
-    Parameters
-    ----------
-    bits
-        None: 8 bits for colors (16 in EXR, as half floats), 8 or 32 for ids, and for all other
-        maps the most that the format can hold.
-    n_ids
-        Number of ids, for maps of ids.
-
-    Raises
-    ------
-    OptionError
-        The format cannot hold the map at these bits.
-    FileFormatError
-        The suffix is not known.
-    """
+    """Bits per channel of the file of a map."""
     codes = not holds_floats(path, bits or format_of(path).data_bits)
     is_color = kind.coding == "color" or (kind.coding == "id" and codes)
     channels = 3 if kind.coding == "id" and codes else kind.channels
@@ -254,15 +235,8 @@ def _ids(baked: BakedMap, encoding: FileEncoding) -> Coded:
 def id_colors(n: int) -> npt.NDArray[np.uint8]:
     """Codes of the colors of ids 1 to n, after black for 0, which means no id.
 
-    Parameters
-    ----------
-    n
-        Below 2^24.
-
-    Returns
-    -------
-    (n + 1, 3) uint8
-        sRGB, all different. Up to 1,024 ids, the colors of the first ones do not depend on n.
+    Returns (n + 1, 3) uint8: sRGB, all different. Up to 1,024 ids, the colors of the first ones do
+    not depend on n.
 
     Examples
     --------

@@ -34,18 +34,6 @@ def face_outwards(
     """Flip the parts of the high-poly mesh that face inwards, if `orientation` is auto.
 
     A mesh that is traced in chunks is left as it is.
-
-    Parameters
-    ----------
-    inputs
-    scenes
-        With the high-poly mesh of the inputs. Closed here if other scenes are returned.
-
-    Returns
-    -------
-    inputs, scenes
-        Those given, or others with the mesh flipped.
-    report : OrientationReport
     """
     high, options = inputs.source, inputs.options
     nothing = OrientationReport(mesh=high.name)

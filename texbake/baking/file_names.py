@@ -26,31 +26,6 @@ def map_file_names(
 ) -> dict[str, str]:
     """Return the file names of maps.
 
-    Parameters
-    ----------
-    pattern
-        `{asset}`, `{map}`, `{set}`, `{udim}` and `{ext}` are replaced; everything else is kept.
-    asset
-        Name of the asset.
-    ext
-        Suffix of the image format, without the dot.
-    udim
-        UDIM number of the tile.
-    texture_set
-        Name of the texture set, in which characters that file names cannot have become `_`. None:
-        the name of the asset.
-
-    Returns
-    -------
-    dict of str to str
-        Map name to file name.
-
-    Raises
-    ------
-    OptionError
-        The pattern has an unknown field, names a folder, does not end with `.{ext}`, or gives two
-        maps the same name.
-
     Examples
     --------
     >>> map_file_names("{asset}_{map}_{udim}.{ext}", asset="orc", maps=["normal"], ext="png")

@@ -45,16 +45,7 @@ def denoised(
 ) -> npt.NDArray[np.float32]:
     """Average each texel with neighbors that differ by less than a few standard errors of its rays.
 
-    Parameters
-    ----------
-    values : (H, W, 1) float32
-    texel_charts : (H, W) int32
-        Neighbors in other charts do not count.
-
-    Returns
-    -------
-    (H, W, 1) float32
-        Kernel: `core/sigma_filter.c`.
+    `values` (H, W, 1) float32; `texel_charts` (H, W) int32. Returns (H, W, 1) float32.
     """
     root = np.sqrt(float(options.secondary_rays))
     left = _STANDARD_ERRORS / (root * np.sqrt(root))
@@ -80,12 +71,7 @@ def finished_maps(
 ) -> tuple[dict[str, BakedMap], int]:
     """Pad the maps; also return the number of texels where the padding of two charts meets.
 
-    Parameters
-    ----------
-    means
-        Returns the values (H, W, C) of a map, which are then changed in place.
-    texel_charts : (H, W) int32
-        Chart that covers each texel, `NO_FACE` for none.
+    `texel_charts` (H, W) int32.
     """
     options = inputs.options
     with stages.stage("pad"):

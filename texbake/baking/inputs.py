@@ -37,8 +37,6 @@ class HighSurface:
 
     Attributes
     ----------
-    mesh : Mesh
-    materials : Materials, optional
     shading : str
         `BakeOptions.high_shading`.
     colors_are_srgb : bool
@@ -49,7 +47,6 @@ class HighSurface:
         Returns its smooth normals, (V, 3) float64, where the mesh is only a part of another.
     known_tangents : (F, 3, 4) float32, optional
         Its MikkTSpace tangents, where the mesh is only a part of another.
-    threads : int, optional
     """
 
     mesh: Mesh
@@ -130,13 +127,7 @@ class HighSurface:
 
 @dataclass(frozen=True, eq=False)
 class LowSurface:
-    """The low-poly mesh of a bake, with what maps need of it.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    threads : int, optional
-    """
+    """The low-poly mesh of a bake, with what maps need of it."""
 
     mesh: Mesh
     threads: int | None = None
@@ -173,9 +164,6 @@ class BakeInputs:
 
     Attributes
     ----------
-    high_surface : HighSurface
-    low_surface : LowSurface
-    options : BakeOptions
     known_bounds : (2, 3) float64, optional
         The box that positions are encoded in, where it is not that around both meshes.
     stream : StreamedMesh, optional

@@ -35,11 +35,6 @@ def parse_bytes(text: str | int) -> int:
 
     >>> parse_bytes("1.5G"), parse_bytes("512 MiB"), parse_bytes(4096)
     (1610612736, 536870912, 4096)
-
-    Raises
-    ------
-    OptionError
-        The text is not an amount of memory, or it is 0.
     """
     found = _SIZE.fullmatch(str(text).strip())
     amount = 0 if found is None else int(float(found[1]) * _UNITS[found[2].lower()])
@@ -53,12 +48,7 @@ def parse_bytes(text: str | int) -> int:
 def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequence[str]) -> int:
     """Bytes that a bake takes if the high-poly mesh is in one ray tree.
 
-    Parameters
-    ----------
-    n_low_faces
-        Faces of the low-poly mesh and the cage.
-    n_texels, maps
-        Texels per map, and names of the maps.
+    `n_texels`, `maps`: texels per map, and names of the maps.
     """
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
@@ -73,26 +63,13 @@ def must_stream(most: int, whole: int, n_high_faces: int) -> bool:
 
 
 def streamed_chunk_faces(most: int, without: int) -> int:
-    """Faces that are read at a time of a high-poly mesh that stays in its file.
-
-    Parameters
-    ----------
-    most, without
-        Bytes that the bake may take, and that it takes without any faces.
-    """
+    """Faces that are read at a time of a high-poly mesh that stays in its file."""
     least, greatest = STREAMED_CHUNKS
     return min(max((most - without) // STREAMED_FACE, least), greatest)
 
 
 def chunk_faces(most: int, whole: int, n_high_faces: int) -> int | None:
-    """Faces of the high-poly mesh in one ray tree at a time; None for all of them.
-
-    Parameters
-    ----------
-    most, whole
-        Bytes that the bake may take, and that it takes with one tree for all faces. If not even
-        `MOST_CHUNKS` chunks fit, the bake exceeds the limit.
-    """
+    """Faces of the high-poly mesh in one ray tree at a time; None for all of them."""
     if whole <= most:
         return None
     n_fitting = (most - whole) // TREE_FACE + n_high_faces

@@ -30,15 +30,7 @@ _ROUNDING = 0.5 / 65535.0
 
 
 def needless_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
-    """Yield a sentence for each map that changes nothing or could be a factor.
-
-    Parameters
-    ----------
-    maps
-        Of a bake, by name.
-    size
-        Of the low-poly mesh: heights below half a step of 16 bits of it count as none.
-    """
+    """Yield a sentence for each map that changes nothing or could be a factor."""
     for name, item in maps.items():
         ranges = channel_ranges(item.values, item.has_data, threads=item.options.threads)
         if not np.isfinite(ranges).all():  # no texel has data

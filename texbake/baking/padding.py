@@ -28,12 +28,7 @@ class ChartPadding:
 
     The nearest texels are found once for all of them.
 
-    Parameters
-    ----------
-    texel_charts : (H, W) int32
-        Chart that covers each texel, `NO_FACE` for none.
-    has_data : (H, W) bool
-        Texels with a hit.
+    `texel_charts` (H, W) int32; `has_data` (H, W) bool: texels with a hit.
 
     Attributes
     ----------

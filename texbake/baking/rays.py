@@ -125,29 +125,8 @@ def _sample_uvs(corner_uvs: FloatArray, faces: IntArray, barycentrics: FloatArra
 class RayField:
     """The rays of a low-poly mesh: everything needed to turn samples into rays.
 
-    Parameters
-    ----------
-    low : Mesh
-        The low-poly mesh.
-    frame : LocalFrame
-        Around both meshes.
-    kind : str
-        `smooth`, `vertex` or `face`; where the direction cancels to zero, that of the face is used.
-    front, back : float
-        In model units.
-    cage : Mesh, optional
-        The faces of the low-poly mesh with other positions; replaces `kind` and `front`.
-    maps : RayMaps, optional
-        Images over the texture coordinates of the low-poly mesh.
-    reaches : (F, 3, 2) float64, optional
-        Front and back at each corner, in the frame; replaces both. Not with a cage or images.
-
-    Raises
-    ------
-    CageError
-        The cage has other faces than the low-poly mesh.
-    UvError
-        There are images, and the low-poly mesh has no texture coordinates.
+    `front`, `back`, in model units; `reaches` (F, 3, 2) float64: front and back at each corner, in
+    the frame.
     """
 
     def __init__(

@@ -53,7 +53,6 @@ class Look:
     ----------
     faces : (n,) int32
         Face of each point.
-    out, into : RayHits
     """
 
     faces: IntArray
@@ -67,7 +66,6 @@ class CornerReach:
 
     Attributes
     ----------
-    low : Mesh
     distances : (F, 3, 2) float64
         Front and back, in the local frame.
     """
@@ -95,24 +93,7 @@ def measure_reach(
     *,
     threads: int | None = None,
 ) -> CornerReach:
-    """Measure how far rays must reach at each vertex of a low-poly mesh.
-
-    Parameters
-    ----------
-    high, low
-        The meshes.
-    frame
-        Around both.
-    look
-        What rays of the low-poly mesh met out and in.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    CornerReach
-        The same for any number of threads, and whether or not the high-poly mesh is in memory.
-    """
+    """Measure how far rays must reach at each vertex of a low-poly mesh."""
     of_faces = np.zeros((low.n_faces, 2))
     _add_high(of_faces, high, low, frame, threads)
     _add_low(of_faces, look)

@@ -186,13 +186,7 @@ class BakeResult:
 
 
 def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
-    """Read a miss map; return an (H, W) array that is true where rays missed.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    """
+    """Read a miss map; return an (H, W) array that is true where rays missed."""
     # Only the color of misses has much red.
     return np.asarray(read_image(path, color=False).pixels[..., 0] > 0.5, dtype=np.bool_)
 
@@ -207,13 +201,7 @@ def unseen_faces(n_faces: int, texel_faces: IntArray) -> npt.NDArray[np.bool_]:
 
 
 def check_texels(low: Mesh, baked: BakeResult) -> None:
-    """Raise an error if faces with more than a hundredth of a mesh's area own no texel.
-
-    Raises
-    ------
-    UvError
-        The maps are too small, or their padding is too wide, for the charts.
-    """
+    """Raise an error if faces with more than a hundredth of a mesh's area own no texel."""
     areas = surface_areas(low.positions[low.faces])
     unseen = unseen_faces(low.n_faces, baked.texel_faces)
     share = float(areas[unseen].sum()) / (float(areas.sum()) or 1.0)

@@ -93,20 +93,7 @@ class BakeScenes:
         compact: bool = False,
         threads: int | None = None,
     ) -> BakeScenes:
-        """Build the scene of the high-poly mesh, in the frame of the occluders or of both meshes.
-
-        Parameters
-        ----------
-        n_parts
-            Low-poly meshes of the bake, each with scenes of its own.
-        chunk_faces, compact
-            As for `RayScene.build`.
-
-        Raises
-        ------
-        MeshError
-            The meshes are so small or large that float32 maps cannot hold their lengths.
-        """
+        """Build the scene of the high-poly mesh, in the frame of `occluders` or of both meshes."""
         frame = LocalFrame.around(high, low) if occluders is None else occluders.frame
         _check_size(frame, low)
         with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
@@ -202,15 +189,7 @@ def _check_size(frame: LocalFrame, low: Mesh) -> None:
 def measure_extent(
     scene: RayScene, low: Mesh, kind: str, *, threads: int | None = None
 ) -> RayExtent:
-    """Measure how far in front of the low-poly surface rays must start and how far behind end.
-
-    Parameters
-    ----------
-    scene
-        The high-poly mesh.
-    kind
-        Direction of the rays: `smooth`, `vertex` or `face`.
-    """
+    """Measure how far in front of the low-poly surface rays must start and how far behind end."""
     return _measured(scene, low, kind, _LOW_POINTS, threads)[0]
 
 
@@ -290,14 +269,7 @@ def look_both_ways(
 ) -> Look:
     """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
 
-    Parameters
-    ----------
-    scene
-        The high-poly mesh.
-    kind
-        Direction of the rays: `smooth`, `vertex` or `face`.
-    limit
-        Length of the rays, in the frame of the scene.
+    `limit`: length of the rays, in the frame of the scene.
     """
     _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())

@@ -41,7 +41,6 @@ class SecondaryRays:
 
     Attributes
     ----------
-    inputs : BakeInputs
     needs : frozenset of str
         `OUTER`, `INNER` or both.
     """
@@ -69,13 +68,7 @@ class SecondaryRays:
     def cast(
         self, hits: Hits, scenes: BakeScenes, occlusion_range: OcclusionRange, n_samples: int
     ) -> tuple[Hits, int]:
-        """Return the hits with what their secondary rays met, and the number of rays cast.
-
-        Parameters
-        ----------
-        n_samples
-            Samples of a texel, over which its rays are spread.
-        """
+        """Return the hits with what their secondary rays met, and the number of rays cast."""
         options, frame = self.inputs.options, scenes.frame
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
         is_hit = hits.high_faces != NO_HIT
@@ -107,13 +100,7 @@ class SecondaryRays:
 
 
 def met_by(hits: Hits, columns: int | slice, name: str) -> Float32Array:
-    """Return columns of what secondary rays met, for the map of that name.
-
-    Raises
-    ------
-    OptionError
-        The kept hits lack such rays.
-    """
+    """Return columns of what secondary rays met, for the map of that name."""
     met = None if hits.secondary is None else hits.secondary[:, columns]
     if met is None or (len(met) and np.isnan(met).any()):
         raise OptionError(
@@ -134,15 +121,7 @@ def fans_of(
 ) -> Fans:
     """Fans from hits, none of which is a miss. Kernel: `core/ray_fans.c`.
 
-    Parameters
-    ----------
-    normals
-        Shading normals of the high-poly mesh, and the index of the normal at each corner.
-    width
-        Texels in a row. Each square of 4 x 4 texels shares one net of directions, and so do the
-        squares of 2 x 2 in it, so that the errors of neighbors cancel each other.
-    n_samples
-        Samples of a texel, which share its part of the net.
+    `width`: texels in a row; `n_samples`: samples of a texel, which share its part of the net.
     """
     n = len(hits)
     fans = Fans(

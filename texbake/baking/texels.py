@@ -106,11 +106,6 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     """Snap the texture coordinates of a mesh to the fixed-point grid.
 
     A face with a corner farther than 2^18 samples from the origin is left out, as one outside.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or all of its faces have no area or lie outside.
     """
     uvs = mesh.corner_uvs()
     with np.errstate(over="ignore"):  # too far in any case
@@ -164,17 +159,8 @@ def rasterize_uv(
 ) -> tuple[npt.NDArray[np.int32], int]:
     """Find the owner of every sample in some rows of texels: the first face that covers its center.
 
-    Parameters
-    ----------
-    rows : range, optional
-        Rows of texels, all of them for None.
-
-    Returns
-    -------
-    owners : (len(rows) * per_side, width * per_side) int32
-        Face ids, `NO_FACE` for none.
-    n_overlaps : int
-        Samples that more than one face covers.
+    `rows`: rows of texels, all of them for None. Returns `owners` (len(rows) * per_side, width *
+    per_side) int32: face ids, `NO_FACE` for none.
     """
     rows = range(grid.height) if rows is None else rows
     first = rows.start * grid.per_side
@@ -246,12 +232,10 @@ class TexelBand:
 
     Attributes
     ----------
-    rows : range
     width : int
         Texels per row.
     owners : (len(rows) * per_side, width * per_side) int32
         Face that owns each sample, `NO_FACE` for none.
-    samples : Samples
     n_overlaps : int
         Samples that more than one face covers.
     """
@@ -306,17 +290,7 @@ def owned_bands(
 ) -> Iterator[TexelBand]:
     """Yield the texels that a mesh owns, band by band from the top down, shown as a stage.
 
-    Parameters
-    ----------
-    name
-        Of the stage, which is not recorded: the parts of the work in it are.
-    rows
-        Ranges of rows of texels; None for all of them.
-    samples_at_once
-        About how many samples a band has; a band consists of whole rows of tiles.
-    edit
-        Called with the owners of each band and its rows before the samples are listed; may change
-        the owners in place.
+    `rows`: ranges of rows of texels.
     """
     rows = [range(grid.height)] if rows is None else rows
     least = TILE // grid.per_side

@@ -67,7 +67,6 @@ class Trace:
         Images that change the rays.
     scenes : BakeScenes, optional
         What to cast rays into; None: the trace builds its own and closes them.
-    counts : TraceCounts
     front, back : float or None
         How far rays go in front of and behind the low-poly surface, in model units; measured once
         the trace has begun, if not given. The front stays None with a cage.
@@ -100,13 +99,7 @@ class Trace:
         )
 
     def hits(self) -> Iterator[Hits]:
-        """Yield the hits of one band of texels after another.
-
-        Raises
-        ------
-        MeshError
-            The meshes are so small or large that float32 maps cannot hold their lengths.
-        """
+        """Yield the hits of one band of texels after another."""
         options = self.options
         grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
         faces = self.snap(grid)
@@ -133,13 +126,7 @@ class Trace:
 
     @contextmanager
     def casting(self) -> Iterator[SampleCaster]:
-        """Yield what casts the rays of samples, with scenes built and all distances measured.
-
-        Raises
-        ------
-        MeshError
-            The meshes are so small or large that float32 maps cannot hold their lengths.
-        """
+        """Yield what casts the rays of samples, with scenes built and all distances measured."""
         scenes = self.scenes or self.own_scenes()
         self.caster = scenes.high.caster
         try:
@@ -255,13 +242,7 @@ class SampleCaster:
     occlusion_range: OcclusionRange | None
 
     def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
-        """Return hits and misses of some samples, in their order.
-
-        Parameters
-        ----------
-        grid
-            Of which each sample is the only one in its cell, more or less.
-        """
+        """Return hits and misses of some samples, in their order."""
         scene = self.scenes.high
         with self.trace.stages.part("cast rays"):
             if scene.in_chunks:
@@ -364,11 +345,6 @@ class SampleCaster:
 
         A ray that met a surface from behind may have started inside of a part that stands out; it
         keeps its hit where the longest ray passes a back face as well.
-
-        Returns
-        -------
-        Numbers of rays that missed, that passed back faces, and whose hits are those of the longest
-        rays.
         """
         missed, passed = found.faces == NO_HIT, found.passed_back
         rows = np.flatnonzero(missed | passed)

@@ -23,7 +23,6 @@ class PipelineAsset:
 
     Attributes
     ----------
-    name : str
     rule : AssetRule
         The table that defines it.
     inputs : dict of str to str
@@ -36,15 +35,7 @@ class PipelineAsset:
 
 
 def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAsset]:
-    """Return all assets, or those whose names match, in the order of the file and then by path.
-
-    Raises
-    ------
-    FileFormatError
-        A pattern matches nothing, or two assets have one name.
-    OptionError
-        A name in `only` matches no asset.
-    """
+    """Return all assets, or those whose names match, in the order of the file and then by path."""
     assets: dict[str, PipelineAsset] = {}
     for rule in pipeline.rules:
         for asset in _of_rule(pipeline, rule):
@@ -149,11 +140,6 @@ def filled(pattern: str, values: Mapping[str, str]) -> str:
 
     >>> filled("{asset}_{output}.png", {"asset": "vase", "output": "normal"})
     'vase_normal.png'
-
-    Raises
-    ------
-    OptionError
-        A name in braces is not known, or a brace is unmatched.
     """
     if {"{", "}"} & set(_PLACE.sub("", pattern)):
         raise OptionError(f"{quoted(pattern)} has an unmatched brace; names are written {{name}}")

@@ -149,17 +149,10 @@ class Site:
 
     Attributes
     ----------
-    folder : Path
     inside : Path
         For the next build: the lock, digests, and the store unless it is elsewhere.
     outputs : str
         Folder or URL.
-    store : Store
-
-    Raises
-    ------
-    FileError
-        One of them has a name that no folder can have.
     """
 
     def __init__(self, pipeline: Pipeline, options: BuildOptions) -> None:
@@ -175,13 +168,7 @@ class Site:
         self.last = LastKeys(self.inside / "last.json")
 
     def make(self) -> None:
-        """Make the folders.
-
-        Raises
-        ------
-        FileError
-            One of them cannot be made.
-        """
+        """Make the folders."""
         make_folder(self.inside)
         ignore = self.inside / ".gitignore"
         if not ignore.exists():

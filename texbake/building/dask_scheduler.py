@@ -48,27 +48,7 @@ class SchedulerLostError(FileError):
 class DaskWorkers:
     """The workers of a Dask scheduler.
 
-    Parameters
-    ----------
-    address
-        Such as `tcp://host:8786`.
-    store
-        That all workers must see.
-    threads
-        Threads of each task; None divides the processors of each machine among the worker threads
-        there.
-    max_memory
-        Bytes that each task may take; None for what its worker may.
-    note
-        Called with a sentence on what happens to workers.
-
-    Raises
-    ------
-    DependencyError
-        Dask is not installed.
-    FileError
-        No scheduler answers, it has no workers, or a worker has another version of texbake or does
-        not see the store.
+    `max_memory`: bytes that each task may take.
     """
 
     def __init__(
@@ -222,13 +202,7 @@ class DaskWorkers:
                     raise
 
     def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
-        """Wait until a task is done or the timeout is over; return the outcomes of finished tasks.
-
-        Raises
-        ------
-        SchedulerLostError
-            The scheduler has disappeared, or has had no workers for a minute.
-        """
+        """Wait for a finished task or the timeout; return the outcomes of finished tasks."""
         found = []
         with suppress(queue.Empty):
             found.append(self._outcomes.get(timeout=timeout))
@@ -363,13 +337,7 @@ def _ending(error: BaseException, task: Task) -> str:
 
 
 def check_shared(place: str) -> None:
-    """Raise if a cluster cannot reach a place.
-
-    Raises
-    ------
-    OptionError
-        It is in the memory of this process.
-    """
+    """Raise if a cluster cannot reach a place."""
     if place.startswith("memory://"):
         raise OptionError(
             f"scheduler: {place} is in this process; give a place that all workers can reach"

@@ -36,14 +36,7 @@ def sees(place: str, mark: str) -> bool:
 def run_here(values: dict[str, Any], max_memory: int | None, mark: str) -> dict[str, Any]:
     """Run a task on a worker; the outcome is `lost` if the worker is not fit for the build.
 
-    Parameters
-    ----------
-    values
-        Of `Task.to_json`.
-    max_memory
-        Bytes that the task may take; the worker's own limit counts as well.
-    mark
-        Of the build, in its store.
+    `max_memory`: bytes that the task may take.
     """
     from distributed import get_worker
 

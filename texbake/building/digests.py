@@ -48,13 +48,7 @@ def _is_entry(known: Any) -> bool:
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
-    """Return the SHA-256 of a file.
-
-    Raises
-    ------
-    FileError
-        It cannot be read.
-    """
+    """Return the SHA-256 of a file."""
     require_file(path)
     try:
         with Path(path).open("rb") as file:
@@ -64,15 +58,7 @@ def file_digest(path: str | os.PathLike[str]) -> str:
 
 
 class Digests:
-    """Digests of files, kept in a file of their own.
-
-    Parameters
-    ----------
-    path
-        Of that file. A damaged file is not an error: everything is read again.
-    trusting : bool
-        Whether remembered digests are used; else every file is read once.
-    """
+    """Digests of files, kept in a file of their own."""
 
     def __init__(self, path: Path, *, trusting: bool = True) -> None:
         self._path = path
@@ -86,13 +72,7 @@ class Digests:
         self._changed = False
 
     def digest(self, path: str) -> str:
-        """Return the SHA-256 of a file, or of the file behind a URL.
-
-        Raises
-        ------
-        FileError
-            It cannot be read, or changed while it was read.
-        """
+        """Return the SHA-256 of a file, or of the file behind a URL."""
         signature = _signature(path)
         if signature is None:
             if is_url(path):

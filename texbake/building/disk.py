@@ -31,25 +31,7 @@ class LockError(FileError):
 def locked(
     path: Path, *, wait: bool = True, note: Callable[[str], None] | None = None
 ) -> Iterator[None]:
-    """Hold a lock within the block.
-
-    Parameters
-    ----------
-    path
-        Of the lock file, whose folder exists; the file stays when the lock is released. A file
-        beside it says which process holds the lock.
-    wait
-        Wait until another process releases the lock, instead of raising.
-    note
-        Called once before waiting, with a sentence on who holds the lock.
-
-    Raises
-    ------
-    LockError
-        The file cannot be made, or its file system has no locks.
-    FileError
-        Another process holds the lock.
-    """
+    """Hold a lock within the block."""
     lock = FileLock(path)
     holder = path.with_name(f"{path.name}.holder")
     try:
@@ -90,11 +72,6 @@ def owned_folder(parent: Path) -> Iterator[Path]:
     """Make a folder that is removed after the block, or by `clear` if its process was killed.
 
     A lock beside the folder says that its owner lives.
-
-    Raises
-    ------
-    FileError
-        It cannot be made.
     """
     make_folder(parent)
     try:

@@ -59,21 +59,7 @@ class DamagedInputError(Exception):
 
 
 def fetched(store: Store, item: TaskInput, copies: Path) -> Path:
-    """Return a local file or folder with an input, verified.
-
-    Parameters
-    ----------
-    store, item
-    copies
-        An empty folder for files that are not on this machine.
-
-    Raises
-    ------
-    DamagedInputError
-        A stored file no longer matches its checksum.
-    FileError
-        A file has changed since the build looked at it, or cannot be read.
-    """
+    """Return a local file or folder with an input, verified."""
     if item.path is None:
         return _stored(store, item, copies)
     path = Path(item.path)

@@ -70,8 +70,6 @@ class StepTable:
 
     Attributes
     ----------
-    name : str
-    kind : StepKind
     settings : dict
         All options, defaults included.
     inputs : dict of str to list of str
@@ -102,7 +100,6 @@ class Pipeline:
         Absolute.
     store, outputs : str or None
         Other folders or URLs for stored results and for outputs.
-    rules : tuple of AssetRule
     steps : dict of str to dict
         Tables of the steps; only their `do` is checked so far.
     checks : dict
@@ -141,13 +138,7 @@ class Pipeline:
         return FileFormatError(f"{self._where(place)}: {place}: {what}")
 
     def step(self, name: str, rule: AssetRule) -> StepTable:
-        """Return a step with the options that the assets of a rule have for it.
-
-        Raises
-        ------
-        FileFormatError
-            Something in it is wrong.
-        """
+        """Return a step with the options that the assets of a rule have for it."""
         key = (name, rule.index if name in rule.options else -1)
         if key not in self._checked:
             self._checked[key] = self._check(name, rule.options.get(name, {}), rule.index)
@@ -198,15 +189,7 @@ class Pipeline:
 
 
 def read_pipeline(path: PathLike) -> Pipeline:
-    """Read and check a pipeline file.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not TOML, or something in it is wrong; the message names line and key.
-    """
+    """Read and check a pipeline file."""
     data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")

@@ -46,7 +46,6 @@ class Node:
     ----------
     id : (str, str)
         Names of the asset and the step.
-    table : StepTable
     inputs : dict of str to tuple of Source
         By role.
     waits_for : tuple of Id
@@ -68,19 +67,7 @@ class Node:
 def plan_nodes(
     pipeline: Pipeline, assets: Sequence[PipelineAsset], outputs: str | None = None
 ) -> dict[Id, Node]:
-    """Return all steps of all assets, each after those that it depends on.
-
-    Parameters
-    ----------
-    pipeline, assets
-    outputs
-        Folder or URL where outputs go; None for what the pipeline says.
-
-    Raises
-    ------
-    FileFormatError
-        A reference leads nowhere or in a circle, or two outputs have the same name.
-    """
+    """Return all steps of all assets, each after those that it depends on."""
     nodes: dict[Id, Node] = {}
     orders: dict[tuple[str, ...], list[str]] = {}
     for asset in assets:

@@ -27,23 +27,7 @@ _THUMBNAILS = "thumbnails"
 
 
 def write_overview(path: PathLike, result: BuildResult, *, command: str = "") -> None:
-    """Write the page of a build: one file, which needs no network.
-
-    Parameters
-    ----------
-    path
-        The file, replaced as a whole. Links to the pages of assets are relative to it.
-    result
-        Pictures are outputs of `preview` steps, and links go to outputs of `page` steps; errors of
-        normals come from `page` steps, missed rays from `bake` steps.
-    command
-        What the page shows as the command that made it.
-
-    Raises
-    ------
-    FileError
-        It cannot be written.
-    """
+    """Write the page of a build: one file, which needs no network."""
     pictures = _thumbnails(result)
     folder = Path(os.path.realpath(path)).parent
     rows = [_row(asset, folder, pictures.get(asset.name)) for asset in result.assets]

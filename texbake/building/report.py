@@ -27,17 +27,14 @@ class StepResult:
 
     Attributes
     ----------
-    step, kind : str
     state : str
         `current`, `built`, `failed` or `blocked`; `waiting` where the build was interrupted.
     reasons, notes : tuple of str
         Why it ran; what happened on the way.
-    error, trace : str
     seconds : float
         In this build, from giving it to a worker to its answer.
     work_seconds : float or None
         That making its result took, in this build or an earlier one.
-    attempts : int
     peak_memory_bytes : int or None
         Of the worker up to the end of the step, in this build or an earlier one.
     figures : dict
@@ -46,7 +43,6 @@ class StepResult:
         Path or URL of each published output.
     n_bytes : int
         Total size of their files.
-    key : str
     """
 
     step: str
@@ -68,13 +64,7 @@ class StepResult:
 
 @dataclass(frozen=True, kw_only=True)
 class AssetResult:
-    """The result of one asset.
-
-    Attributes
-    ----------
-    name : str
-    steps : tuple of StepResult
-    """
+    """The result of one asset."""
 
     name: str
     steps: tuple[StepResult, ...]
@@ -246,13 +236,7 @@ def _plain(step: StepResult) -> dict[str, Any]:
 
 
 def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
-    """Write a report with one line per asset, so that people and programs find theirs.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write a report with one line per asset, so that people and programs find theirs."""
     rest = {name: value for name, value in report.items() if name != "assets"}
     head = json.dumps(rest, indent=1)[:-2]
     lines = ",\n  ".join(json.dumps(asset) for asset in report.get("assets", ()))

@@ -41,7 +41,6 @@ class StepState:
 
     Attributes
     ----------
-    node : Node
     state : str
         See `progress`.
     key, ingredients
@@ -52,11 +51,8 @@ class StepState:
         Why it runs.
     notes : list of str
         What happened on the way.
-    error, trace : str
     seconds : float
         That it took in this build.
-    attempts : int
-    worker : str
     """
 
     node: Node
@@ -108,20 +104,7 @@ class Resolver:
         self._states, self._store, self.digests, self._last = states, store, digests, last
 
     def look(self, state: StepState, *, repair: bool = True) -> bool:
-        """Return whether the result of a step is stored; if not, `state.reasons` says why.
-
-        Parameters
-        ----------
-        state
-            All steps before it have results.
-        repair
-            Remove a damaged stored result.
-
-        Raises
-        ------
-        FileError
-            An input cannot be read.
-        """
+        """Return whether the result of a step is stored; if not, `state.reasons` says why."""
         node = state.node
         inputs = {
             role: [self._described(source) for source in sources]
@@ -230,17 +213,7 @@ def _called(source: FileSource) -> str:
 def ingredients_of(
     kind: StepKind, settings: Settings, inputs: Mapping[str, list[dict[str, Any]]], asset: str
 ) -> Ingredients:
-    """Return everything that the result of a step depends on.
-
-    Parameters
-    ----------
-    kind, settings
-    inputs
-        By role: `called` and `sha256` of each file, and `with`, the digests of the files that it
-        names. Names count because they appear in meshes and reports.
-    asset
-        Its name counts for kinds that use it.
-    """
+    """Return everything that the result of a step depends on."""
     return {
         "texbake": __version__,
         "step": kind.name,

@@ -31,21 +31,7 @@ _LOOK_SECONDS = 0.5  # between events on which nothing happens
 
 
 class Schedule:
-    """The steps of a build.
-
-    Parameters
-    ----------
-    states : dict of Id to StepState
-        Each after those that it depends on.
-    resolver, store, publisher
-    executor : callable
-        Makes the executor; called before the first task.
-    memory_bytes : int or None
-        Bound on the estimated memory of all running steps; None for none.
-    listener
-    slots : int
-        Number of workers, for estimates of the time left.
-    """
+    """The steps of a build."""
 
     def __init__(
         self,

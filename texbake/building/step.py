@@ -52,7 +52,6 @@ class InputRole:
     ----------
     name : str
         Its key in the pipeline file.
-    required : bool
     many : bool
         Whether it is a list of one or more.
     """
@@ -117,7 +116,6 @@ class StepKind:
         `threads`.
     required : tuple of str
         Fields that must be given although they have a default.
-    inputs : tuple of InputRole
     outputs : callable
         Takes settings and returns the files that the step makes, name to file name. A reference to
         the step alone means the first. A file name without a suffix is a folder.
@@ -178,18 +176,7 @@ class StepKind:
         return [item.name for item in fields(self.options) if item.name not in self.without]
 
     def settings(self, given: Mapping[str, Any]) -> Settings:
-        """Return every option, defaults included, as plain values for JSON.
-
-        Parameters
-        ----------
-        given
-            Keys of a checked table of this kind.
-
-        Raises
-        ------
-        OptionError
-            A value is out of range, or two contradict each other.
-        """
+        """Return every option, defaults included, as plain values for JSON."""
         chosen = {name: given[name] for name in self.choices if name in given}
         values = asdict(self.options(**chosen))
         settings = {name: plain(values[name]) for name in self.choices}

@@ -44,8 +44,6 @@ class StoredFile:
         Path below the store.
     path : str
         Path below the output; empty for an output that is a file.
-    sha256 : str
-    size : int
     """
 
     name: str
@@ -63,13 +61,7 @@ class Store:
         self.is_local = isinstance(self._location, LocalFolder)
 
     def find(self, key: str) -> Manifest | None:
-        """Return the manifest of an entry, None without one.
-
-        Raises
-        ------
-        DamagedError
-            The manifest does not match its checksum.
-        """
+        """Return the manifest of an entry, None without one."""
         name = f"{entry_name(key)}/{MANIFEST}"
         content = self._location.read(name)
         if content is None:
@@ -143,25 +135,7 @@ class Store:
         ingredients: Ingredients,
         more: dict[str, Any],
     ) -> Manifest:
-        """Store a folder of results as an entry.
-
-        Parameters
-        ----------
-        key
-        folder
-            With the outputs; it is moved into the store.
-        outputs
-            File name of each output.
-        ingredients
-            What the key is the checksum of, kept to explain later what changed.
-        more
-            Further fields of the manifest: figures, times.
-
-        Raises
-        ------
-        FileError
-            An output is missing, or the disk is full.
-        """
+        """Store a folder of results as an entry."""
         manifest = {
             "key": key,
             "ingredients": ingredients,
@@ -317,13 +291,7 @@ class Publisher:
         ]
 
     def publish(self, node: Node, manifest: Manifest) -> int:
-        """Publish the outputs that are missing or changed; return how many files.
-
-        Raises
-        ------
-        FileError
-            A file cannot be written.
-        """
+        """Publish the outputs that are missing or changed; return how many files."""
         missing = self.missing(node, manifest)
         if not missing:
             return 0

@@ -34,17 +34,12 @@ class Task:
     ----------
     asset, step : str
         For messages.
-    kind : str
-    settings : dict
-    inputs : dict of str to tuple of TaskInput
     outputs : dict of str to str
         File name of each.
-    key : str
     ingredients : dict
         What the key is the checksum of.
     store : str
         Folder or URL of the store.
-    threads : int
     memory_bytes : int
         Estimate of the memory that it needs.
     most_memory : int, optional
@@ -99,7 +94,6 @@ class TaskOutcome:
         Key of the damaged input.
     worker : str
         Which worker ran it.
-    attempts : int
     """
 
     status: str
@@ -112,18 +106,7 @@ class TaskOutcome:
 
 
 def run_task(values: dict[str, Any]) -> dict[str, Any]:
-    """Run a task; the outcome reports whatever goes wrong.
-
-    Parameters
-    ----------
-    values
-        Of `Task.to_json`.
-
-    Returns
-    -------
-    dict
-        Fields of an `TaskOutcome`.
-    """
+    """Run a task; the outcome reports whatever goes wrong."""
     worker = f"{socket.gethostname()}"
     if values["version"] != __version__:
         error = (

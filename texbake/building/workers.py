@@ -59,15 +59,7 @@ class Executor(Protocol):
 
 
 class LocalWorkers:
-    """Worker processes on this machine.
-
-    Parameters
-    ----------
-    slots
-        How many run at once.
-    threads
-        Threads of each.
-    """
+    """Worker processes on this machine."""
 
     def __init__(self, slots: int, threads: int) -> None:
         self.slots, self.threads = slots, threads

@@ -72,15 +72,7 @@ class SurfaceEdges:
 
 
 class CheckedMesh:
-    """A mesh, its role, and its properties that several checks need, computed once.
-
-    Parameters
-    ----------
-    mesh
-    role : str
-        `low` or `high`: whether it is the low-poly or the high-poly mesh.
-    options
-    """
+    """A mesh, its role, and its properties that several checks need, computed once."""
 
     def __init__(self, mesh: Mesh, role: str, options: CheckOptions) -> None:
         self.mesh = mesh
@@ -221,20 +213,7 @@ def make_finding(
 ) -> Finding | None:
     """Make a finding, or return None where nothing was counted.
 
-    Parameters
-    ----------
-    name
-        Identifier of the kind, a key of `KINDS`.
-    mesh
-        `low` or `high`: the mesh that has it.
-    count
-        How often it occurs, in the unit of the kind; 0 gives None.
-    faces : (n,) int, optional
-        Faces that have it, in any order, maybe repeated.
-    badness : (n,) float, optional
-        How bad each of them is, greater where it is worse; None where all are equal.
-    figures
-        Values for the braces in the kind's sentences.
+    `count`: how often it occurs, in the unit of the kind; `faces` (n,) int; `badness` (n,) float.
     """
     if not count:
         return None

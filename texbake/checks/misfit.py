@@ -58,11 +58,6 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
 
     Other pairs that lie apart may be meant so: a plane and what stands before it, or a low-poly
     mesh that is inflated.
-
-    Raises
-    ------
-    MeshError
-        With the sentences of the finding that `check` has.
     """
     if min(high.n_faces, low.n_faces) == 0:
         return

@@ -46,13 +46,7 @@ _COLUMNS = 3
 
 
 def draw_findings(report: CheckReport, size: int) -> Picture:
-    """Draw the findings of a report in the texture of its low-poly mesh; see `CheckReport.picture`.
-
-    Raises
-    ------
-    UvError
-        There is no low-poly mesh with texture coordinates.
-    """
+    """Draw findings in the texture of the low-poly mesh; see `CheckReport.picture`."""
     mesh = report.low
     if mesh is None or not report.has_layout:
         raise UvError(

@@ -274,17 +274,8 @@ def self_intersections(checked: CheckedMesh) -> Finding | None:
 def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Search for a face that passes through each face.
 
-    Parameters
-    ----------
-    checked
-
-    Returns
-    -------
-    others : (F,) int32
-        A face that crosses each, the same on every run; -1 for none, and for most copies in a large
-        stack of equal faces.
-    unsure : (F,) bool
-        Faces for which the search was stopped, because thousands of others are near them.
+    Returns `others` (F,) int32, `unsure` (F,) bool: faces for which the search was stopped, because
+    thousands of others are near them.
     """
     mesh, threads = checked.mesh, checked.options.threads
     frame = LocalFrame.around(mesh)

@@ -72,24 +72,6 @@ def bind(declaration: Declaration, plain: Any, checked: Any = None) -> Callable[
 
     It takes the declared parameters in their order, without the sizes that shapes tell, and returns
     what the function of the core returns.
-
-    Parameters
-    ----------
-    declaration
-    plain
-        The function, as ctypes has it.
-    checked
-        The function that checks and calls it, or None if the library has none.
-
-    Raises
-    ------
-    TypeError
-        From a call: an argument is no array, or an array of another dtype.
-    ValueError
-        From a call: an array has another shape, is not contiguous or aligned, or is read-only and
-        would be written to.
-    MemoryError
-        From a call: the function found no memory.
     """
     plain.restype = _RESULTS[declaration.result]
     plain.argtypes = [

@@ -45,13 +45,7 @@ def library_name(level: str, checksum: str, suffix: str = SUFFIX) -> str:
 
 
 def find_builds() -> dict[str, Path]:
-    """Return the builds of these sources by level; empty in a damaged installation.
-
-    Raises
-    ------
-    BuildError
-        A checkout has no build, and none can be compiled.
-    """
+    """Return the builds of these sources by level; empty in a damaged installation."""
     checksum = sources_checksum()
     if not checksum:
         return _builds_in(FOLDER, "*")

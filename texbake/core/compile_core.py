@@ -78,13 +78,7 @@ TARGETS = (
 
 
 def this_machine() -> Target:
-    """Return the target that is the machine this runs on.
-
-    Raises
-    ------
-    SystemExit
-        There is none.
-    """
+    """Return the target that is the machine this runs on."""
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower())
     machine = machine or platform.machine().lower()
     system = {"win32": "windows", "darwin": "macos"}.get(sys.platform, "linux")
@@ -95,13 +89,7 @@ def this_machine() -> Target:
 
 
 def find_compiler() -> list[str] | None:
-    """Return the command of an installed compiler, or None.
-
-    Raises
-    ------
-    SystemExit
-        `CC` names a program that does not exist.
-    """
+    """Return the command of an installed compiler, or None."""
     named = os.environ.get("CC", "").split()
     if named and not shutil.which(named[0]):
         raise SystemExit(f"CC: there is no program '{named[0]}'; name a C compiler, or unset CC")
@@ -111,13 +99,7 @@ def find_compiler() -> list[str] | None:
 
 
 def zig_compiler() -> list[str]:
-    """Return the command of the compiler in the package `ziglang`.
-
-    Raises
-    ------
-    SystemExit
-        It is not installed.
-    """
+    """Return the command of the compiler in the package `ziglang`."""
     if importlib.util.find_spec("ziglang") is None:
         raise SystemExit("texbake: there is no C compiler, and the package ziglang is missing")
     return [sys.executable, "-m", "ziglang", "cc"]

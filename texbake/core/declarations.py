@@ -105,13 +105,7 @@ def split_prototypes(header: str) -> dict[str, re.Match[str]]:
 
 
 def read_prototype(match: re.Match[str]) -> Declaration:
-    """Read one prototype.
-
-    Raises
-    ------
-    ValueError
-        It has a form that is not described in `core.h`.
-    """
+    """Read one prototype."""
     result, name, parameters = match.groups()
     listed = " ".join(parameters.split())
     texts = [] if listed == "void" else re.split(r", (?![^\[]*\])", listed)

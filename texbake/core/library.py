@@ -78,13 +78,7 @@ def check_header(library: ctypes.CDLL, header: str) -> None:
 
 
 def load_library() -> ctypes.CDLL:
-    """Load the fastest build of the core that this processor runs.
-
-    Raises
-    ------
-    DependencyError
-        There is none, or it does not load.
-    """
+    """Load the fastest build of the core that this processor runs."""
     wanted = os.environ.get("TEXBAKE_CORE", "")
     if wanted and Path(wanted).suffix == SUFFIX:
         return _load(Path(wanted))

@@ -173,13 +173,7 @@ def det(matrices: npt.ArrayLike) -> Any:
 
 
 def solve(matrices: npt.ArrayLike, sides: npt.ArrayLike) -> Array:
-    """Solutions of `matrices @ x = sides`, for matrices (..., n, n) and sides (..., n, m) or (n,).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        A matrix is singular.
-    """
+    """Solve `matrices @ x = sides` for matrices (..., n, n) and sides (..., n, m) or (n,)."""
     if np.ndim(sides) == 1:
         return solve(matrices, np.asarray(sides)[:, None])[:, 0]
     a, b = np.array(matrices, np.float64, order="C"), np.asarray(sides, np.float64)

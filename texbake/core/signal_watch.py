@@ -65,11 +65,6 @@ def end_with_parent(descriptor: int = 0) -> None:
     """Let this process end as soon as the other end of a pipe is closed, whatever Python does.
 
     For child processes. Not on Windows.
-
-    Parameters
-    ----------
-    descriptor
-        Reading end of the pipe; by default stdin.
     """
     if os.name != "nt":
         wait = core.library.end_with_pipe

@@ -150,21 +150,7 @@ def encoded_channels(
     quality: int = 90,
     threads: int | None = None,
 ) -> dict[str, ChannelSource]:
-    """Return channels for a mesh from the maps that were baked for it.
-
-    Parameters
-    ----------
-    maps
-        `normal`, and the maps of `carried_channels`.
-    materials
-        What the maps were baked from; channels that are the same all over are taken from them.
-    name
-        Of the asset, for the names of the images.
-    encoding, quality
-        As for `encode_image`.
-    threads
-        None for every processor.
-    """
+    """Return channels for a mesh from the maps that were baked for it."""
     sources: dict[str, ChannelSource] = {}
     for channel in _set_channels(materials):
         constant = constant_source(materials, channel)
@@ -260,19 +246,6 @@ def shared_materials(
     One material is enough unless the source is opaque in one place and not in another, or
     double-sided, or unlit: a renderer asks that of a material as a whole. A face then has the
     material of the nearest point of the source.
-
-    Parameters
-    ----------
-    low
-        The mesh that gets them.
-    high, materials
-        The mesh that they come from, and its materials.
-    channels
-        As `encoded_channels` returns them.
-    name
-        Of the materials.
-    threads
-        None for every processor.
     """
     kinds = [replace(material, name="", channels={}) for material in materials.materials]
     used = np.unique(materials.face_materials).tolist()
@@ -331,14 +304,7 @@ def _nearest_faces(low: Mesh, high: Mesh, threads: int | None) -> npt.NDArray[np
 
 
 def texture_size(materials: Materials | None, least: int, most: int) -> int:
-    """Return a power of two at which an atlas holds about as many texels as the images do.
-
-    Parameters
-    ----------
-    materials
-    least, most
-        Bounds of the result.
-    """
+    """Return a power of two at which an atlas holds about as many texels as the images do."""
     from texbake.texture.image import image_shape
 
     area = 0

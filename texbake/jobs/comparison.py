@@ -120,26 +120,7 @@ def page_file(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[Comparison | None]:
-    """Write a page of an asset: both meshes, the maps, and how closely they match.
-
-    Parameters
-    ----------
-    high, low
-        Mesh files.
-    html
-        The page, which needs no network.
-    options, normal_map, displacement, albedo, threads, progress
-        As for `compare_files`.
-    name
-        What the page calls the asset, if the names of the files do not say it.
-    misses
-        The miss map of the bake.
-
-    Returns
-    -------
-    JobResult
-        The report is the comparison; None without a normal map.
-    """
+    """Write a page of an asset: both meshes, the maps, and how closely they match."""
     check_page(html)
     options = options or RenderOptions()
     high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))

@@ -35,8 +35,6 @@ class DefaultView:
     ----------
     path : path
         The file.
-    scene : Scene
-    options : RenderOptions
     camera : Camera, optional
         None for the scene's own.
     n_strays : int

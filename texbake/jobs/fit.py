@@ -25,13 +25,7 @@ _FEW_MISSED = 0.1  # single texels at the edges of charts
 
 
 def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
-    """Raise where a low-poly mesh fits only once it is scaled, rotated or moved.
-
-    Raises
-    ------
-    MeshError
-        As `stop_at_misfit` does.
-    """
+    """Raise where a low-poly mesh fits only once it is scaled, rotated or moved."""
     limit = _NEAR * min(high.diagonal, low.diagonal)
     if (np.abs(high.bounds - low.bounds) <= limit).all():
         return
@@ -69,12 +63,6 @@ def why_missed(
     Parts of the high-poly mesh that face inwards are flipped, as they were for the bake. The
     low-poly mesh is not flipped: the maps would fit another mesh than the one in its file, with
     other normals and mirrored charts, and a bake writes no meshes.
-
-    Raises
-    ------
-    MeshError
-        The meshes face opposite ways, and `orientation` is not `keep`, which bakes them as they
-        are.
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()

@@ -17,13 +17,7 @@ from texbake.texture.model_materials import read_materials
 
 
 def check_high_texture(image: PathLike | None, maps: Iterable[str]) -> None:
-    """Raise if an image is given for the materials, and none of the maps is read from one.
-
-    Raises
-    ------
-    OptionError
-        There is no such map.
-    """
+    """Raise if an image is given for the materials, and none of the maps is read from one."""
     if image is not None and not _channels(maps):
         raise OptionError(
             f"high_texture, maps: {Path(image).name} is for a map of the materials, such as "
@@ -44,14 +38,7 @@ def needs_materials(maps: Iterable[str], options: BakeOptions) -> bool:
 def materials_of(
     path: PathLike, mesh: Mesh, image: PathLike | None, maps: Iterable[str] = ()
 ) -> Materials | None:
-    """Return the materials of a mesh file if it has any, or one with an image for one of `maps`.
-
-    Raises
-    ------
-    OptionError
-        `maps` are several channels of materials, and one image is given for them; or the channel
-        is one number, and red, green and blue of the image differ.
-    """
+    """Return the materials of a mesh file if it has any, or one with an image for one of `maps`."""
     if image is None:
         return read_materials(path, mesh)
     channels = _channels(maps)

@@ -51,7 +51,6 @@ class HeightMapReport:
 
     Attributes
     ----------
-    field : HeightField
     mid, scale : float
         Of the file: a value v means the height (v - mid) * scale.
     """

@@ -33,8 +33,6 @@ class LowPoly:
 
     Attributes
     ----------
-    mesh : Mesh
-    report : SimplifyReport
     why : tuple of str
         Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which
         gaps were closed.
@@ -128,24 +126,7 @@ def make_low_poly(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> LowPoly:
-    """Reduce a mesh to a number of faces, from a closed surface around it if that is closer.
-
-    Parameters
-    ----------
-    high
-    n_faces, error, quality, seams, threads, progress
-        As for `simplify_with_report`.
-    remesh : {"auto", "always", "never"}
-    rule
-        Which edges are hard.
-    must_reach
-        Whether more faces than requested, by over 1 %, are an error.
-
-    Raises
-    ------
-    MeshError
-        There are more faces than requested, and no error allows them.
-    """
+    """Reduce a mesh to a number of faces, from a closed surface around it if that is closer."""
     make = _Maker(
         high=high, rule=rule, n_faces=n_faces, error=error, quality=quality, seams=seams,
         threads=threads, progress=progress,

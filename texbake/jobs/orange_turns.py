@@ -127,14 +127,7 @@ def measure_turns(
 ) -> OrangeTurns:
     """Turn the light and the viewer around an orange, and measure the error of each method.
 
-    Parameters
-    ----------
-    angles
-        By how many degrees each is turned, around the vertical axis.
-    threads
-        Number of threads; None uses every processor. The result does not depend on it.
-    progress
-        Receives the stages.
+    `angles`: by how many degrees each is turned, around the vertical axis.
     """
     stages = Stages(progress)
     with stages.stage("bake the orange"):

@@ -52,11 +52,6 @@ def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
     """Write figures as JSON; the file appears whole or not at all.
 
     NaN and infinities, for which JSON has no numbers, become null, and paths become text.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
     """
     text = json.dumps(_plain(report), indent=2, allow_nan=False)
     with replacing(path) as temporary:

@@ -296,18 +296,6 @@ def write_turntable(
     """Draw one turn around the scene into a folder, as `000.png`, `001.png` and so on.
 
     The folder is made if it is missing; each file in it appears whole or not at all.
-
-    Returns
-    -------
-    Frame
-        The last picture.
-
-    Raises
-    ------
-    FileError
-        The folder cannot be written.
-    TexbakeError
-        As `texbake.rendering.render.render_scene` does.
     """
     path = make_folder(folder)
     prepared = prepare(scene, replace(options, exposure="none"), threads=threads)

@@ -43,31 +43,7 @@ def open_preview(
     as_mesh: bool = False,
     progress: ProgressSink | None = None,
 ) -> tuple[Scene, RenderOptions]:
-    """Read a scene to draw, and the options to draw it with.
-
-    Parameters
-    ----------
-    path
-        A mesh, a glTF file or a `.toml` scene. A glTF file is drawn with its own materials, unless
-        maps are given.
-    normal_map, displacement, albedo
-        Maps of a mesh, as in `texbake.rendering.render.render`.
-    space
-        Of the normal map; None: what its file says, else tangent space.
-    options
-        Fields of `RenderOptions` that override those of the scene file.
-    as_mesh
-        Draw a glTF file as a mesh without its own materials, even if no maps are given.
-    progress
-        Receives the progress of reading.
-
-    Raises
-    ------
-    OptionError
-        Maps are given for a scene, which has its own materials, or a space without a normal map.
-    TexbakeError
-        As `read_mesh` and `read_scene` do.
-    """
+    """Read a scene to draw, and the options to draw it with."""
     maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
     named = [name for name, source in maps.items() if source is not None]
     suffix = Path(path).suffix.lower()

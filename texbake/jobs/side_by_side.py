@@ -28,13 +28,7 @@ def side_by_side_options(
     buffers: Sequence[str] = (),
     mapping_orders: Sequence[str] = (),
 ) -> list[tuple[str, RenderOptions]]:
-    """Return options for every combination of what is given, each with a caption.
-
-    Raises
-    ------
-    OptionError
-        A name is not known.
-    """
+    """Return options for every combination of what is given, each with a caption."""
     given = {
         "filter": filters,
         "interpolation": interpolations,
@@ -59,12 +53,7 @@ def render_side_by_side(
 ) -> tuple[FloatImage, list[Frame]]:
     """Draw a scene with several options and one exposure, and put the pictures side by side.
 
-    Returns
-    -------
-    color : (H, W, 3) float32
-        Linear, with a caption below each picture.
-    frames : list of Frame
-        The pictures themselves.
+    Returns `color` (H, W, 3) float32, linear, with a caption below each picture.
     """
     frames = []
     for _, options in variants:

@@ -106,15 +106,7 @@ def _texels_for(mesh: Mesh, n_cells: int) -> int:
 
 
 def check_layout(path: PathLike) -> None:
-    """Raise now if `write_layout` could not write there.
-
-    Raises
-    ------
-    FileFormatError
-        The suffix is neither .png nor .svg.
-    FileError
-        The folder is missing or cannot be written.
-    """
+    """Raise now if `write_layout` could not write there."""
     suffix = Path(path).suffix.lower()
     if suffix not in LAYOUT_SUFFIXES:
         raise FileFormatError(

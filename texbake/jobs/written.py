@@ -90,8 +90,6 @@ class MaterialBorders:
 
     Attributes
     ----------
-    mesh : Mesh
-    source : SourceMaterials
     parts : (G, 2) int32, optional
         Group and material of each group of `mesh`; None where there is one material at most.
     """

@@ -15,15 +15,8 @@ _LONGEST = 1e75
 def signed_areas(corners: FloatArray) -> FloatArray:
     """Area of each triangle in texture space, negative where it is mirrored.
 
-    Parameters
-    ----------
-    corners : (F, 3, 2) float64
-        Texture coordinates of the corners, such as `measurable_uvs` returns.
-
-    Returns
-    -------
-    (F,) float64
-        In units of the unit square; 0 for a triangle without area.
+    `corners` (F, 3, 2) float64. Returns (F,) float64, in units of the unit square; 0 for a triangle
+    without area.
 
     Examples
     --------
@@ -37,15 +30,7 @@ def signed_areas(corners: FloatArray) -> FloatArray:
 def surface_areas(corners: FloatArray) -> FloatArray:
     """Area of each triangle in space.
 
-    Parameters
-    ----------
-    corners : (F, 3, 3) float64
-        Positions of the corners.
-
-    Returns
-    -------
-    (F,) float64
-        0 for a triangle without area.
+    `corners` (F, 3, 3) float64. Returns (F,) float64: 0 for a triangle without area.
     """
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(pm.norm(crosses, axis=1) / 2.0)
@@ -82,13 +67,7 @@ def has_measurable_uvs(mesh: Mesh) -> bool:
 
 
 def measurable_uvs(mesh: Mesh) -> FloatArray:
-    """(F, 3, 2) float64: texture coordinates of the corners, checked so that areas are finite.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or some lie more than 1e75 tiles from the origin.
-    """
+    """(F, 3, 2) float64: texture coordinates of the corners, checked so that areas are finite."""
     corners = mesh.corner_uvs()
     if not has_measurable_uvs(mesh):
         raise UvError(

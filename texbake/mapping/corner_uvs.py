@@ -44,16 +44,7 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
 
     Corners of one vertex with equal coordinates share one entry.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    corners : (F, 3, 2) float64
-
-    Returns
-    -------
-    Mesh
-        Positions and faces are shared with `mesh`; `uvs` are in the order in which faces first use
-        them. Tangents of the mesh are dropped, since they belong to the old coordinates.
+    `corners` (F, 3, 2) float64. Returns Mesh: positions and faces are shared with `mesh`.
     """
     uvs, uv_faces = joined_corners(mesh.faces, corners)
     return mesh.replace(uvs=uvs, uv_faces=uv_faces, tangents=None)
@@ -62,16 +53,8 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
 def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Weld the coordinates of corners that belong to the same vertex.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
-        Vertices of the corners.
-    corners : (F, 3, 2) float64
-
-    Returns
-    -------
-    uvs : (T, 2) float64
-    uv_faces : (F, 3) int32
+    `faces` (F, 3) int32; `corners` (F, 3, 2) float64. Returns `uvs` (T, 2) float64, `uv_faces` (F,
+    3) int32.
     """
     flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
     # Rows are welded by values of one type; a vertex index is exact as a float64.
@@ -81,13 +64,7 @@ def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, In
 
 
 def faces_of_group(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
-    """(F,) bool: the faces of a group.
-
-    Raises
-    ------
-    OptionError
-        The mesh has no such group, or no face is in it.
-    """
+    """(F,) bool: the faces of a group."""
     if not mesh.group_names or mesh.face_groups is None:
         raise OptionError(f"only: {mesh.name} has no groups, so none is named {name}")
     ids = [i for i, known in enumerate(mesh.group_names) if known == name]
@@ -120,19 +97,7 @@ def with_selected_corners(
 ) -> tuple[FloatArray, int]:
     """Corner coordinates of a whole mesh after some of its faces got new ones.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The other faces keep its coordinates; if it has none, they get (0, 0).
-    chosen : (F,) bool
-    corners : (n, 3, 2) float64
-        Coordinates of the chosen faces.
-
-    Returns
-    -------
-    corners : (F, 3, 2) float64
-    n_without : int
-        Number of other faces without coordinates.
+    `chosen` (F,) bool; `corners` (n, 3, 2) float64. Returns `corners` (F, 3, 2) float64.
     """
     has_uvs = mesh.uvs is not None
     whole = mesh.corner_uvs().copy() if has_uvs else np.zeros((mesh.n_faces, 3, 2))

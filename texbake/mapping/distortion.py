@@ -74,10 +74,8 @@ class FaceDistortion:
     ----------
     face : int
         Its index in the mesh.
-    chart : int
     l2, linf : float
         Stretch at the scale of the whole mesh; a mirrored face is measured as if flipped.
-    mirrored : bool
     """
 
     face: int

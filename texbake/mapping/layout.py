@@ -197,18 +197,7 @@ def add_faces(
 
     Kernel: `core/scanline_coverage.c`.
 
-    Parameters
-    ----------
-    pixels : (F, 3, 2) float64
-        Corners, x to the right and y down.
-    colors : (F, 3) float64
-        Linear colors.
-    top : int
-        y of the first row of `sums`.
-    half_edge, edge_light : float
-        Samples within `half_edge` of an edge have their color multiplied by `edge_light`.
-    sums : (H, W, 4) float64
-        Red, green, blue and the number of samples; added to.
+    `pixels` (F, 3, 2) float64; `colors` (F, 3) float64, linear colors; `sums` (H, W, 4) float64.
     """
     core.cover_faces(pixels, colors, top, half_edge, edge_light, sums)
 
@@ -218,15 +207,6 @@ def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.ui
 
     Kernel: `core/scanline_coverage.c`.
 
-    Parameters
-    ----------
-    ends : (N, 2, 2) float64
-        End points; they may coincide.
-    width : float
-        Width of the lines in pixels.
-    top : int
-        y of the first row of `masks`.
-    masks : (H, W) uint16
-        Added to.
+    `ends` (N, 2, 2) float64; `width`: width of the lines in pixels; `masks` (H, W) uint16.
     """
     core.cover_lines(ends, top, width / 2.0, masks)

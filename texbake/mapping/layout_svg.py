@@ -226,9 +226,7 @@ class _Walks:
     def of_points(self, points: Points, *, closed: bool) -> list[str]:
         """Path data of each walk through the points of its places; "z" closes `closed` ones.
 
-        Parameters
-        ----------
-        points : (n, 2) int64
+        `points` (n, 2) int64.
         """
         stops = np.empty(len(self.ends), dtype=np.int64)
         n_bytes = core.write_walks(points, self.ends, closed, None, stops)

@@ -84,12 +84,7 @@ class LayoutWindow:
     def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> LayoutWindow:
         """Window that contains the unit square, every face with area, and the tiles they lie in.
 
-        Parameters
-        ----------
-        uvs : (F, 3, 2) float64
-            Coordinates of the corners.
-        size : int or (int, int)
-            Pixels of a picture of one tile; a picture of several has the same longer side.
+        `uvs` (F, 3, 2) float64; `size` int or (int, int): pixels of a picture of one tile.
         """
         sides = np.array([size, size] if isinstance(size, int) else size, dtype=np.float64)
         shown = uvs[signed_areas(uvs) != 0.0]
@@ -137,20 +132,7 @@ def face_colors(
 ) -> FloatArray:
     """Colors of faces, by chart or by stretch; mirrored faces are red.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    charts : (F,) int32
-    size : int or (int, int)
-        Size of the texture; only its aspect ratio matters.
-    heat
-        Show stretch instead of charts. Faces without area are gray.
-
-    Returns
-    -------
-    (F, 3) float64
-        sRGB-coded.
+    `charts` (F,) int32; `size` int or (int, int). Returns (F, 3) float64: sRGB-coded.
     """
     colors = _heat_colors(mesh, size) if heat else _chart_palette(int(charts.max()) + 1)[charts]
     colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED

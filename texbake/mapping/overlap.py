@@ -68,12 +68,7 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
     The test compares the triangles themselves, not texels. Overlaps less deep than a millionth of
     the texture are rounding and do not count, nor do those of faces thinner than that.
 
-    Parameters
-    ----------
-    corners : (F, 3, 2) float64
-        Texture coordinates of the corners.
-    threads
-        None for every processor.
+    `corners` (F, 3, 2) float64.
     """
     overlapping, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
     farthest = float(np.abs(corners).max(initial=0.0))
@@ -97,18 +92,7 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt.NDArray[np.bool_]:
     """Find the faces that cover a part of the texture that another face covers too.
 
-    Parameters
-    ----------
-    corners : (F, 3, 2) float64
-        Texture coordinates of the corners.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (F,) bool
-        False for faces that share only an edge or a corner, and for faces without area. See
-        `find_overlaps` for faces that could not be compared with all others.
+    `corners` (F, 3, 2) float64. Returns (F,) bool.
 
     Examples
     --------
@@ -124,20 +108,7 @@ def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
     """Spread the faces of each chart over layers, so that no two faces of one layer overlap.
 
-    Parameters
-    ----------
-    corners : (F, 3, 2) float64
-        Coordinates of the corners.
-    charts : (F,) int32
-        Chart of each face; faces of different charts are not compared.
-    depth : float
-        Overlaps up to this depth, in the unit of `corners`, do not count.
-
-    Returns
-    -------
-    (F,) int32
-        Layer of each face: the lowest that earlier faces leave free, so 0 throughout a chart
-        without overlaps. The time grows with the number of overlaps.
+    `corners` (F, 3, 2) float64; `charts` (F,) int32. Returns (F,) int32.
     """
     corners = _along_their_edges(corners)
     charts = np.ascontiguousarray(charts, dtype=np.int32)

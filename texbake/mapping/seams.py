@@ -28,23 +28,7 @@ BoolArray = npt.NDArray[np.bool_]
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
     """Chart of each face: faces joined by edges that they share in space and in the texture.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    cut : (F,) bool, optional
-        Faces that are not joined to those where it is False.
-
-    Returns
-    -------
-    (F,) int32
-        Charts are numbered from 0 in the order of their first faces. A face that shares no edge in
-        the texture is a chart of its own, even if it has no area.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
+    `cut` (F,) bool. Returns (F,) int32.
 
     Examples
     --------
@@ -61,20 +45,7 @@ def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
 def border_edges(mesh: Mesh) -> BoolArray:
     """Edges that no other face shares in space and in the texture: the outlines of charts.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-
-    Returns
-    -------
-    (F, 3) bool
-        True for each edge, from a corner to the next, that is a border.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
+    Returns (F, 3) bool: true for each edge, from a corner to the next, that is a border.
     """
     return _used_once(edge_ids(_texture_corners(mesh)))
 
@@ -82,22 +53,8 @@ def border_edges(mesh: Mesh) -> BoolArray:
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
     """Edges along which the texture is cut but the surface is not, on both sides of each seam.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    faces : (F,) bool, optional
-        The faces to look at, as if there were no others; None for all.
-
-    Returns
-    -------
-    (F, 3) bool
-        True for each edge, from a corner to the next, that is a seam; False for other faces.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
+    `faces` (F,) bool. Returns (F, 3) bool: true for each edge, from a corner to the next, that is a
+    seam; False for other faces.
     """
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
     in_texture = edge_ids(_texture_corners(mesh)[kept])
@@ -112,17 +69,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
 
     A seam counts once although both its sides are borders of charts.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    faces : (F,) bool, optional
-        The faces to look at, as if there were no others; None for all.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
+    `faces` (F,) bool.
     """
     rows, starts = np.nonzero(seam_edges(mesh, faces))
     tails = mesh.positions[mesh.faces[rows, starts]]
@@ -133,15 +80,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
 def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
     """Components of faces that share an edge.
 
-    Parameters
-    ----------
-    edges : (F, 3) int64
-        Edges of each face, from `edge_ids`.
-
-    Returns
-    -------
-    (F,) int32
-        Numbered from 0 in the order of their first faces.
+    `edges` (F, 3) int64. Returns (F,) int32: numbered from 0 in the order of their first faces.
     """
     # Edges take the place of vertices: faces that share one are connected.
     components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
@@ -166,17 +105,7 @@ def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray
 
     Kernel: `core/union_find.c`.
 
-    Parameters
-    ----------
-    n_items : int
-    firsts, seconds : (N,) int
-        Pairs of connected items.
-
-    Returns
-    -------
-    (n_items,) int32
-        Group of each item: equal for items that a chain of pairs connects; numbered from 0 without
-        gaps, in the order of first items.
+    `firsts`, `seconds` (N,) int. Returns (n_items,) int32.
 
     Examples
     --------

@@ -60,21 +60,7 @@ class StackedIslands:
 
     @classmethod
     def of(cls, mesh: Mesh, baked: Sequence[str] = ()) -> StackedIslands:
-        """Find the islands of a mesh that coincide, and choose one of each stack.
-
-        Parameters
-        ----------
-        mesh
-            With texture coordinates.
-        baked
-            Numbers of faces, or names of groups, whose islands are chosen where they are stacked.
-            Else it is the first island in the unit square, or the first of all.
-
-        Raises
-        ------
-        OptionError
-            There is no such face or group.
-        """
+        """Find the islands of a mesh that coincide, and choose one of each stack."""
         chosen = _named_faces(mesh, baked)
         uvs = mesh.corner_uvs()
         with np.errstate(over="ignore", invalid="ignore"):  # far outside of any tile

@@ -103,18 +103,7 @@ class FaceStretch:
 def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     """Measure the stretch of each face.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    size : int or (int, int)
-        Texels along each side, or (width, height).
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or some are too far out to be measured; or no face has
-        an area both in space and in the texture.
+    `size` int or (int, int): texels along each side, or (width, height).
     """
     corners = mesh.positions[mesh.faces]
     texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
@@ -143,13 +132,7 @@ def stretch_by_group(
 ) -> list[Stretch]:
     """Average the stretch of faces, group by group, at the scale of the whole.
 
-    Parameters
-    ----------
-    found : FaceStretch
-    groups : (M,) int
-        Group of each of its faces; from 0 without gaps.
-    turned
-        Measure mirrored faces as if they were flipped, instead of as infinite.
+    `groups` (M,) int.
     """
     n_groups = int(groups.max()) + 1
     ratios, growths = found.greatest / found.least, found.greatest * found.least

@@ -26,16 +26,8 @@ _RADIUS = 0.5
 def transform_uvs(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
     """Apply the warp, the flip, the rotation and the scale, in this order.
 
-    Parameters
-    ----------
-    coordinates : (..., 2) float64
-    options : UnwrapOptions
-        `warp`, `flip`, `rotate` and `scale` are read.
-
-    Returns
-    -------
-    (..., 2) float64
-        Bit-equal to the input if no option is set.
+    `coordinates` (..., 2) float64. Returns (..., 2) float64: bit-equal to the input if no option is
+    set.
     """
     flat = coordinates.reshape(-1, 2)
     if options.warp is not None:
@@ -53,22 +45,8 @@ def transform_uvs(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray
 def scale_to_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> FloatArray:
     """Scale coordinates so that the mesh as a whole has the requested texel density.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    corners : (F, 3, 2) float64
-    options : UnwrapOptions
-        `texel_density`, in texels per model unit, and `size` are read.
-
-    Returns
-    -------
-    (F, 3, 2) float64
-        `corners` itself if `texel_density` is None.
-
-    Raises
-    ------
-    UvError
-        The faces have no area in space or in the texture.
+    `corners` (F, 3, 2) float64; `options`: `texel_density`, in texels per model unit, and `size`
+    are read. Returns (F, 3, 2) float64: `corners` itself if `texel_density` is None.
     """
     if options.texel_density is None:
         return corners
@@ -97,20 +75,7 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
 def warp_uvs(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
     """Apply a warp, given by name, by name and strength, or as a function.
 
-    Parameters
-    ----------
-    coordinates : (n, 2) float64
-    warp
-        As in `TransformOptions`. A function gets a copy of the coordinates and returns (n, 2).
-
-    Returns
-    -------
-    (n, 2) float64
-
-    Raises
-    ------
-    OptionError
-        The function returns another shape or values that are not finite.
+    `coordinates` (n, 2) float64. Returns (n, 2) float64.
     """
     if callable(warp):
         return _checked(warp(coordinates.copy()), len(coordinates))

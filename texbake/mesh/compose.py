@@ -23,19 +23,7 @@ CORNERS = ("faces", "uv_faces", "normal_faces")
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes into one, each as a group of its own, named as the mesh.
-
-    Parameters
-    ----------
-    meshes : sequence of Mesh
-        At least one.
-
-    Returns
-    -------
-    Mesh
-        Positions and faces of all, in their order, with the texture coordinates and normals if
-        every mesh has them. A single mesh comes back as it is.
-    """
+    """Put meshes into one, each as a group of its own, named as the mesh."""
     if len(meshes) == 1:
         return meshes[0]
     fields: dict[str, Any] = {}
@@ -88,13 +76,6 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
 
     Where only some have texture coordinates or normals, the others get zeros, and white where only
     some have colors; tangents are kept where all have them. Each keeps its groups.
-
-    Parameters
-    ----------
-    parts : sequence of Mesh
-        At least one, each with groups.
-    name
-        Of the whole.
     """
     if len(parts) == 1:
         return parts[0].replace(name=name)
@@ -157,15 +138,7 @@ def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
     """Mesh of some faces; rows of all arrays keep their order.
 
-    Parameters
-    ----------
-    chosen : (F,) bool
-        At least one.
-
-    Returns
-    -------
-    Mesh
-        The names of its groups are those of the whole. The mesh itself if all faces are chosen.
+    `chosen` (F,) bool.
     """
     if chosen.all():
         return mesh
@@ -200,17 +173,7 @@ _UNIT = 1e-6
 def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     """Move a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    matrix : (4, 4) float64
-        Affine; takes (x, y, z, 1) of the mesh to where it is to be.
-
-    Returns
-    -------
-    Mesh
-        Its faces are counter-clockwise seen from outside also where the map mirrors: then all
-        corners of a face are listed in the opposite order; see `corner_order`.
+    `matrix` (4, 4) float64.
     """
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
@@ -267,14 +230,7 @@ def signed_tangents(
 ) -> npt.NDArray[np.float32]:
     """(n, 4) tangents, unit where they do not vanish, w 1 or -1.
 
-    Parameters
-    ----------
-    directions : (n, 3) float64
-        Changed in place.
-    w : (n, 1)
-        Signs of the bitangents; a value that rounds to neither 1 nor -1 counts as 1.
-    signs : (n, 1) or float
-        -1 where the texture is mirrored on the surface.
+    `directions` (n, 3) float64; `w` (n, 1); `signs` (n, 1) or float.
     """
     lengths = pm.norm(directions, axis=1, keepdims=True)
     scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)
@@ -296,10 +252,7 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
 
     Tangents are left out, since they belong to the old normals.
 
-    Parameters
-    ----------
-    mesh
-    turned : (F,) bool
+    `turned` (F,) bool.
     """
     if not turned.any():
         return mesh

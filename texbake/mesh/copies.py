@@ -28,20 +28,8 @@ def without_copies(
 
     Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-    ids : (n,) int
-        Faces, sorted by their codes.
-    codes : (n,) uint64
-        Those of faces with the same corners are the same.
-
-    Returns
-    -------
-    (n,) bool
-        False for a face that has the corners of one before it, in the same order, if more than
-        `_STACK` faces have its code.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int; `codes` (n,) uint64. Returns
+    (n,) bool.
     """
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:

@@ -152,19 +152,7 @@ def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
 def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool = False) -> IntArray:
     """Collapse edges onto one of their ends until `n_faces` are left or no edge can.
 
-    Parameters
-    ----------
-    stream
-        Its seams keep together and are kept.
-    n_faces
-        Number of faces wanted.
-    lock_boundary
-        Leave boundary vertices where they are, instead of collapsing them along the boundary.
-
-    Returns
-    -------
-    (F, 3) int32
-        Faces over the stream's vertices, wound like those they come from.
+    Returns (F, 3) int32: faces over the stream's vertices, wound like those they come from.
     """
     vertex_of, points = stream.vertices
     faces = _with_three_places(stream, stream.faces).copy()
@@ -202,16 +190,6 @@ def move_and_collapse(
     Seams keep together. Texture coordinates and hard normals follow their vertices: each is that of
     the closest point of the faces around the collapse, and no face turns over in texture space.
     Kernels: `core/quadric_simplification.c`, `core/carried_attributes.c`.
-
-    Parameters
-    ----------
-    mesh
-        Whose attributes the stream's vertices have.
-    stream
-    n_faces
-        Number of faces wanted.
-    lock_boundary
-        Leave boundary vertices where they are.
     """
     vertex_of, points = stream.vertices
     points = points.copy()

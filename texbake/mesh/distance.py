@@ -197,21 +197,8 @@ def sample_surface(
     Each lies in its own n-th of the area, within its face at the next point of a
     low-discrepancy sequence. A mesh without area gets its samples in equal steps of its faces.
 
-    Parameters
-    ----------
-    mesh
-    n
-        Number of points, at least 1.
-    seed
-        Moves the points.
-
-    Returns
-    -------
-    points : (n, 3) float64
-    face_ids : (n,) int32
-        Not decreasing.
-    barycentrics : (n, 3) float64
-        Weights of the face's corners.
+    Returns `points` (n, 3) float64, `face_ids` (n,) int32, not decreasing, `barycentrics` (n, 3)
+    float64: weights of the face's corners.
     """
     if n < 1:
         raise OptionError(f"n: {n} is too few; it must be at least 1")

@@ -31,19 +31,6 @@ def search_fewest(
 ) -> int:
     """Try numbers of faces, and return the least that stays within a limit.
 
-    Parameters
-    ----------
-    attempt
-        Takes how many faces to ask for. More may be left where no fewer are possible.
-    limit
-        Of the error.
-    n_least
-        Fewest faces to ask for.
-    n_most
-        Faces of the surface itself, which fits.
-    n_first
-        What to try first.
-
     Examples
     --------
     >>> search_fewest(lambda n: Trial(n, 5.0 / n), 0.01, 4, 10_000, 1000) in range(500, 511)

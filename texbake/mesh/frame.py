@@ -50,11 +50,6 @@ class LocalFrame:
         The longest side of the box is more than 0.5 and at most 1 local unit long, so that all
         points that faces use lie in [-0.5, 0.5]³ (to rounding). Where all points are equal, the
         scale is 1.
-
-        Raises
-        ------
-        MeshError
-            No mesh is given.
         """
         if not meshes:
             raise MeshError("local frame: there is no mesh to put it around; give at least one")
@@ -108,7 +103,6 @@ class UnitGrid:
 
     Attributes
     ----------
-    frame : LocalFrame
     side : float
         The longest side in local units; 0 where all points are equal.
     """

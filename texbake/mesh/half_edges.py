@@ -14,15 +14,8 @@ from texbake.mesh.weld import weld_rows
 def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
     """Number the undirected edges between corners.
 
-    Parameters
-    ----------
-    corners : (F, 3) int
-        Equal for corners that are the same; below 2^31.
-
-    Returns
-    -------
-    (F, 3) int64
-        Number of the edge from each corner to the next; from 0 without gaps.
+    `corners` (F, 3) int. Returns (F, 3) int64: number of the edge from each corner to the next;
+    from 0 without gaps.
     """
     tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
     ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
@@ -45,22 +38,8 @@ def opposite_half_edges(
 ) -> IntArray:
     """The half-edge opposite to each, across which the surface continues.
 
-    Parameters
-    ----------
-    corners : (F, 3) int32
-        Equal for corners at one place.
-    solid : (F,) bool
-        Faces to consider, as if there were no others.
-    regions : (F,) int32, optional
-        Faces of different regions are not neighbors; each region is treated as if it were alone.
-    polygons : (F,) int32, optional
-        Polygon of each face. Triangles of one are neighbors even where other faces meet there too.
-
-    Returns
-    -------
-    (3 F,) int32
-        -1 where there is none: at the boundary, between regions, where more than two faces meet,
-        and where two faces of opposite winding meet.
+    `corners` (F, 3) int32; `solid` (F,) bool; `regions` (F,) int32; `polygons` (F,) int32. Returns
+    (3 F,) int32.
 
     Examples
     --------

@@ -32,7 +32,6 @@ class UvInfo:
 
     Attributes
     ----------
-    n_uvs : int
     bounds : ((u, v), (u, v))
         Least and greatest coordinates that faces use.
     n_out_of_tile : int

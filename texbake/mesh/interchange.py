@@ -27,21 +27,7 @@ _COLORS = "color"  # key of colors beside texture coordinates, as trimesh's glTF
 
 
 def as_mesh(value: MeshLike) -> Mesh:
-    """Return a mesh as a `Mesh`: itself, read from a file, or converted from trimesh.
-
-    Parameters
-    ----------
-    value
-        A `Mesh` comes back as it is. A path is read by `read_mesh`. A `trimesh.Trimesh` or
-        `trimesh.Scene` is converted by `from_trimesh`.
-
-    Raises
-    ------
-    MeshError
-        It is none of these, or not a sound mesh.
-    FileError, FileFormatError
-        It is a path, and the file cannot be read.
-    """
+    """Return a mesh as a `Mesh`: itself, read from a file, or converted from trimesh."""
     if isinstance(value, Mesh):
         return value
     if isinstance(value, str | os.PathLike):

@@ -37,11 +37,7 @@ AREA_ROUNDING = 8.0 * 2.0**-53
 def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     """Unit normal of each face, on the side from which it is seen counter-clockwise.
 
-    Returns
-    -------
-    (F, 3) float64
-        (0, 0, 0) for a face without area: corners on one line, to within float64 rounding of the
-        longest edge, whatever the scale.
+    Returns (F, 3) float64.
 
     Examples
     --------
@@ -64,11 +60,7 @@ def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
 
     Vertices that a file split at a seam keep apart here; see `smooth_normals`.
 
-    Returns
-    -------
-    (V, 3) float64
-        Where the weighted normals cancel (two faces back to back), the normal of the first face
-        with area; (0, 0, 0) for a vertex that no face with area uses.
+    Returns (V, 3) float64.
     """
     return _angle_weighted(mesh.positions, mesh.faces, threads)
 
@@ -80,10 +72,7 @@ def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     and -0.0 are equal) get bit-equal normals, whatever seams and hard edges the file has. Objects
     that touch have normals of their own; see `texbake.mesh.objects`.
 
-    Returns
-    -------
-    (V, 3) float64
-        As `vertex_normals` for special cases.
+    Returns (V, 3) float64: as `vertex_normals` for special cases.
     """
     firsts = weld_vertices(mesh, threads=threads)
     if np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32)):
@@ -99,12 +88,8 @@ def shading_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArr
     split vertices at seams of the texture, which must not crease. A zero vector among a mesh's own
     normals is replaced, corner by corner, with the smooth normal of the corner's vertex.
 
-    Returns
-    -------
-    normals : (N, 3) float64
-        Unit, or zero where the smooth normal is.
-    normal_faces : (F, 3) int32
-        Index into `normals` of each corner.
+    Returns `normals` (N, 3) float64: unit, or zero where the smooth normal is, `normal_faces` (F,
+    3) int32: index into `normals` of each corner.
     """
     if mesh.normals is None or mesh.normal_faces is None:
         return smooth_normals(mesh, threads=threads), mesh.faces
@@ -128,12 +113,8 @@ def with_shading_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
 def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
     """Normals that shade each face flat, in the form of `shading_normals`.
 
-    Returns
-    -------
-    normals : (F, 3) float64
-        As `face_normals`.
-    normal_faces : (F, 3) int32
-        The face's own index at each of its corners.
+    Returns `normals` (F, 3) float64: as `face_normals`, `normal_faces` (F, 3) int32: the face's own
+    index at each of its corners.
     """
     face_ids = np.arange(mesh.n_faces, dtype=np.int32)
     return face_normals(mesh, threads=threads), np.repeat(face_ids[:, None], 3, axis=1)
@@ -153,19 +134,9 @@ def weighted_normals(
 ) -> FloatArray:
     """Angle-weighted unit normals, each of the corners that share it.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-    rows : (F, 3) int32
-        Normal of each corner.
-    n_normals
-
-    Returns
-    -------
-    (n_normals, 3) float64
-        Summed over faces in their order, in bands of normals; as `vertex_normals` for special
-        cases.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `rows` (F, 3) int32. Returns (n_normals, 3)
+    float64: summed over faces in their order, in bands of normals; as `vertex_normals` for special
+    cases.
     """
     normals = np.zeros((n_normals, 3))
     scale = _position_scale(positions)
@@ -188,12 +159,7 @@ def add_angle_weighted(
     Each band of normals walks all faces and adds to its own normals only: the order of a normal's
     terms, and so every bit of their sum, is the order of the faces however many bands there are.
 
-    Parameters
-    ----------
-    rows : (F, 3) int32
-        Normal of each corner; -1 for a corner that adds to none.
-    scale
-        Power of two by which positions are multiplied.
+    `rows` (F, 3) int32.
     """
     n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
     band = max(-(-len(normals) // n_bands), 1)
@@ -224,10 +190,7 @@ def fill_canceled(
 ) -> None:
     """Give zero normals, in place, the normal of their first face with area.
 
-    Parameters
-    ----------
-    rows : (F, 3) int32
-        Normal of each corner; -1 for none.
+    `rows` (F, 3) int32.
     """
     zero = np.append((normals == 0.0).all(axis=1), False)  # -1 is the last
     chosen = zero[rows].any(axis=1)
@@ -296,15 +259,8 @@ NORMAL_ROUNDING = math.radians(1.0)
 def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:
     """Angles between unit vectors.
 
-    Parameters
-    ----------
-    one, other : (n, 3) floats
-        Unit vectors, or zero where there is no direction.
-
-    Returns
-    -------
-    (n,) float64
-        In radians; 0 where one of the two has no direction.
+    `one`, `other` (n, 3) floats: unit vectors, or zero where there is no direction. Returns (n,)
+    float64, in radians; 0 where one of the two has no direction.
     """
     # 2 asin of half the chord: exact for small angles, where the cosine is not.
     chords = pm.norm(one - other, axis=1) / 2.0

@@ -40,19 +40,8 @@ def linear_from_oklch(
 ) -> FloatArray:
     """Convert colors from Oklch, the polar form of Oklab, to linear RGB.
 
-    Parameters
-    ----------
-    lightness : (...) float
-        0 is black, 1 white.
-    chroma : (...) float
-        0 is gray; 0.1 to 0.2 are strong colors. Colors outside the sRGB gamut are clipped.
-    hue_deg : (...) float
-        About 30 is red, 110 yellow, 145 green, 260 blue.
-
-    Returns
-    -------
-    (..., 3) float64
-        In [0, 1].
+    `lightness` (...) float; `chroma` (...) float; `hue_deg` (...) float. Returns (..., 3) float64,
+    in [0, 1].
 
     Examples
     --------
@@ -72,15 +61,8 @@ def _transformed(vectors: FloatArray, matrix: FloatArray) -> FloatArray:
 def diverging(levels: npt.ArrayLike) -> FloatArray:
     """Return colors of a diverging scale: blue at -1, nearly white at 0, amber at 1.
 
-    Parameters
-    ----------
-    levels : (...) float
-        Clipped to [-1, 1].
-
-    Returns
-    -------
-    (..., 3) float64
-        Linear RGB. Lightness falls evenly from the middle to both ends.
+    `levels` (...) float. Returns (..., 3) float64, linear RGB. Lightness falls evenly from the
+    middle to both ends.
     """
     levels = np.clip(np.asarray(levels, dtype=np.float64), -1.0, 1.0)
     ends = np.where((levels < 0.0)[..., None], _LOW_END, _HIGH_END)

@@ -144,21 +144,7 @@ class TransformOptions(CheckedOptions):
 def length_of(name: str, what: str, value: str | float, diagonal: float) -> float:
     """Return the length that an option gives, in the units of the diagonal.
 
-    Parameters
-    ----------
-    name
-        Of the option, for the error.
-    what
-        What its value is, such as "a width".
-    value
-        Such as `0.02`, or `1%` of the diagonal.
-    diagonal
-        Of the bounding box.
-
-    Raises
-    ------
-    OptionError
-        The value is neither, or negative.
+    `value`: such as `0.02`, or `1%` of the diagonal.
 
     Examples
     --------

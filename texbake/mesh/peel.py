@@ -40,14 +40,7 @@ _WAVES = (
 def peel_radii(directions: FloatArray) -> FloatArray:
     """Distance from an orange's center to its surface; about 1, the stem up on +Y.
 
-    Parameters
-    ----------
-    directions : (n, 3) float64
-        Unit vectors.
-
-    Returns
-    -------
-    (n,) float64
+    `directions` (n, 3) float64: unit vectors. Returns (n,) float64.
     """
     pores = _pores()
     radii = np.empty(len(directions))

@@ -51,23 +51,8 @@ def triangulated(
 ) -> tuple[Indices, Indices]:
     """Cut the polygons of a file into triangles; warn of those left out, and of crossing ones.
 
-    Parameters
-    ----------
-    path
-        The file, for warnings.
-    positions : (V, 3) float64
-    vertices : (C,) integers
-        Vertex of each corner. One that is out of range counts as the first or the last vertex.
-    sizes : (P,) integers
-        Corners of each polygon, whose corners are numbered on from those of the one before.
-
-    Returns
-    -------
-    corners : (F, 3) int64
-        Corner numbers, n - 2 triangles for a polygon of n corners, in the order of the polygons.
-        The first triangle begins with the polygon's first two corners.
-    polygons : (F,) int64
-        The polygon of each triangle.
+    `positions` (V, 3) float64; `vertices` (C,) integers; `sizes` (P,) integers. Returns `corners`
+    (F, 3) int64, `polygons` (F,) int64: the polygon of each triangle.
 
     Notes
     -----
@@ -182,18 +167,9 @@ def outlines(mesh: Mesh) -> Outlines:
 def _outer_edges(mesh: Mesh, polygons: IntArray, corners: Indices) -> tuple[Indices, Indices]:
     """Place the edges of the faces of polygons on the outlines.
 
-    Parameters
-    ----------
-    mesh
-    polygons, corners : (n,) integers
-        All corners of some faces, and the polygon of each; an edge leads to the next corner.
-
-    Returns
-    -------
-    n_left : (n,) int64
-        Edges from this one to the end of the outline, counting this one; 0 for those inside.
-    bad : (m,) int64
-        Polygons without one outline, or with a seam inside.
+    `polygons`, `corners` (n,) integers. Returns `n_left` (n,) int64: edges from this one to the end
+    of the outline, counting this one; 0 for those inside, `bad` (m,) int64: polygons without one
+    outline, or with a seam inside.
     """
     n = len(corners)
     vertices = mesh.faces.ravel()[corners]

@@ -108,11 +108,6 @@ def remesh(
 def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
     """Tell whether `remesh` keeps a mesh open.
 
-    Raises
-    ------
-    MeshError
-        The mesh has no extent.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import icosphere, plane

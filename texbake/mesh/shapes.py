@@ -29,20 +29,7 @@ Field = Callable[[FloatArray, FloatArray], Any]
 
 
 def plane(n_x: int = 1, n_y: int = 1, height_at: Field | None = None) -> Mesh:
-    """Grid over the unit square, facing +z, with texture coordinates (s, t) = (x, y).
-
-    Parameters
-    ----------
-    n_x, n_y
-        Squares along x and y; each is split into two triangles along its rising diagonal.
-    height_at
-        `height_at(x, y)` gives z for arrays; 0 where it is not given.
-
-    Returns
-    -------
-    Mesh
-        2 n_x n_y triangles; vertex `row * (n_x + 1) + column` is (column / n_x, row / n_y).
-    """
+    """Grid over the unit square, facing +z, with texture coordinates (s, t) = (x, y)."""
     _check_count("n_x", n_x, 1)
     _check_count("n_y", n_y, 1)
     x, y = np.meshgrid(np.arange(n_x + 1) / n_x, np.arange(n_y + 1) / n_y)
@@ -71,21 +58,7 @@ def grid_sphere(
 
     Vertex `row * n_phi + column` lies at z = r cos θ, x = r sin θ cos φ, y = r sin θ sin φ.
 
-    Parameters
-    ----------
-    n_theta
-        Rows, θ from `pole_margin` to π - `pole_margin` inclusive.
-    n_phi
-        Columns, φ from 0 to 2π exclusive; the last joins the first.
-    radius_at
-        `radius_at(theta, phi)` gives r for arrays; 1 where it is not given.
-    pole_margin
-        Radians between either pole and its ring of open edges.
-
-    Returns
-    -------
-    Mesh
-        2 (n_theta - 1) n_phi triangles, without texture coordinates.
+    `pole_margin`: radians between either pole and its ring of open edges.
     """
     _check_count("n_theta", n_theta, 2)
     _check_count("n_phi", n_phi, 3)
@@ -103,20 +76,6 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
 
     u is φ / 2π, 1 on the far side of the seam, and v is 1 - θ / π. Each triangle at a pole has a
     texture coordinate of its own there, midway between the u of its other two corners.
-
-    Parameters
-    ----------
-    n_lat
-        Bands from pole to pole, at least 2.
-    n_lon
-        Columns, at least 3.
-    radius_at
-        As for `grid_sphere`; at the poles, φ is 0.
-
-    Returns
-    -------
-    Mesh
-        2 (n_lat - 1) n_lon triangles on (n_lat - 1) n_lon + 2 vertices, the poles last.
     """
     _check_count("n_lat", n_lat, 2)
     _check_count("n_lon", n_lon, 3)
@@ -160,17 +119,6 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
 
     Its radius is a smooth closed-form function of the direction, `peel_radii`, so that a finer
     orange is a better picture of the same surface.
-
-    Parameters
-    ----------
-    n_triangles
-        Approximate number of triangles: 20 f² for the nearest whole f.
-
-    Returns
-    -------
-    Mesh
-        Closed, of genus 0, of nearly equal triangles, about 2 units across, upright on +Y, without
-        texture coordinates.
     """
     _check_count("n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round(math.sqrt(n_triangles / 20.0)))
@@ -207,10 +155,7 @@ def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
     Vertices come in the order corners, insides of edges, insides of faces, each computed once, so
     that neighboring faces share them.
 
-    Returns
-    -------
-    directions : (10 f² + 2, 3) float64
-    faces : (20 f², 3) int32
+    Returns `directions` (10 f² + 2, 3) float64, `faces` (20 f², 3) int32.
     """
     corners, corner_faces = _icosahedron()
     sides = np.sort(corner_faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)

@@ -97,17 +97,7 @@ def smoothed_normals(
 ) -> dict[str, Any]:
     """Return normals as fields of a mesh: none where no edge is hard.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-    polygons
-    slots : (F, 3) int64
-        Corners of the triangles.
-    pairs
-        Those of `polygons`.
-    is_smooth : (E,) bool
-        Whether each of the pairs is smooth.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int64; `is_smooth` (E,) bool.
     """
     if is_smooth.all() and pairs.n_more == 0:
         return {}
@@ -130,14 +120,7 @@ def with_smoothing_groups(
     It also stays as it is if no polygon has a group and its facets are fine, as those of a scan
     are: many programs write `s off` for every mesh.
 
-    Parameters
-    ----------
-    mesh
-    polygons
-    slots : (F, 3) int64
-        Corners of the triangles; None where each polygon is one.
-    groups : (P,) int32
-        0 for none: all edges of such polygons are hard.
+    `slots` (F, 3) int64; `groups` (P,) int32.
     """
     if slots is None:
         slots = np.arange(len(polygons.vertices)).reshape(-1, 3)
@@ -174,16 +157,8 @@ def joined_normals(
 
     Corners that share theirs with no other polygon have that of their own.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-    slots : (F, 3) int
-        Numbers of the corners.
-    one, other : (n,) int
-        Corners at one vertex that share a normal.
-    polygon_of : (C,) int
-        Polygon of each corner, which never falls.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int; `one`, `other` (n,) int:
+    corners at one vertex that share a normal; `polygon_of` (C,) int.
     """
     n = len(polygon_of)
     labels = np.arange(n, dtype=np.int32)

@@ -31,25 +31,6 @@ Indices = npt.NDArray[np.int64]
 def subdivide(mesh: MeshLike, levels: int = 1) -> Mesh:
     """Subdivide a mesh after Catmull and Clark.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    levels
-        How often; each time, a polygon of n corners becomes n quadrilaterals.
-
-    Returns
-    -------
-    Mesh
-        Without normals and tangents. Vertices of before come first, in their order; polygons are in
-        the order of those that they are parts of.
-
-    Raises
-    ------
-    OptionError
-        `levels` is negative, or more than 8.
-    MeshError
-        The result would have more faces than 32-bit numbers can count.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import cube
@@ -100,21 +81,9 @@ def _refined(
 ) -> tuple[FloatArray, Indices]:
     """Divide and smooth values at corners of polygons.
 
-    Parameters
-    ----------
-    values : (n, K) float64
-    ids : (F, 3) int32
-        Row of `values` of each corner.
-    polygons
-    keep_borders
-        Whether borders are only divided, and not smoothed.
-
-    Returns
-    -------
-    values : (m, K) float64
-        Those of vertices, of the middles of edges, and of the middles of polygons.
-    quads : (C, 4) int64
-        Rows of these for each corner of a polygon: the corner, and on along its polygon.
+    `values` (n, K) float64; `ids` (F, 3) int32. Returns `values` (m, K) float64: those of vertices,
+    of the middles of edges, and of the middles of polygons, `quads` (C, 4) int64: rows of these for
+    each corner of a polygon: the corner, and on along its polygon.
     """
     sizes, n = polygons.sizes, len(values)
     corners = ids.ravel()[polygons.slots].astype(np.int64)

@@ -137,14 +137,7 @@ def agree(
 ) -> None:
     """Give both halves of a quadrilateral one orientation, in place.
 
-    Parameters
-    ----------
-    quads
-    solid : (n,) int
-        The triangles without equal positions, to which the other arrays belong.
-    uvs : (n, 3, 2) float32
-    unmapped, preserving : (n,) bool
-        Whether it has no area in the texture; whether the mapping keeps its orientation.
+    `solid` (n,) int; `uvs` (n, 3, 2) float32; `unmapped`, `preserving` (n,) bool.
     """
     at = np.searchsorted(solid, quads.firsts)
     at = at[at < len(solid) - 1]

@@ -46,16 +46,7 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]
 
     Tangents are those of the mesh's own coordinates. The relief turns with the image.
 
-    Parameters
-    ----------
-    linear : (2, 2) float
-        The linear part of the transform, from coordinates of the mesh to those of the image.
-
-    Returns
-    -------
-    (2, 2) float32
-        Unit vectors in coordinates of the mesh, one a row: multiply the first two components of a
-        normal by it, from the right. Those of the mesh if the transform flattens the image.
+    `linear` (2, 2) float. Returns (2, 2) float32.
 
     Examples
     --------
@@ -192,27 +183,12 @@ def _corner_spaces(
 ) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Tangent, orientation and kind of every corner.
 
-    Parameters
-    ----------
-    points : (F, 3, 3) float64
-        Corner positions, in a frame where the mesh has about unit size.
-    normals : (F, 3, 3) float32
-        Corner normals, unit.
-    uvs : (F, 3, 2) float32
-        Corner texture coordinates, at most about 1.
-    vertices : (F, 3) int32
-        The same number for corners of equal position, normal and texture coordinates.
-    quads
-        The quadrilaterals among them.
-
-    Returns
-    -------
-    tangents : (F, 3, 3) float64
-        Unit, or 0 where the directions of a fan cancel exactly, and for a corner without fan.
-    preserving : (F, 3) bool
-        Whether the mapping keeps the orientation (False: mirrored); False without fan.
-    has_fan : (F, 3) bool
-        False where no rule gives a tangent.
+    `points` (F, 3, 3) float64: corner positions, in a frame where the mesh has about unit size;
+    `normals` (F, 3, 3) float32: corner normals, unit; `uvs` (F, 3, 2) float32; `vertices` (F, 3)
+    int32. Returns `tangents` (F, 3, 3) float64: unit, or 0 where the directions of a fan cancel
+    exactly, and for a corner without fan, `preserving` (F, 3) bool: whether the mapping keeps the
+    orientation (False: mirrored); False without fan, `has_fan` (F, 3) bool: false where no rule
+    gives a tangent.
     """
     collapsed = (points == points[:, _NEXT]).all(axis=2).any(axis=1)
     solid = np.flatnonzero(~collapsed)

@@ -74,9 +74,7 @@ class MeshEdges:
 def find_edges(faces: IntArray) -> MeshEdges:
     """Edges of triangles.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
+    `faces` (F, 3) int32.
 
     Examples
     --------
@@ -132,9 +130,7 @@ class EdgeNeighbors:
 def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     """Find the pairs of faces that share an edge which no third face has.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
+    `faces` (F, 3) int32.
     """
     tails = faces.ravel().astype(np.int64)
     heads = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
@@ -158,12 +154,7 @@ def repeated_vertices(faces: IntArray) -> BoolArray:
 def degenerate_faces(mesh: Mesh) -> BoolArray:
     """Faces without area.
 
-    Returns
-    -------
-    (F,) bool
-        True where a vertex is repeated, or the corners lie on one line to within what float64
-        rounding leaves of the longest edge; whatever the scale. Just the faces for which
-        `face_normals` is zero.
+    Returns (F,) bool.
     """
     without_area: BoolArray = (face_normals(mesh) == 0.0).all(axis=1)
     return without_area
@@ -172,14 +163,7 @@ def degenerate_faces(mesh: Mesh) -> BoolArray:
 def duplicate_faces(faces: IntArray) -> BoolArray:
     """Faces that repeat an earlier one: the same three vertices, in any order.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
-
-    Returns
-    -------
-    (F,) bool
-        False for the first of them.
+    `faces` (F, 3) int32. Returns (F,) bool: false for the first of them.
     """
     duplicate = np.zeros(len(faces), dtype=bool)
     candidates, same = _with_equal_ones_together(faces)
@@ -190,13 +174,7 @@ def duplicate_faces(faces: IntArray) -> BoolArray:
 def two_sided_faces(faces: IntArray) -> BoolArray:
     """Faces that there are in both windings: the same three vertices, seen from either side.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
-
-    Returns
-    -------
-    (F,) bool
+    `faces` (F, 3) int32. Returns (F,) bool.
     """
     two_sided = np.zeros(len(faces), dtype=bool)
     candidates, same = _with_equal_ones_together(faces)
@@ -213,12 +191,8 @@ def two_sided_faces(faces: IntArray) -> BoolArray:
 def _with_equal_ones_together(faces: IntArray) -> tuple[npt.NDArray[np.intp], BoolArray]:
     """Find faces among which are all that share their three vertices with another one.
 
-    Returns
-    -------
-    candidates : (n,) intp
-        Faces, those of the same vertices in a row, from the first on.
-    same : (n - 1,) bool
-        Whether each has the vertices of the next.
+    Returns `candidates` (n,) intp: faces, those of the same vertices in a row, from the first on,
+    `same` (n - 1,) bool: whether each has the vertices of the next.
     """
     ordered = np.sort(faces, axis=1)
     mixed = _mixed(ordered)
@@ -247,17 +221,8 @@ def _mixed(rows: IntArray) -> npt.NDArray[np.uint64]:
 def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
     """Number the shells of a mesh, which share no vertex.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
-    n_vertices : int
-        One more than the highest index, or more.
-
-    Returns
-    -------
-    components : (F,) int32
-        Number of the component of each face, in the order of their first faces.
-    n_components : int
+    `faces` (F, 3) int32. Returns `components` (F,) int32: number of the component of each face, in
+    the order of their first faces.
     """
     components = np.empty(len(faces), dtype=np.int32)
     n_components = core.number_components(
@@ -271,12 +236,6 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
 
     Vertices at the same position count as one, so that seams in a file do not open a surface. Takes
     one pass over the faces, without building edges.
-
-    Returns
-    -------
-    str
-        `front` for a closed surface whose faces point outward, `back` for one that is inside out,
-        and `both` for one that is open or has neighboring faces that point to opposite sides.
 
     Kernel: `core/hashed_edges.c`.
 
@@ -314,14 +273,7 @@ def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
 
 
 def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
-    """Number of handles of a closed surface, summed over its components.
-
-    Returns
-    -------
-    int or None
-        None where the faces are no closed, consistently oriented surface: an edge has not two
-        faces that walk it in opposite directions, or the faces at a vertex are not one fan.
-    """
+    """Number of handles of a closed surface, summed over its components."""
     if not edges.closed or edges.misoriented.any():
         return None
     kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)

@@ -50,13 +50,7 @@ class TriangleTree:
     ) -> TriangleTree:
         """Build the tree.
 
-        Parameters
-        ----------
-        positions : (V, 3) float64
-            Finite; in a frame in which they are about as large as the mesh, such as `LocalFrame`'s,
-            because boxes are float32 (elsewhere the answers stay right but come more slowly).
-        faces : (F, 3) int32
-            At least one.
+        `positions` (V, 3) float64; `faces` (F, 3) int32.
         """
         positions = np.ascontiguousarray(positions, dtype=np.float64)
         faces = np.ascontiguousarray(faces, dtype=np.int32)
@@ -93,25 +87,11 @@ class TriangleTree:
         Points that are near each other in the list are found faster: each search starts from the
         face found before.
 
-        Parameters
-        ----------
-        points : (n, 3) float64
-            In the frame of the positions.
-        facing : (n, 3) float64, optional
-            A direction for each point. Only faces whose normals are less than 90° from it count.
-        max_distance
-            Points with nothing within it get an infinite distance.
-        threads
-            None for every processor.
-
-        Returns
-        -------
-        distances : (n,) float64
-            inf where no face that counts lies within `max_distance`.
-        face_ids : (n,) int32
-            -1 there. Where several faces are equally close, one of them, the same on every run.
-        barycentrics : (n, 3) float64
-            Weights of the face's corners, none negative, their sum 1 to rounding; 0 there.
+        `points` (n, 3) float64, in the frame of the positions; `facing` (n, 3) float64. Returns
+        `distances` (n,) float64: inf where no face that counts lies within `max_distance`,
+        `face_ids` (n,) int32: -1 there. Where several faces are equally close, one of them, the
+        same on every run, `barycentrics` (n, 3) float64: weights of the face's corners, none
+        negative, their sum 1 to rounding; 0 there.
         """
         points = np.ascontiguousarray(points, dtype=np.float64)
         if facing is not None:
@@ -155,15 +135,7 @@ def _morton_order(
 
 
 def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
-    """Give each face the group that another mesh has at the closest point of the same object.
-
-    Parameters
-    ----------
-    mesh
-        It has the group names of `source`, and one group per object; otherwise it does not change.
-    source, threads
-        As for `with_nearest_attributes`.
-    """
+    """Give each face the group that another mesh has at the closest point of the same object."""
     apart, groups_of_objects = face_objects(source), object_groups(source)
     if apart is None or groups_of_objects is None or mesh.face_groups is None:
         return mesh
@@ -188,20 +160,7 @@ def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
     """Give a mesh the groups and colors that it lacks and another mesh has.
 
-    Parameters
-    ----------
-    mesh
-        The mesh that they are given to.
-    source
-        The mesh that has them, in the same space.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    Mesh
-        A face has the group of the point of `source` nearest to its center, a vertex the color
-        there, interpolated between the corners.
+    `source`: the mesh that has them, in the same space.
     """
     groups = source.face_groups if mesh.face_groups is None else None
     colors = source.colors if mesh.colors is None else None

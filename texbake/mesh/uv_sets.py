@@ -49,14 +49,7 @@ def require_few_sets(n_sets: int, mesh: str) -> None:
 
 
 def checked_uv_sets(sets: Mapping[str, UvSet], n_faces: int, mesh: str) -> Mapping[str, UvSet]:
-    """Return sets with read-only arrays of their types.
-
-    Raises
-    ------
-    MeshError
-        There are too many, a name is empty, a number is not finite, an index is out of range, or
-        shapes do not match.
-    """
+    """Return sets with read-only arrays of their types."""
     require_few_sets(len(sets), mesh)
     checked = {}
     for name, item in sets.items():

@@ -24,18 +24,7 @@ _SMALL = 1 << 14  # rows up to which parts and threads cost more than they bring
 def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
     """First row that equals each row.
 
-    Parameters
-    ----------
-    rows : (N, K) float64, float32 or int32
-        Compared bit for bit, after -0.0 is made 0.0; so no NaN may be among them.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (N,) int32
-        The least index of an equal row: ``rows[weld_rows(rows)] == rows``, and a row that is
-        the first of its kind has its own index.
+    `rows` (N, K) float64, float32 or int32. Returns (N,) int32.
 
     Examples
     --------

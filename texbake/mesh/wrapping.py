@@ -53,7 +53,6 @@ class Reason:
 
     Attributes
     ----------
-    text : str
     has_tunnels : bool
         It has more tunnels than the requested triangles can show.
     is_certain : bool
@@ -69,14 +68,6 @@ def reason_to_wrap(
     mesh: Mesh, n_faces: int | None = None, *, threads: int | None = None
 ) -> Reason | None:
     """Say why a mesh should be wrapped before it is simplified; None where it should not.
-
-    Parameters
-    ----------
-    mesh
-    n_faces
-        What the mesh will be reduced to; None where an error decides.
-    threads
-        None for every processor.
 
     Examples
     --------
@@ -144,21 +135,8 @@ def wrapped(
 ) -> tuple[Mesh, float]:
     """Wrap a mesh with no more tunnels than a number of triangles can show.
 
-    Parameters
-    ----------
-    mesh
-    n_faces
-        What the wrap will be reduced to; None where an error decides, and all tunnels stay.
-    has_tunnels
-        Whether the mesh is known to have more.
-    surface, threads, progress
-        As for `remesh`.
-
-    Returns
-    -------
-    Mesh
-    width : float
-        Of the gaps that were closed for fewer tunnels, in model units; 0 where that was not needed.
+    Returns `width` float, of the gaps that were closed for fewer tunnels, in model units; 0 where
+    that was not needed.
     """
     bare = _bare(mesh)
     if not has_tunnels:

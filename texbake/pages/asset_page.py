@@ -78,11 +78,8 @@ class AssetPage:
         Map files to show instead of `baked`, by `normal`, `displacement` and `albedo`.
     misses : path, optional
         Miss map file to show instead of that of `baked`.
-    comparison : Comparison, optional
-    stages : list of StageRecord
     figures : rows of a label and a figure
         All measurements; a row without a figure is a heading.
-    warnings : list of str
     command : str
         The command that made the asset, for a shell; "" for none.
     picture : RenderOptions
@@ -107,21 +104,7 @@ class AssetPage:
 
 
 def write_asset_page(path: PathLike, page: AssetPage) -> None:
-    """Write the page of an asset, a single file that works offline.
-
-    Parameters
-    ----------
-    path
-        Output file; an existing file is replaced.
-    page
-        Contents of the page. Meshes with too many triangles for a page are simplified, and maps
-        with too many bytes are scaled down; the page notes both.
-
-    Raises
-    ------
-    FileError
-        A map cannot be read, or the page cannot be written.
-    """
+    """Write the page of an asset, a single file that works offline."""
     pictures = _pictures(page)
     missed = _missed(page)
     has_misses = missed is not None and bool(missed.any())

@@ -33,7 +33,6 @@ class BuildRow:
 
     Attributes
     ----------
-    name : str
     status : str
         `built`, `kept` (nothing had changed), `failed` or `skipped`.
     message : str
@@ -69,10 +68,7 @@ class BuildRow:
 def thumbnail(picture: FloatImage | PathLike) -> bytes:
     """Return a picture of an asset as a small JPEG file.
 
-    Parameters
-    ----------
-    picture : (H, W, 3 or 4) float32, or path
-        A linear picture, or a color image file. It is cropped to a centered square.
+    `picture` (H, W, 3 or 4) float32, or path: A linear picture, or a color image file.
     """
     from PIL import Image
 
@@ -99,26 +95,7 @@ def write_build_page(
     command: str = "",
     seconds: float | None = None,
 ) -> None:
-    """Write the overview of a build, a single file that works offline.
-
-    Parameters
-    ----------
-    path
-        Output file; an existing file is replaced.
-    rows
-        The assets, in the initial order of the table.
-    title
-        Name of the pipeline.
-    command
-        The command of the build, for a shell; "" for none.
-    seconds
-        Elapsed time of the whole build.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write the overview of a build, a single file that works offline."""
     rows = list(rows)
     shown = _with_thumbnails(rows)
     body = render(

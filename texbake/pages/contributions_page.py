@@ -20,26 +20,7 @@ _MOST = 16
 def write_contributions_page(
     path: PathLike, title: str, frame: Frame, contributions: Sequence[Contribution], command: str
 ) -> None:
-    """Write the page of a picture.
-
-    Parameters
-    ----------
-    path
-        HTML file to write.
-    title
-        Name of what the picture shows.
-    frame
-        The picture.
-    contributions
-        From `contributions_of`.
-    command
-        The command line; "" to show none.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write the page of a picture."""
     rows = []
     for item in contributions:
         factor = min(_MOST, 255 // max(item.largest, 1))

@@ -26,19 +26,7 @@ _MAX_TICKS = 7
 def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) -> Markup | str:
     """Draw a histogram.
 
-    Parameters
-    ----------
-    values : (N,) float
-        Values that are not finite are left out.
-    title
-        Title for screen readers.
-    unit
-        Label of the axis.
-
-    Returns
-    -------
-    Markup
-        An `svg` element with the class `histogram`; "" if there are no values.
+    `values` (N,) float.
     """
     values = np.asarray(values[np.isfinite(values)], np.float64)
     if not len(values):

@@ -35,24 +35,7 @@ class LineFrame:
 def line_plots_svg(
     frames: Sequence[LineFrame], *, title: str, y_label: str, x_step: float
 ) -> Markup:
-    """Draw frames side by side, with one legend and one vertical scale, which begins at 0.
-
-    Parameters
-    ----------
-    frames
-        At least one, all with the same lines, at most four.
-    title
-        Title for screen readers.
-    y_label
-        Label of the vertical axis.
-    x_step
-        Between two ticks of the horizontal axis.
-
-    Returns
-    -------
-    Markup
-        An `svg` element with the class `lines`, which draws its text in the color of its page.
-    """
+    """Draw frames side by side, with one legend and one vertical scale, which begins at 0."""
     top = max(y for frame in frames for line in frame.lines.values() for _, y in line)
     marks = ticks(0.0, top or 1.0)
     step = marks[1] - marks[0]
@@ -89,13 +72,7 @@ def line_plots_svg(
 
 
 def write_svg(svg: Markup, path: PathLike) -> None:
-    """Write an `svg` element as a file of its own, in dark ink on white.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write an `svg` element as a file of its own, in dark ink on white."""
     head = '<svg xmlns="http://www.w3.org/2000/svg" style="background:#fff;color:#333" '
     with replacing(path) as temporary:
         temporary.write_text(str(svg).replace("<svg ", head, 1) + "\n", encoding="utf-8")

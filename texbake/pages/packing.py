@@ -36,15 +36,7 @@ UV_STEPS = 1 << 20  # 1/256 of a texel of a 4096² map
 
 
 def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
-    """Return integer arrays as base64 text.
-
-    Parameters
-    ----------
-    arrays
-        (N, K) int32 by name.
-    more
-        Additional values, stored as JSON.
-    """
+    """Return integer arrays as base64 text."""
     head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
     words = json.dumps(head, separators=(",", ":")).encode()
     planes = [_planes(values) for values in arrays.values()]
@@ -58,13 +50,6 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
     The arrays are `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, if the mesh has texture
     coordinates, `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1),
     in which bit k is set if the edge from corner k to the next is on the outline of its chart.
-
-    Parameters
-    ----------
-    mesh
-        Vertices are split where normals, texture coordinates or tangents differ.
-    frame
-        Local frame of the packed positions, shared by meshes that are drawn together.
     """
     normals, normal_faces = shading_normals(mesh)
     corners = [mesh.faces.ravel(), normal_faces.ravel()]
@@ -100,10 +85,7 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
 def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
     """Map unit vectors to an octahedron that is unfolded to a square, (N, 2) int32.
 
-    Parameters
-    ----------
-    directions : (N, 3) float
-        A zero vector counts as +z.
+    `directions` (N, 3) float.
     """
     vectors = np.asarray(directions, np.float64)
     sums = np.abs(vectors).sum(axis=1, keepdims=True)

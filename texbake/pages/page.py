@@ -86,24 +86,7 @@ def page_html(
     data: Mapping[str, str] | None = None,
     dark: bool = True,
 ) -> str:
-    """Return a whole page.
-
-    Parameters
-    ----------
-    title
-        Title of the window; plain text.
-    body
-        Content of `main`, as returned by `render`. Plain text is escaped.
-    styles
-        Style sheets after the common one.
-    scripts
-        Scripts, run in this order when the page is loaded.
-    data
-        Text for the scripts by identifier, such as from `as_json`. It is not escaped and must not
-        contain `</`.
-    dark
-        Whether the page supports the reader's dark color scheme.
-    """
+    """Return a whole page."""
     from markupsafe import Markup
 
     sheets = [asset("base.css"), *([asset("dark.css")] if dark else []), *styles]
@@ -121,13 +104,7 @@ def page_html(
 
 
 def write_page(path: PathLike, html: str) -> None:
-    """Write a page. If writing fails, no partial file is left behind.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
-    """
+    """Write a page. If writing fails, no partial file is left behind."""
     with replacing(path) as temporary:
         # File names may contain bytes that are not valid text.
         temporary.write_text(html, encoding="utf-8", errors="replace")

@@ -52,7 +52,6 @@ class MapPicture:
 
     Attributes
     ----------
-    name : str
     uri : str
         The picture, as a data URI.
     width, height : int
@@ -92,14 +91,7 @@ class MapPicture:
 
 
 def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -> list[MapPicture]:
-    """Return pictures of all maps of a bake, halved until they fit a page.
-
-    Parameters
-    ----------
-    result
-    notes
-        Sentences below the pictures, by the name of the map.
-    """
+    """Return pictures of all maps of a bake, halved until they fit a page."""
     notes, room, pictures = notes or {}, MOST_BYTES // max(len(result.maps), 1), []
     with scratch_folder() as folder:
         for name, baked in result.maps.items():
@@ -119,15 +111,7 @@ def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -
 
 
 def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) -> list[MapPicture]:
-    """Return pictures of map files; the values of float files are scaled to [0, 1].
-
-    Parameters
-    ----------
-    files
-        Files by the name of the map.
-    codings
-        Codings by the name of the map; `color` is sRGB.
-    """
+    """Return pictures of map files; the values of float files are scaled to [0, 1]."""
     room = MOST_BYTES // max(len(files), 1)
     pictures = []
     for name, path in files.items():

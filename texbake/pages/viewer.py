@@ -35,23 +35,7 @@ def view_data(
 ) -> tuple[dict[str, str], list[str]]:
     """Pack both meshes and the settings of the viewer.
 
-    Parameters
-    ----------
-    high, low
-        Meshes in the same space.
-    pictures
-        Maps of `low`. The side "Baked" shows the one named `normal`.
-    picture
-        Its `view` and `up` give the initial camera.
-    missed
-        Whether there are missed rays to show.
-
-    Returns
-    -------
-    data : dict of str to str
-        Text by identifier, for `page_html`.
-    notes : list of str
-        Notes for the reader on the meshes shown.
+    `high`, `low`: meshes in the same space.
     """
     shown_high, shown_low = shown_mesh(high, keeps_uvs=False), shown_mesh(low, keeps_uvs=True)
     frame = LocalFrame.around(high, low)

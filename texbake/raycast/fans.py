@@ -94,17 +94,7 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
     its first two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997;
     Malley's method (points of a disk raised to the hemisphere are distributed by the cosine).
 
-    Parameters
-    ----------
-    n_rays, n_parts : int
-        Powers of two, with a product of at most 65,536. Each `n_parts` sets that follow each other
-        are one net of all their directions, so that they can be shared out to samples of a texel.
-
-    Returns
-    -------
-    (S, n_rays, 3) float32
-        S is a power of two. The mean of any function of the direction over a set estimates its
-        cosine-weighted mean over the hemisphere.
+    Returns (S, n_rays, 3) float32.
 
     Examples
     --------
@@ -123,10 +113,7 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
 def scrambled_nets(n_sets: int, n_points: int) -> UintArray:
     """Owen-scrambled copies of the first points of Sobol's sequence in two dimensions.
 
-    Returns
-    -------
-    (n_sets, n_points, 2) uint32
-        Coordinates in the unit square times 2^32.
+    Returns (n_sets, n_points, 2) uint32: coordinates in the unit square times 2^32.
     """
     ids = np.arange(n_points, dtype=np.uint32)
     # The first coordinate is the index with its bits reversed. Scrambling works on reversed bits,

@@ -53,16 +53,6 @@ def oriented(
     """Flip the parts of a mesh that face inwards.
 
     A mesh of which nothing is seen from behind is returned as it is.
-
-    Parameters
-    ----------
-    mesh
-    orientation : {"auto", "keep"}
-    keep_open
-        Whether shells with a boundary are left as they are, such as cards that are drawn from one
-        side alone.
-    threads
-        None for every processor.
     """
     if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
@@ -75,16 +65,7 @@ def oriented(
 def oriented_in(
     mesh: Mesh, scene: RayScene, *, keep_open: bool = False
 ) -> tuple[Mesh, OrientationReport]:
-    """Flip the parts of a mesh that face inwards, using a scene of it that was built before.
-
-    Parameters
-    ----------
-    mesh
-    scene
-        Made of this mesh.
-    keep_open
-        As for `oriented`.
-    """
+    """Flip the parts of a mesh that face inwards, using a scene of it that was built before."""
     found = find_orientation(mesh, scene, keep_open=keep_open)
     report = OrientationReport(
         mesh=mesh.name,

@@ -89,16 +89,7 @@ def share_seen_from_behind(scene: RayScene) -> float:
 
 
 def find_orientation(mesh: Mesh, scene: RayScene, *, keep_open: bool = False) -> Orientation:
-    """Find the faces that face inwards; those that occur in both windings are right.
-
-    Parameters
-    ----------
-    mesh
-    scene
-        Made of this mesh.
-    keep_open
-        Whether shells with a boundary are right as they are.
-    """
+    """Find the faces that face inwards; those that occur in both windings are right."""
     welded = weld_rows(mesh.positions)[mesh.faces]
     parts, turned = _parts_wound_alike(mesh, welded)
     n_parts = int(parts.max(initial=-1)) + 1
@@ -133,12 +124,8 @@ def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArra
     `welded` are its faces, vertices at one position counting as one. Edges of more than two faces
     join nothing.
 
-    Returns
-    -------
-    parts : (F,) int32
-        Numbered from 0 in the order of their first faces.
-    turned : (F,) bool
-        Of two halves of the same area, that with the first face is right.
+    Returns `parts` (F,) int32: numbered from 0 in the order of their first faces, `turned` (F,)
+    bool, of two halves of the same area, that with the first face is right.
     """
     pairs = edge_neighbors(welded)
     roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)

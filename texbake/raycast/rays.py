@@ -36,10 +36,7 @@ class Rows:
 
         The time is proportional to the number of rows dropped, not to the number kept.
 
-        Parameters
-        ----------
-        dropped : (k,) int
-            Rows, in ascending order.
+        `dropped` (k,) int.
         """
         n_kept = len(self) - len(dropped)
         holes = dropped[dropped < n_kept]

@@ -92,14 +92,12 @@ class RayScene:
 
     Attributes
     ----------
-    source : Mesh or StreamedMesh
     frame : LocalFrame
         The frame of rays and of hit distances.
     in_chunks : bool
         Whether each call builds the trees of chunks anew.
     compact : bool
         Whether the tree was built for fans.
-    threads : int
     caster : str
         Name of the ray caster, for reports.
     """
@@ -136,20 +134,7 @@ class RayScene:
         compact: bool = False,
         threads: int | None = None,
     ) -> Self:
-        """Build the ray tree over a mesh.
-
-        Parameters
-        ----------
-        chunk_faces : int, optional
-            For a mesh whose ray tree would not fit into memory: the most faces in a tree. Each call
-            then rebuilds the trees of the chunks, one at a time. None: one tree over the whole
-            mesh.
-        compact : bool
-            For many fans, or rays in unrelated directions: the tree takes longer to build, and
-            these rays are faster. The hits are the same.
-        threads : int, optional
-            None: every processor.
-        """
+        """Build the ray tree over a mesh."""
         return cls(mesh, frame, chunk_faces, compact, resolve_threads(threads))
 
     @property
@@ -179,15 +164,6 @@ class RayScene:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 
         With culling, rays pass through faces that face away from their origin.
-
-        Parameters
-        ----------
-        places
-            For rays of samples of a texture, which are then cast in bundles of neighbors. Other
-            rays are sorted first. The hits are the same.
-        in_bundles
-            False for rays that head everywhere: each is then cast alone, which takes five times as
-            long as in a bundle of parallel ones and a tenth of the time in one of random ones.
         """
         if places is not None:
             return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self.threads)
@@ -290,20 +266,8 @@ class RayScene:
 
         Kernel: `core/ray_fans.c`.
 
-        Parameters
-        ----------
-        sets : (S, n_rays, 3) float32
-            Directions, from `texbake.raycast.fans.direction_sets`.
-
-        Returns
-        -------
-        (n, N_COLUMNS) float32
-            The columns of `texbake.raycast.fans`, lengths in local units.
-
-        Raises
-        ------
-        OptionError
-            The mesh is traced in chunks, and these rays need all of it at once.
+        `sets` (S, n_rays, 3) float32. Returns (n, N_COLUMNS) float32: the columns of
+        `texbake.raycast.fans`, lengths in local units.
         """
         tree = self._tree
         if tree is None:

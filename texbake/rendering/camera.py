@@ -182,13 +182,7 @@ def view_axes(azimuth: float, elevation: float, *, up: str) -> FloatArray:
 
 
 def axes_toward(eye: Sequence[float], target: Sequence[float], up: Sequence[float]) -> FloatArray:
-    """Rows right, up, back of a camera that looks at a target; see `Camera.looking_at`.
-
-    Raises
-    ------
-    OptionError
-        The points coincide, `up` is along the view or has no length, or a number is not finite.
-    """
+    """Rows right, up, back of a camera that looks at a target; see `Camera.looking_at`."""
     place, goal, upward = (np.array(point, np.float64) for point in (eye, target, up))
     for name, point in ("position", place), ("target", goal), ("up", upward):
         if point.shape != (3,) or not np.isfinite(point).all():

@@ -183,11 +183,6 @@ def model_scene(path: PathLike) -> Scene:
     """Read a model file with its materials as a scene in the light of a room.
 
     Lights and cameras of the file are left out.
-
-    Raises
-    ------
-    FileError, FileFormatError
-        As for `compare_models`.
     """
     file = written_file(path)
     if file.suffix.lower() in _GLTF:

@@ -78,25 +78,7 @@ def contributions_of(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> tuple[Contribution, ...]:
-    """Draw a scene without each of its effects in turn, and compare the pictures.
-
-    Parameters
-    ----------
-    scene, options
-        As the picture was drawn. Every picture here has a fixed number of samples.
-    frame
-        The picture with all effects.
-    camera
-        None for the scene's own.
-    threads, progress
-        As for `render_scene`.
-
-    Returns
-    -------
-    tuple of Contribution
-        In the order of the plan, for the effects that can be taken out; geometry and lookups that
-        others need are not among them. An effect that changed nothing has 0 pixels.
-    """
+    """Draw a scene without each of its effects in turn, and compare the pictures."""
     options = replace(options, max_error=None, time_budget=None)
     plain = replace(options, exposure="none")
     camera = camera or camera_of(scene, options)

@@ -79,7 +79,6 @@ class Displaced:
 
     Attributes
     ----------
-    pieces : Pieces
     points : (V, 3) float64
         Vertices on the undisplaced surface.
     normals : (V, 3) float64
@@ -112,18 +111,7 @@ def displaced(
 ) -> Displaced:
     """Subdivide a surface where its edges are too long, and displace all vertices.
 
-    Parameters
-    ----------
-    surface
-        The surface, in any space.
-    moves
-        Returns displacements; called once for every place.
-    excess
-        Called after each round of cuts, in which no edge is cut twice.
-    max_triangles
-        Limit on the number of triangles. The longest edges are cut first.
-    threads
-        Number of threads; None uses every processor.
+    `surface`: the surface, in any space.
     """
     welded = weld_rows(surface.points, threads=threads)
     used, faces = np.unique(welded[surface.faces], return_inverse=True)
@@ -168,15 +156,8 @@ def texel_lengths(
 ) -> FloatArray:
     """(E,) float64: length of each edge in texels, the maximum over its triangles.
 
-    Parameters
-    ----------
-    pieces
-        Triangles.
-    texels : (F, 3, 2) float64, optional
-        Corners of the base triangles on the map, in texels; None for a map of unlimited detail.
-    outside : (V,) uint8
-        Bit mask of the picture's sides that a vertex certainly stays outside of. Triangles whose
-        vertices are all outside the same side are ignored.
+    `texels` (F, 3, 2) float64: corners of the base triangles on the map, in texels; `outside` (V,)
+    uint8.
     """
     lengths = np.zeros(len(pieces.ends))
     core.measure_texel_lengths(
@@ -193,16 +174,8 @@ _BAND = 1 << 15
 class EdgeView:
     """Limits the length of edges in the picture of one camera.
 
-    Parameters
-    ----------
-    camera
-        Camera of the picture.
-    options
-        Gives `width` and `height`.
-    edge_px
-        Maximum length of an edge in pixels.
-    farthest
-        Upper bound on the displacement in world space.
+    `edge_px`: maximum length of an edge in pixels; `farthest`: upper bound on the displacement in
+    world space.
     """
 
     def __init__(
@@ -232,19 +205,8 @@ class EdgeView:
     ) -> FloatArray:
         """Ratio of each edge's length to the allowed length.
 
-        Parameters
-        ----------
-        now
-            The surface as subdivided so far.
-        texels : (F, 3, 2) float64, optional
-            As in `texel_lengths`.
-        threads
-            Number of threads; None uses every processor.
-
-        Returns
-        -------
-        (E,) float64
-            0 for an edge that need not be cut, because it spans at most a texel or is not visible.
+        `texels` (F, 3, 2) float64. Returns (E,) float64: 0 for an edge that need not be cut,
+        because it spans at most a texel or is not visible.
         """
         n = len(now.points)
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)

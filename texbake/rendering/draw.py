@@ -97,19 +97,7 @@ def prepare(
     effects: Sequence[Effect] = EFFECTS,
     threads: int | None = None,
 ) -> Prepared:
-    """Prepare a scene to be drawn from any camera; results are computed when first needed.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    options
-        None uses those of the scene.
-    effects
-        All available effects, in order.
-    threads
-        Number of threads; None uses every processor. The result does not depend on it.
-    """
+    """Prepare a scene to be drawn from any camera; results are computed when first needed."""
     options = options or scene.options()
     if options.mapping_order != "screen":
         scene, options = base_colors_alone(scene), replace(options, supersampling=1)
@@ -158,21 +146,7 @@ def draw(
     Every pixel gets the number of samples set by `RenderOptions.supersampling`. See
     `texbake.rendering.render.draw_picture` for adaptive samples.
 
-    Parameters
-    ----------
-    prepared
-        Scene from `prepare`.
-    camera
-        Camera of the picture.
-    keep
-        Data that the frame holds beside its color: `normals`.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    TexbakeError
-        A texture cannot be read, or a mesh lacks data that an effect needs.
+    `keep`: data that the frame holds beside its color: `normals`.
     """
     frame, state = _draw(prepared, prepared.request(camera, keep), Stages(progress))
     return frame if state.options.mapping_order == "screen" else in_texture_order(frame, state)
@@ -199,14 +173,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[F
 def laid_out(
     prepared: Prepared, request: RenderRequest, stages: Stages, *, all_objects: bool = False
 ) -> RenderState:
-    """Run all passes before shading: visibility and the prepared results of effects.
-
-    Parameters
-    ----------
-    all_objects
-        Prepare effects for every object that may be in the picture, not only for those that its
-        samples see.
-    """
+    """Run all passes before shading: visibility and the prepared results of effects."""
     state = RenderState(
         request=request,
         plan=compile_plan(request, prepared.effects),

@@ -276,13 +276,7 @@ class RenderState:
         return self.scene.lighting.lights
 
     def of(self, result: Result[Value], target: Target = None) -> Value:
-        """Return the value that an effect computed for a target.
-
-        Raises
-        ------
-        KeyError
-            It was not computed: the effect's `needs` are incomplete.
-        """
+        """Return the value that an effect computed for a target."""
         value: Value | Deferred[Value] = self.results.all(result)[target]
         return value.get() if isinstance(value, Deferred) else value
 

@@ -40,19 +40,7 @@ def exposed(
     exposure: float | None = None,
     threads: int | None = None,
 ) -> list[Frame]:
-    """Return frames with exposed light, all with the same exposure.
-
-    Parameters
-    ----------
-    frames
-        Of one size and over the same background.
-    options
-        Gives the background.
-    exposure
-        Factor of the light; None computes it from all frames.
-    threads
-        None for every processor. The result does not depend on it.
-    """
+    """Return frames with exposed light, all with the same exposure."""
     if exposure is None:
         exposure = exposure_of(frames, threads=threads)
     return [_exposed(frame, exposure, options, threads) for frame in frames]

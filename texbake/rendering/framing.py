@@ -49,20 +49,7 @@ class Framed:
 
 
 def framed(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
-    """Return a camera that fills the picture with meshes.
-
-    Parameters
-    ----------
-    meshes
-        At least one, each with a face.
-    options
-        Gives the angles of `view`, `up`, `fov` and the picture's shape. The distance is computed.
-
-    Raises
-    ------
-    MeshError
-        The meshes are so large that the square of their size overflows float64.
-    """
+    """Return a camera that fills the picture with meshes."""
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)
     camera = _fitted([used_positions(mesh) for mesh in kept], options)

@@ -33,7 +33,6 @@ class Identity:
         Name of the effect that it would call for, or of the map.
     by : str
         The part that it belongs to: `object "vase"`, `the scene`.
-    why : str
     """
 
     name: str

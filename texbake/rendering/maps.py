@@ -30,19 +30,8 @@ def normals_from(
 ) -> tuple[FloatImage, str]:
     """Decode the normals of a map, and find out their space.
 
-    Parameters
-    ----------
-    source
-        An array holds unit vectors, +Y up in tangent space. The metadata of a file or image gives
-        its convention and space; the default is OpenGL (+Y up) in tangent space.
-    convention, space
-        Override the metadata.
-
-    Returns
-    -------
-    normals : (H, W, 3) float32
-    space : str
-        "tangent", "object" or "world".
+    `source`: an array holds unit vectors, +Y up in tangent space. Returns `normals` (H, W, 3)
+    float32, `space` str: "tangent", "object" or "world".
     """
     if isinstance(source, np.ndarray):
         return _channels(source, "normal map", 3), space or "tangent"

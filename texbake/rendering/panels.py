@@ -56,10 +56,7 @@ class Panel:
 def colored_angles(angles_deg: FloatImage) -> FloatImage:
     """(H, W, 3) float32: colors of angles in linear light; NaN is gray.
 
-    Parameters
-    ----------
-    angles_deg : (H, W) float32
-        Angles above `MAX_ANGLE_DEG` have the same color.
+    `angles_deg` (H, W) float32.
     """
     shown = np.isfinite(angles_deg)
     colors = np.empty((*angles_deg.shape, 3), np.float32)
@@ -71,17 +68,7 @@ def colored_angles(angles_deg: FloatImage) -> FloatImage:
 def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
     """Lay out pictures in a row, cropped to their content.
 
-    Parameters
-    ----------
-    panels
-        Pictures of equal size.
-    seen : (H, W) bool
-        Pixels that must be kept; the pictures are not cropped if there are none.
-
-    Returns
-    -------
-    (H', W', 3) float32
-        Linear light.
+    `seen` (H, W) bool: pixels that must be kept. Returns (H', W', 3) float32, linear light.
     """
     from PIL import Image, ImageDraw
 

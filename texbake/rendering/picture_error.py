@@ -14,12 +14,7 @@ def picture_error(
 ) -> float:
     """Return the root mean square difference in the 255 steps of an 8-bit screen.
 
-    Parameters
-    ----------
-    picture, truth : (H, W, 3 or 4) float32
-        Linear light; a fourth channel is ignored.
-    where : (H, W) bool, optional
-        Pixels to compare; None for all.
+    `picture`, `truth` (H, W, 3 or 4) float32, linear light; `where` (H, W) bool: pixels to compare.
     """
     difference = 255.0 * (
         encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])

@@ -28,20 +28,7 @@ _MOST_REASONS = 2
 
 
 def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
-    """List the passes that a picture needs.
-
-    Parameters
-    ----------
-    request
-        The scene, the options and the camera.
-    effects
-        All available effects, each listed after the effects it needs.
-
-    Raises
-    ------
-    AssertionError
-        An effect needs one that comes later in the list or does not exist. The list is wrong then.
-    """
+    """List the passes that a picture needs."""
     by_name = {effect.name: effect for effect in effects}
     places = {effect.name: place for place, effect in enumerate(effects)}
     calls: dict[str, list[Call]] = {effect.name: [] for effect in effects}

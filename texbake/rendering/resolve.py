@@ -220,11 +220,7 @@ class Sums:
     ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
         """Divide by the samples, in place; return color over the background, coverage and normals.
 
-        Parameters
-        ----------
-        behind : (3,) or (H, W, 3) float32, optional
-            Background as linear light. With None the color keeps its opacity and is not
-            premultiplied.
+        `behind` (3,) or (H, W, 3) float32: background as linear light.
         """
         layer = np.zeros((1, 1, 3), np.float32)
         if behind is not None:

@@ -51,19 +51,7 @@ def studio_scene(
 ) -> Scene:
     """Return a scene with one mesh and its maps in studio light.
 
-    Parameters
-    ----------
-    mesh
-        Any mesh; maps need texture coordinates.
-    normal_map, displacement, albedo
-        As in `texbake.rendering.render.render`.
-    space
-        Of the normal map; None: what it says, else tangent space.
-    edge_px
-        Maximum length in pixels of the edges of a displaced mesh. With None it is subdivided to the
-        texels of the map, once for all pictures.
-    options
-        Gives `base_color` and `filter`.
+    `edge_px`: maximum length in pixels of the edges of a displaced mesh.
     """
     options = options or RenderOptions()
     if normal_map is not None or displacement is not None or albedo is not None:
@@ -109,10 +97,7 @@ _RIM = 0.08
 def studio_room(size: int = 256) -> CubeMap:
     """Cube map of the studio room, +y up, with the strongest lamp at the front right.
 
-    Parameters
-    ----------
-    size
-        Width of each face in texels.
+    `size`: width of each face in texels.
     """
     directions = texel_directions(size).astype(np.float64)
     up = directions[..., 1]

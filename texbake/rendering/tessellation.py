@@ -52,7 +52,6 @@ class Pieces:
 
     Attributes
     ----------
-    n_vertices : int
     faces : (F, 3) int32
         Vertices, with the winding of the base triangle.
     face_edges : (F, 3) int32
@@ -94,11 +93,7 @@ class Places:
 def uncut(faces: IntArray) -> tuple[Pieces, Places]:
     """Return triangles without any cut, and the places of their vertices.
 
-    Parameters
-    ----------
-    faces : (F, 3) int32
-        Indices of vertices 0 to V - 1, all of which are used. Edges between the same two vertices
-        are merged.
+    `faces` (F, 3) int32.
     """
     n_faces, n_vertices = len(faces), int(faces.max()) + 1
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).astype(np.int64)
@@ -129,16 +124,7 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
     Selects the edges that are too long, and the longest edge of every triangle that is cut. If
     these are too many, the edges that exceed their limit the most come first.
 
-    Parameters
-    ----------
-    pieces
-        Triangles to subdivide.
-    excess : (E,) float64
-        Ratio of each edge's length to the allowed length; at most 1 if it is short enough.
-    points : (V, 3) float64
-        Positions of the vertices.
-    most
-        Maximum number of triangles after the cut.
+    `excess` (E,) float64; `points` (V, 3) float64.
     """
     wanted = excess > 1.0
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
@@ -158,25 +144,9 @@ def cut(
 ) -> tuple[Pieces, IntArray, Places]:
     """Cut edges in the middle, and subdivide the triangles that they belong to.
 
-    Parameters
-    ----------
-    pieces
-        Triangles.
-    marked : (E,) bool
-        Edges to cut.
-    points : (V, 3) float64
-        Positions of the vertices, used to choose the shorter diagonal.
-    threads
-        Number of threads; None uses every processor.
-
-    Returns
-    -------
-    pieces : Pieces
-        Subdivided triangles; pieces of a triangle are consecutive, in the order of the triangles.
-    ends : (M, 2) int32
-        The two vertices whose midpoint each new vertex is.
-    places : Places
-        Places of the new vertices.
+    `marked` (E,) bool; `points` (V, 3) float64: positions of the vertices, used to choose the
+    shorter diagonal. Returns `ends` (M, 2) int32: the two vertices whose midpoint each new vertex
+    is.
     """
     n_marked = int(np.count_nonzero(marked))
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked

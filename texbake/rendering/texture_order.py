@@ -75,15 +75,7 @@ def is_textured(item: SceneObject) -> bool:
 
 
 def in_texture_order(frame: Frame, state: RenderState) -> Frame:
-    """Return a picture whose textured objects are drawn anew, texel by texel.
-
-    Parameters
-    ----------
-    frame
-        The picture in screen order, with one sample per pixel.
-    state
-        The state that it was drawn from.
-    """
+    """Return a picture whose textured objects are drawn anew, texel by texel."""
     color = frame.color.reshape(-1, 4).copy()
     background = state.options.background
     shown = state.visible.visibility.face_ids.ravel()

@@ -74,11 +74,6 @@ class ErrorBounds:
 def parse_bounds(text: str) -> ErrorBounds:
     """Read bounds such as `0.5deg` for normals, `0.001` or `0.01%` for heights, or `0.5deg,0.01%`.
 
-    Raises
-    ------
-    OptionError
-        A part is not a positive number, or two parts bound the same.
-
     Examples
     --------
     >>> parse_bounds("0.01%").of_map("height", 2.0)
@@ -116,11 +111,6 @@ def _positive(word: str) -> float | None:
 
 def parse_picture_bound(value: str | float) -> float:
     """Read a bound such as `2/255` or `0.01`, where black to white is 1.
-
-    Raises
-    ------
-    OptionError
-        The bound is not above 0 and below 1.
 
     Examples
     --------

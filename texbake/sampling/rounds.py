@@ -82,15 +82,7 @@ class Refining(Protocol):
 class Rounds:
     """Chooses the bound of each round, and notes what the rounds took.
 
-    Parameters
-    ----------
-    budget : str or float
-        As the user gave it.
-    work : str
-        What takes the time, `the bake` or `the picture`.
-    clock : BudgetClock
-    growths : (float, float)
-        What a round costs as a multiple of what is known of it before: the first, and a later one.
+    `growths` (float, float).
 
     Attributes
     ----------
@@ -182,18 +174,7 @@ class Rounds:
         )
 
     def _next(self, work: npt.NDArray[np.float64]) -> tuple[float, float, float] | None:
-        """Return the closest bound whose round is predicted to fit; None to end.
-
-        Parameters
-        ----------
-        work
-            By the bound, from 1 to the widest.
-
-        Returns
-        -------
-        bound, work, seconds : float
-            The latter two of its round, as predicted.
-        """
+        """Return the closest bound whose round is predicted to fit; None to end."""
         if self._reached <= 1.0:
             return None
         left = _SPENT_SHARE * self.seconds - self.clock.spent - self.after

@@ -67,8 +67,6 @@ class Round:
 
     Attributes
     ----------
-    max_error : str
-    predicted_seconds, seconds : float
     is_complete : bool
         Whether it ended in time.
     """

@@ -54,7 +54,6 @@ class Case:
         The user's scene.
     quick : bool
         Whether to keep everything small.
-    threads : int, optional
     """
 
     high: Mesh | None = None

@@ -69,13 +69,7 @@ def study_files(
 def read_pair(
     verb: str, high: PathLike | None, low: PathLike | None, *, progress: ProgressSink | None
 ) -> tuple[Mesh, Mesh] | tuple[None, None]:
-    """Read the pair of meshes that may be given, or return two Nones.
-
-    Raises
-    ------
-    OptionError
-        Only one of them is given; the message begins with the verb.
-    """
+    """Read the pair of meshes that may be given, or return two Nones."""
     if high is None and low is None:
         return None, None
     if high is None or low is None:

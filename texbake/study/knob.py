@@ -112,7 +112,6 @@ class Knob:
 
     Attributes
     ----------
-    name, title : str
     about : str
         What it is and what to expect of it, in a sentence or two.
     error : str

@@ -45,17 +45,7 @@ _INPUTS = {"high": "high-poly mesh", "low": "low-poly mesh", "scene": "scene"}
 
 
 def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    result
-        What was measured.
-    plots
-        One for each knob, by its name.
-    everything
-        The plot of all knobs.
-    """
+    """Return the page as HTML."""
     body = render(
         "study.html",
         folder=_TEMPLATES,

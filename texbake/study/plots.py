@@ -134,7 +134,6 @@ class Dot:
         y may be 0, which is drawn below all others.
     least, most : float
         Ends of a bar along x.
-    label, color : str
     filled : bool
         Whether it is on a front.
     ringed : bool

@@ -41,8 +41,6 @@ class Measurement:
 
     Attributes
     ----------
-    setting : Setting
-    outcome : Judgment
     seconds : tuple of float
         Time of each timed run.
     peak_bytes : int or None
@@ -137,10 +135,8 @@ class KnobResult(Ranked):
 
     Attributes
     ----------
-    knob : Knob
     subject, truth, truth_text : str
         As in its `Bench`.
-    measurements : tuple of Measurement
     """
 
     knob: Knob
@@ -245,16 +241,7 @@ def figure_names(measurements: Iterable[Measurement]) -> list[str]:
 def settings_csv(
     columns: Sequence[str], measurements: Sequence[Measurement], rows: Sequence[Sequence[Any]]
 ) -> str:
-    """Return a table with one line per setting: its row, then its further figures.
-
-    Parameters
-    ----------
-    columns
-        Heading of the rows.
-    measurements, rows
-        One of each per setting. Each further figure that any setting has gets a column, by its
-        name; it is empty where a setting has no such figure or it is not finite.
-    """
+    """Return a table with one line per setting: its row, then its further figures."""
     names = figure_names(measurements)
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")

@@ -32,8 +32,6 @@ class Trial:
 
     Attributes
     ----------
-    setting : Setting
-    outcome : Judgment
     peak_bytes : int or None
         Peak memory of the first timed run, in which nothing is compiled or read any more.
     seconds : list of float

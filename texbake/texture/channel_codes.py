@@ -40,25 +40,8 @@ def image_codes(
 ) -> tuple[FloatImage, int]:
     """Decode an image without turning sRGB into linear values.
 
-    Parameters
-    ----------
-    image
-    is_color
-        Whether floats, which are linear, become sRGB codes.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    pixels : (H, W, C) float32
-        Codes, scaled to [0, 1].
-    bits : int
-        8 or 16: bits per channel that hold them.
-
-    Raises
-    ------
-    FileFormatError
-        It is not an image, or it is damaged.
+    `is_color`: whether floats, which are linear, become sRGB codes. Returns `pixels` (H, W, C)
+    float32: codes, scaled to [0, 1].
     """
     found = decode_image(image.data, image.name, color=False, threads=threads)
     pixels = found.pixels

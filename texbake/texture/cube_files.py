@@ -42,11 +42,6 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
 
     For "inside", the four sides are mirrored left to right. The top and the bottom are mirrored up
     and down, so that they continue the side along -z.
-
-    Raises
-    ------
-    OptionError
-        The convention is unknown.
     """
     if convention not in CONVENTIONS:
         raise OptionError(
@@ -62,10 +57,7 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
 def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> npt.NDArray[np.float32]:
     """Unfold a cube map into a cross.
 
-    Returns
-    -------
-    (3 S, 4 S, C) float32
-        0 outside the faces.
+    Returns (3 S, 4 S, C) float32: 0 outside the faces.
     """
     faces = in_convention(cube.faces, convention)
     size = cube.size
@@ -84,13 +76,7 @@ def is_cross(picture: npt.NDArray[Any]) -> bool:
 def cube_of_cross(
     picture: npt.NDArray[np.float32], *, convention: str = "opengl", name: str = "image"
 ) -> CubeMap:
-    """Fold a picture of 4 x 3 faces into a cube map.
-
-    Raises
-    ------
-    FileFormatError
-        The picture is not 4 x 3 square faces. The message calls it `name`.
-    """
+    """Fold a picture of 4 x 3 faces into a cube map."""
     if not is_cross(picture):
         height, width = picture.shape[:2]
         raise FileFormatError(
@@ -114,21 +100,7 @@ def face_files(folder: PathLike, suffix: str) -> list[Path]:
 def read_faces(
     folder: PathLike, *, convention: str = "opengl", color: bool = True, threads: int | None = None
 ) -> tuple[CubeMap, Image]:
-    """Read the six images of a cube map.
-
-    Returns
-    -------
-    cube : CubeMap
-    first : Image
-        The image of +x, for its metadata and format.
-
-    Raises
-    ------
-    FileError
-        A face is missing.
-    FileFormatError
-        A face has two files, a file is not an image, or the faces are not squares of one size.
-    """
+    """Read the six images of a cube map."""
     images = [
         read_image(_find_face(Path(folder), names), color=color, threads=threads)
         for names in FACE_NAMES
@@ -196,28 +168,7 @@ def convert_cube(
     *,
     threads: int | None = None,
 ) -> CubeConversion:
-    """Convert an environment map between layouts.
-
-    Parameters
-    ----------
-    source
-        A latitude-longitude image (2:1), a cross of 4 x 3 faces, or a folder with six faces.
-    output
-        A folder for six faces, or an image file.
-    options
-        None for the defaults of `CubeOptions`.
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    OptionError
-        The layout does not fit the source or the output.
-    FileError
-        A file cannot be read or written.
-    FileFormatError
-        The source is not an image of one of these shapes.
-    """
+    """Convert an environment map between layouts."""
     options = options or CubeOptions()
     source, output = Path(source), Path(output)
     _check_output(output, options)

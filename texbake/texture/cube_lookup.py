@@ -105,13 +105,7 @@ def sample_cube(
 
 
 def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
-    """Resize a cube map: with `shrink_cube` to fewer texels, by interpolation to more.
-
-    Raises
-    ------
-    OptionError
-        The size is below 1.
-    """
+    """Resize a cube map: with `shrink_cube` to fewer texels, by interpolation to more."""
     if size <= cube.size:
         return shrink_cube(cube, size, threads=threads)
     directions = texel_directions(size).reshape(-1, 3)

@@ -115,21 +115,7 @@ def without_gaps(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
     """Return the axes of the 90 degree camera that renders a face from the center of the cube.
 
-    Parameters
-    ----------
-    face
-        0 to 5: +x, -x, +y, -y, +z, -z.
-
-    Returns
-    -------
-    (3, 3) float64
-        A rotation, with the rows right, up and back (against the viewing direction) in world space.
-        The camera's image, mirrored left to right, is the face; see `CubeMap.from_views`.
-
-    Raises
-    ------
-    OptionError
-        `face` is not 0 to 5.
+    Returns (3, 3) float64.
 
     Examples
     --------
@@ -145,10 +131,7 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
 def face_directions(size: int) -> npt.NDArray[np.float64]:
     """Return the directions through the centers of all texels.
 
-    Returns
-    -------
-    (6, size, size, 3) float64
-        Not normalized: their largest component is 1 or -1.
+    Returns (6, size, size, 3) float64, not normalized: their largest component is 1 or -1.
     """
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     t, s = np.meshgrid(along, along, indexing="ij")
@@ -172,10 +155,7 @@ def texel_directions(size: int) -> npt.NDArray[np.float32]:
 def solid_angles(size: int) -> npt.NDArray[np.float64]:
     """Return the solid angle of each texel of a face in steradians; six faces sum to 4 pi.
 
-    Returns
-    -------
-    (size, size) float64
-        Exact, by the integral over each texel. Read-only.
+    Returns (size, size) float64: exact, by the integral over each texel. Read-only.
     """
     edges = np.linspace(-1.0, 1.0, size + 1)
     x, y = np.meshgrid(edges, edges)
@@ -192,17 +172,9 @@ def locate_directions(
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
     """Return the face, s and t of nonzero directions.
 
-    Parameters
-    ----------
-    directions : (..., 3) float64
-        Of any length.
-
-    Returns
-    -------
-    faces : (...) int64
-        Face of the largest component, or of the first one if several are equally large.
-    st : (..., 2) float64
-        In [0, 1], s to the right and t down.
+    `directions` (..., 3) float64. Returns `faces` (...) int64: face of the largest component, or of
+    the first one if several are equally large, `st` (..., 2) float64, in [0, 1], s to the right and
+    t down.
     """
     heights = pm.matmul(directions, FACE_AXES[:, 2].T)
     faces = np.argmax(heights, axis=-1)
@@ -214,11 +186,7 @@ def locate_directions(
 def fill_bordered(faces: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
     """Copy faces into the middle of `out`, and the neighboring texels into its border.
 
-    Parameters
-    ----------
-    faces : (6, S, S, C) float32
-    out : (6, S + 2, S + 2, C) float32
-        Overwritten. At a corner, where only three texels meet, the fourth is their mean.
+    `faces` (6, S, S, C) float32; `out` (6, S + 2, S + 2, C) float32.
     """
     out[:, 1:-1, 1:-1] = faces
     for side, (neighbors, rows, columns) in zip(
@@ -283,13 +251,7 @@ class CubeChain:
 
     @classmethod
     def of(cls, levels: Sequence[CubeMap]) -> CubeChain:
-        """Return a chain of cube maps of any sizes, in this order, with the same channels.
-
-        Raises
-        ------
-        OptionError
-            There are no levels, or their numbers of channels differ.
-        """
+        """Return a chain of cube maps of any sizes, in this order, with the same channels."""
         channels = {level.n_channels for level in levels}
         if len(channels) != 1:
             raise OptionError(
@@ -334,17 +296,7 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
     The integral over all directions is preserved, exactly if the old size is a multiple of the new
     one. A constant cube map gives exactly its constant.
 
-    Parameters
-    ----------
-    cube
-        Returned unchanged if it has this size.
-    size
-        Side of a face in texels, at most that of the cube map.
-
-    Raises
-    ------
-    OptionError
-        The size is below 1 or too large.
+    `size`: side of a face in texels, at most that of the cube map.
     """
     if not 1 <= size <= cube.size:
         raise OptionError(f"size: {size} is not from 1 to {cube.size}, the size of the cube map")
@@ -362,17 +314,7 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
 
 
 def cube_chain(cube: CubeMap, *, threads: int | None = None) -> CubeChain:
-    """Compute the mip levels of a cube map, each half as large, down to one texel per face.
-
-    Parameters
-    ----------
-    cube
-        A cube map of any size; odd sizes are halved and rounded down.
-
-    Returns
-    -------
-    CubeChain
-    """
+    """Compute the mip levels of a cube map, each half as large, down to one texel per face."""
     levels = [cube]
     while levels[-1].size > 1:
         levels.append(shrink_cube(levels[-1], levels[-1].size // 2, threads=threads))

@@ -78,35 +78,8 @@ def write_dds(
 ) -> None:
     """Write an image as a block-compressed DDS file.
 
-    Parameters
-    ----------
-    values : (H, W, C) float32
-        Linear, row 0 at the top: colors or data in [0, 1], or unit normals. Channels that the
-        format does not store are dropped.
-    path
-        A .dds file.
-    block_format
-        One of `BLOCK_FORMATS`.
-    kind
-        "color" (sRGB, averaged in linear light), "data" or "normal".
-    convention
-        Green channel of normals: "opengl" or "directx".
-    mipmaps
-        Whether to write all mip levels down to 1 x 1.
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    DependencyError
-        etcpak is not installed.
-    OptionError
-        The format is unknown or does not support this kind, or a side is not a multiple of 4, as
-        Direct3D requires, or longer than 16,384 texels.
-    FileFormatError
-        The suffix is not .dds.
-    FileError
-        The file cannot be written.
+    `values` (H, W, C) float32; `kind`: "color" (sRGB, averaged in linear light), "data" or
+    "normal".
     """
     if Path(path).suffix.lower() != ".dds":
         raise FileFormatError(f"{path}: block-compressed textures are DDS files; give a .dds name")

@@ -31,27 +31,7 @@ def encode_image(
 ) -> bytes:
     r"""Encode an image as the bytes of a file.
 
-    Parameters
-    ----------
-    codes : (H, W, 3) or (H, W, 4) uint8
-    encoding
-        A name in `ENCODINGS`. An image with alpha is encoded as PNG where JPEG is asked for.
-    quality
-        Of JPEG and WebP, from 1 to 100.
-    is_color
-        Whether a PNG file is marked as sRGB.
-    threads
-        For PNG; None for every processor.
-
-    Returns
-    -------
-    bytes
-        The same for the same image and versions of the libraries.
-
-    Raises
-    ------
-    OptionError
-        The encoding is unknown.
+    `codes` (H, W, 3) or (H, W, 4) uint8; `is_color`: whether a PNG file is marked as sRGB.
 
     Examples
     --------

@@ -77,16 +77,7 @@ def quantize_unsigned(
 ) -> npt.NDArray[Any]:
     """Quantize values in [0, 1] to the nearest codes; halves round up.
 
-    Parameters
-    ----------
-    values : (..., C) float32
-        Clipped to [0, 1]; NaN becomes 0.
-    bits
-        8 or 16.
-
-    Returns
-    -------
-    (..., C) uint8 or uint16
+    `values` (..., C) float32. Returns (..., C) uint8 or uint16.
 
     Examples
     --------
@@ -102,19 +93,7 @@ def quantize_srgb(
 ) -> npt.NDArray[Any]:
     """Quantize linear values as sRGB colors to the nearest codes; halves round up.
 
-    Parameters
-    ----------
-    linear : (..., C) float32
-        Clipped to [0, 1]; NaN becomes 0.
-    bits
-        8 or 16.
-    n_colors
-        Channels that are colors; those after them are quantized as `quantize_unsigned` does. None
-        for all.
-
-    Returns
-    -------
-    (..., C) uint8 or uint16
+    `linear` (..., C) float32. Returns (..., C) uint8 or uint16.
 
     Examples
     --------
@@ -199,23 +178,7 @@ def encode_normals(
 ) -> npt.NDArray[Any]:
     """Encode unit vectors as the colors of a normal map, (n + 1) / 2.
 
-    Parameters
-    ----------
-    normals : (..., 3) float32
-        Unit vectors; in tangent space, x is along the tangent and y along the bitangent.
-    bits
-        8 or 16 for integer codes; 32 for float32 values in [0, 1], as in float and half files.
-    convention
-        Green channel: "opengl" (+Y) or "directx" (-Y).
-
-    Returns
-    -------
-    (..., 3) uint8, uint16 or float32
-
-    Raises
-    ------
-    OptionError
-        `bits` or `convention` is unknown.
+    `normals` (..., 3) float32: unit vectors. Returns (..., 3) uint8, uint16 or float32.
 
     Examples
     --------
@@ -238,17 +201,8 @@ def decode_normals(
     A flat 8-bit texel (128, 128, 255) decodes to 0.318 degrees off the axis, as in renderers,
     because no integer code is exactly 0.
 
-    Parameters
-    ----------
-    pixels : (..., 3 or more) uint8, uint16 or float32
-        Integer codes, or floats in [0, 1]. Channels after the third are ignored.
-    convention
-        "opengl" or "directx".
-
-    Returns
-    -------
-    (..., 3) float32
-        Unit vectors. Colors without a direction, such as (0.5, 0.5, 0.5), and NaN give (0, 0, 1).
+    `pixels` (..., 3 or more) uint8, uint16 or float32. Returns (..., 3) float32: unit vectors.
+    Colors without a direction, such as (0.5, 0.5, 0.5), and NaN give (0, 0, 1).
     """
     sign = _green_sign(convention)
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
@@ -282,22 +236,7 @@ def encode_heights(
     Heights in the range (-mid * scale, (1 - mid) * scale) decode with an error of at most half a
     step, scale / (2^bits - 1) / 2. Heights outside are clipped; see `count_clipped`.
 
-    Parameters
-    ----------
-    heights : (...,) float32
-        Model units.
-    bits
-        8 or 16 for integer codes; 32 for float32 levels, which are not clipped. With `mid` 0 and
-        `scale` 1, these are the heights themselves.
-
-    Returns
-    -------
-    (...,) uint8, uint16 or float32
-
-    Raises
-    ------
-    OptionError
-        `scale` is 0 or not finite, or `bits` is not 8, 16 or 32.
+    `heights` (...,) float32: model units. Returns (...,) uint8, uint16 or float32.
     """
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
         raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")

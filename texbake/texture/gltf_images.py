@@ -59,7 +59,6 @@ class _Arranger:
 
     Attributes
     ----------
-    threads
     missing : list of (str, str)
         As in `Materials`; appended to.
     """

@@ -12,20 +12,7 @@ _ROUNDING = 0.01
 
 
 def check_gray(image: Image, what: str) -> None:
-    """Raise where the red, green and blue of an image differ, so that none of them is the map.
-
-    Parameters
-    ----------
-    image
-        As `read_image` gives it; alpha does not count.
-    what
-        The map that it is to be, in words.
-
-    Raises
-    ------
-    OptionError
-        They differ.
-    """
+    """Raise where the red, green and blue of an image differ, so that none of them is the map."""
     colors = image.pixels[..., :3]
     if image.pixels.shape[2] < 3:
         return

@@ -94,13 +94,7 @@ def height_to_normal(
 
 
 def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptions) -> float:
-    """Return the height of a change of 1, from the options, the image's metadata or the default.
-
-    Raises
-    ------
-    FileFormatError
-        The scale in the image's metadata is not a number.
-    """
+    """Return the height of a change of 1, from the options, the image's metadata or the default."""
     if options.scale is not None:
         return options.scale
     if not isinstance(heights, Image):

@@ -179,13 +179,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
 
 
 def read_header(path: PathLike) -> ImageHeader:
-    """Read the header of an image file, without its pixels.
-
-    Raises
-    ------
-    FileError, FileFormatError
-        As for `read_image`.
-    """
+    """Read the header of an image file, without its pixels."""
     source, description = _opened(path)
     spec = source.spec()
     description = description or _description(spec)
@@ -337,20 +331,7 @@ def _one_line(reason: str, temporary: Path | None = None, path: PathLike = "") -
 
 
 def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = None) -> Image:
-    """Read an image from the bytes of a file; the first bytes identify the format.
-
-    Parameters
-    ----------
-    name
-        Name for messages. Its suffix selects the format if the bytes do not identify it.
-    color, threads
-        As for `read_image`.
-
-    Raises
-    ------
-    FileFormatError
-        The bytes are not an image, or the image is damaged.
-    """
+    """Read an image from the bytes of a file; the first bytes identify the format."""
     with _as_file(data, name) as path:
         image = read_image(path, color=color, threads=threads)
     return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)
@@ -368,13 +349,7 @@ def require_whole(image: PathLike | bytes, name: str = "") -> None:
 
 
 def image_shape(data: bytes, name: str) -> tuple[int, int, int]:
-    """Width, height and number of channels of an image in the bytes of a file, not decoded.
-
-    Raises
-    ------
-    FileFormatError
-        The bytes are not an image.
-    """
+    """Width, height and number of channels of an image in the bytes of a file, not decoded."""
     with _as_file(data, name) as path:
         source, _ = _opened(path)
         spec = source.spec()

@@ -29,17 +29,7 @@ def write_images(
 ) -> None:
     """Write several images. If one of them cannot be written, none is.
 
-    Parameters
-    ----------
-    images
-        Pixels (H, W, C) by file. Missing folders are created.
-    color, bits
-        As for `write_image`.
-
-    Raises
-    ------
-    FileError, OptionError
-        As for `write_image`.
+    `images`: pixels (H, W, C) by file.
     """
     for file, pixels in images.items():
         check_image_format(
@@ -96,21 +86,7 @@ def write_normals(
 ) -> None:
     """Write a normal map in tangent space.
 
-    Parameters
-    ----------
-    normals : (H, W, 3) float32
-        Unit vectors, y up.
-    path
-        png, exr, tif or tga.
-    convention
-        Green channel: `opengl` (+Y up) or `directx` (+Y down).
-    bits
-        8, 16 or 32 bits per channel; None: the most the format holds.
-
-    Raises
-    ------
-    OptionError, FileError
-        As for `write_image`, or the format is lossy.
+    `normals` (H, W, 3) float32: unit vectors, y up.
     """
     bits = check_image_format(path, bits, channels=3, lossless=True)
     code_bits = 32 if holds_floats(path, bits) else bits
@@ -128,25 +104,7 @@ def write_heights(
 ) -> tuple[float, float]:
     """Write a height map.
 
-    Parameters
-    ----------
-    heights : (H, W) float32
-        Distances in model units. Float files store them unchanged, integer files as
-        h = d / scale + mid with the smallest scale that clips none of them.
-    path
-        png, exr, tif or tga.
-    bits
-        8, 16 or 32; None: the most the format holds.
-
-    Returns
-    -------
-    mid, scale : float
-        The values in the metadata of the file.
-
-    Raises
-    ------
-    OptionError, FileError
-        As for `write_image`, or the format is lossy.
+    `heights` (H, W) float32: distances in model units.
     """
     bits = check_image_format(path, bits, channels=1, lossless=True)
     mid, scale = 0.0, 1.0

@@ -73,14 +73,7 @@ def _is_tga(data: bytes) -> bool:
 
 
 def require_read_format(path: PathLike, reader: str = "") -> None:
-    """Raise `FileFormatError` if a file is not of an image format that is read.
-
-    Parameters
-    ----------
-    path
-    reader
-        OpenImageIO's name of what has opened the file; without it, its first bytes decide.
-    """
+    """Raise `FileFormatError` if a file is not of an image format that is read."""
     if reader:
         is_read = reader in _READ_BY
     else:
@@ -104,26 +97,6 @@ def check_image_format(
     """Check that an image can be written in a format; return its bits per channel.
 
     Long jobs call this before they start.
-
-    Parameters
-    ----------
-    path
-        The suffix selects the format.
-    bits
-        8, 16 or 32. None: 8 for color (16 in EXR), the most that the format supports for data.
-    color
-        Whether the image is color or data; see `bits`.
-    channels
-        Number of channels, if known.
-    lossless
-        Whether to reject lossy formats.
-
-    Raises
-    ------
-    FileFormatError
-        The suffix is unknown.
-    OptionError
-        The format does not support that many bits or channels, or it is lossy.
     """
     kind = format_of(path)
     if lossless and kind is JPEG:

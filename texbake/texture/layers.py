@@ -26,26 +26,7 @@ _ORDER = "RGBXYZUVA"  # of channels in memory; files sort them alphabetically
 
 
 def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
-    """Write images of one size as the layers of an EXR file.
-
-    Parameters
-    ----------
-    layers
-        Images by layer name. Pixels are written unchanged, linear: as half floats if `bits` is 8 or
-        16, as floats if it is 32. The metadata of each image is stored under the name of its layer.
-    path
-        An .exr file.
-
-    Raises
-    ------
-    OptionError
-        There are no layers, a name is empty or contains a dot, the sizes differ, or a half-float
-        layer has values beyond 65,504.
-    FileFormatError
-        The suffix is not .exr.
-    FileError
-        The file cannot be written.
-    """
+    """Write images of one size as the layers of an EXR file."""
     if Path(path).suffix.lower() != ".exr":
         raise FileFormatError(f"{path}: only EXR files store layers; give a .exr file")
     _check_layers(layers, path)
@@ -68,13 +49,6 @@ def read_layers(path: PathLike) -> dict[str, Image]:
 
     Channels without a dot in their names form the layer "". The channels of each layer are returned
     in the order R, G, B, A, or X, Y, Z, or Y, A, whatever their order in the file.
-
-    Raises
-    ------
-    FileError
-        The file does not exist or cannot be opened.
-    FileFormatError
-        The file is not an image, or it is damaged.
     """
     import OpenImageIO as oiio  # noqa: N813
 

@@ -32,13 +32,7 @@ _IMAGE_BAND = 1 << 18
 
 
 def wrap_code(wrap: str) -> int:
-    """Return the number of a wrap mode in kernels.
-
-    Raises
-    ------
-    OptionError
-        The mode is unknown.
-    """
+    """Return the number of a wrap mode in kernels."""
     if wrap not in _CODES:
         raise OptionError(f"wrap: {quoted(wrap)} is not known; it is one of {', '.join(_CODES)}")
     return _CODES[wrap]
@@ -67,21 +61,7 @@ def wrap_pair(wrap: Wrap) -> tuple[str, str]:
 def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
     """Return the values outside an image with a border, one per channel.
 
-    Parameters
-    ----------
-    border : float, (1,) or (C,), optional
-        None: 0 in every channel.
-    n_channels
-        Number of channels of the image.
-
-    Returns
-    -------
-    (C,) float32
-
-    Raises
-    ------
-    OptionError
-        `border` is neither one number nor one per channel.
+    `border` float, (1,) or (C,). Returns (C,) float32.
     """
     out = np.empty(n_channels, np.float32)
     try:
@@ -107,17 +87,8 @@ def texel_coordinates(
 ) -> npt.NDArray[np.float64]:
     """Convert texture coordinates to texels.
 
-    Parameters
-    ----------
-    uvs : (..., 2) float64
-        Texture coordinates, v up.
-    width, height
-        Size of the image in texels.
-
-    Returns
-    -------
-    (..., 2) float64
-        Continuous x and y, y down from the top edge; texel centers lie at halves.
+    `uvs` (..., 2) float64; `width`, `height`: size of the image in texels. Returns (..., 2)
+    float64: continuous x and y, y down from the top edge; texel centers lie at halves.
 
     Examples
     --------
@@ -139,28 +110,8 @@ def lookup(
 ) -> npt.NDArray[np.float32]:
     """Sample an image at texture coordinates, bilinearly with float64 weights.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        Linear values, row 0 at the top.
-    uvs : (..., 2) float64
-        Texture coordinates, v up.
-    wrap
-        How to sample outside the unit square: "repeat", "mirror", "clamp" or "border";
-        or a pair of these, for u and for v.
-    border : float or (C,), optional
-        Values of the border; 0 by default.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (..., C) float32
-
-    Raises
-    ------
-    OptionError
-        `wrap` is unknown, the border does not fit the channels, or the image has no texels.
+    `image` (H, W, C) float32, linear values, row 0 at the top; `uvs` (..., 2) float64; `border`
+    float or (C,). Returns (..., C) float32.
     """
     code = wrap_codes(wrap)
     image = np.require(image, np.float32, ["C", "A"])

@@ -28,15 +28,8 @@ from texbake.texture.options import MipOptions
 def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     """Arrange mip levels in one picture.
 
-    Parameters
-    ----------
-    levels : sequence of (H, W, C)
-        Finest first; no level is wider or higher than the one before.
-
-    Returns
-    -------
-    (H, W, C)
-        The finest level on the left, the others below each other on its right; 0 elsewhere.
+    `levels` sequence of (H, W, C). Returns (H, W, C): the finest level on the left, the others
+    below each other on its right; 0 elsewhere.
 
     Examples
     --------
@@ -59,17 +52,7 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
 def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     """Return the roughness of a surface from the lengths of its averaged unit normals.
 
-    Parameters
-    ----------
-    lengths : (...) float32
-        1 where all normals agree, 0 where they point in all directions; clipped to [0, 1].
-
-    Returns
-    -------
-    (...) float32
-        Roughness in [0, 1] as in glTF: alpha = roughness². For a mean of length r, the von
-        Mises-Fisher distribution has kappa = (3 r - r³) / (1 - r²), and alpha² = 2 / kappa, at
-        most 1.
+    `lengths` (...) float32. Returns (...) float32.
 
     Examples
     --------
@@ -91,33 +74,7 @@ def write_mip_levels(
     roughness: PathLike | None = None,
     threads: int | None = None,
 ) -> tuple[Path, ...]:
-    """Write all mip levels of an image, down to one texel.
-
-    Parameters
-    ----------
-    source
-        The image.
-    output
-        A folder for one file per level (`wood_0.png`, `wood_1.png` ...), created if missing, or an
-        image file for all levels in one picture (`levels_picture`).
-    options
-        None for the defaults of `MipOptions`.
-    roughness
-        Folder or image file for the roughness lost by averaging normals.
-
-    Returns
-    -------
-    tuple of Path
-        The files that were written.
-
-    Raises
-    ------
-    OptionError
-        `roughness` is given for an image that is not a normal map, or a normal map does not have
-        three channels.
-    FileError
-        A file cannot be read or written.
-    """
+    """Write all mip levels of an image, down to one texel."""
     options = options or MipOptions()
     source, targets = Path(source), [Path(output)] + ([Path(roughness)] if roughness else [])
     normals = options.kind == "normal"

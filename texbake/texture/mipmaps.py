@@ -89,14 +89,7 @@ class MipChain:
 def single_level(image: npt.NDArray[Any]) -> MipChain:
     """Return a chain of one level; it shares the memory of a contiguous float32 image.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32
-
-    Raises
-    ------
-    OptionError
-        The image has no texels, or its shape is not (H, W, C).
+    `image` (H, W, C) float32.
     """
     image = _checked(image)
     height, width, n_channels = image.shape
@@ -218,10 +211,8 @@ def _taps(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
     """Return the texels that each texel of a smaller level averages along one axis, with weights.
 
-    Returns
-    -------
-    indices, weights : (smaller, T) int64 and float32
-        Weights sum to 1 up to rounding. The first index is always one of the nearest.
+    Returns `indices`, `weights` (smaller, T) int64 and float32: weights sum to 1 up to rounding.
+    The first index is always one of the nearest.
     """
     places = np.arange(smaller)[:, None]
     if filter == "box" or size == smaller:

@@ -71,13 +71,7 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 
 
 def without_damaged_images(materials: Materials) -> tuple[Materials, tuple[str, ...]]:
-    """Return materials without images that cannot be decoded, and warnings about these.
-
-    Raises
-    ------
-    FileFormatError
-        The images have too many pixels together.
-    """
+    """Return materials without images that cannot be decoded, and warnings about these."""
     require_decodable(materials)
     reasons: dict[str, str] = {}
     lines: list[tuple[str, str]] = []

@@ -30,26 +30,7 @@ _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 def mtl_images(
     materials: Materials, *, threads: int | None = None
 ) -> tuple[Materials, tuple[str, ...]]:
-    """Return materials as .mtl files have them.
-
-    Parameters
-    ----------
-    materials
-    threads
-        None for every processor. The result does not depend on it.
-
-    Returns
-    -------
-    materials : Materials
-        With the channels of `MTL_CHANNELS`. Images of one channel each, PNG or JPEG.
-    lost : tuple of str
-        What is not in them, in words.
-
-    Raises
-    ------
-    FileFormatError
-        The images have too many pixels together.
-    """
+    """Return materials as .mtl files have them."""
     require_decodable(materials)
     lost: dict[str, None] = {}
     made: dict[tuple[str, tuple[int, ...]], ChannelImage] = {}

@@ -237,16 +237,8 @@ _Free = tuple[int, int, int, int]
 def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Size] | None:
     """Place rectangles in a bin, large ones first, each where it fits a free rectangle best.
 
-    Parameters
-    ----------
-    sizes : sequence of (width, height)
-    width, height
-        Size of the bin.
-
-    Returns
-    -------
-    list of (left, top), or None
-        In the order of `sizes`. None if they do not fit in any of the orders that are tried.
+    `sizes` sequence of (width, height). Returns list of (left, top), or None, in the order of
+    `sizes`. None if they do not fit in any of the orders that are tried.
 
     Examples
     --------

@@ -54,22 +54,7 @@ def nearest_owner(
     The time grows with the padding. Up to 64 texels, as in practice, it costs less than reading the
     image; a padding as wide as the image costs as much as trying every column for every texel.
 
-    Parameters
-    ----------
-    chart_ids : (H, W) int32
-        Chart that owns each texel, -1 for none.
-    padding
-        In texels; 0 keeps only the owners.
-
-    Returns
-    -------
-    NearestOwners
-        All indices are -1 if no chart owns a texel.
-
-    Raises
-    ------
-    OptionError
-        `padding` is negative or 16384 or more, or there are 2^31 texels or more.
+    `chart_ids` (H, W) int32; `padding`, in texels.
     """
     if not 0 <= padding < NO_OWNER:
         raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
@@ -109,19 +94,7 @@ def spread(
 ) -> FloatImage:
     """Give each texel the value of its nearest owner.
 
-    Parameters
-    ----------
-    values : (H, W, C) float32
-        Only the values of owners are read.
-    indices : (H, W) int32
-        `NearestOwners.indices`.
-    background
-        A number, or one per channel, for texels without an owner within the padding, and for those
-        whose nearest owner is not finite in all channels. Owners always keep their value.
-
-    Returns
-    -------
-    (H, W, C) float32
+    `values` (H, W, C) float32; `indices` (H, W) int32. Returns (H, W, C) float32.
     """
     height, width, n_channels = values.shape
     flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)
@@ -141,18 +114,8 @@ def push_pull(
 ) -> FloatImage:
     """Fill the texels outside `mask` smoothly from those inside it.
 
-    Parameters
-    ----------
-    values : (H, W, C) float32
-        An image of any size, not only powers of two.
-    mask : (H, W) bool
-        Texels to keep. Those that are not finite in all channels are kept but fill nothing.
-
-    Returns
-    -------
-    (H, W, C) float32
-        A new array, bit-equal to `values` inside `mask`. If the mask is empty, it equals `values`
-        everywhere.
+    `values` (H, W, C) float32; `mask` (H, W) bool: texels to keep. Returns (H, W, C) float32: A new
+    array, bit-equal to `values` inside `mask`. If the mask is empty, it equals `values` everywhere.
     """
     level = np.array(values, np.float32)
     valid = np.require(mask, np.bool_, ["C", "A"])

@@ -38,14 +38,7 @@ def write_png(
     description: str = "",
     threads: int | None = None,
 ) -> None:
-    """Write integer codes as a PNG file.
-
-    Parameters
-    ----------
-    path
-    codes, srgb, description, threads
-        As for `png_parts`.
-    """
+    """Write integer codes as a PNG file."""
     parts = png_parts(codes, srgb=srgb, description=description, threads=threads)
     with Path(path).open("wb") as file:
         file.writelines(parts)
@@ -64,14 +57,7 @@ def png_parts(
     Huffman codes only. For smooth maps, the files are smaller than with differences from the left
     and the usual search for repeats, and are written many times as fast.
 
-    Parameters
-    ----------
-    codes : (H, W, C) uint8 or uint16
-        1 to 4 channels: gray, gray and alpha, RGB, RGBA.
-    srgb
-        Whether to mark the codes as sRGB colors. Data has no mark.
-    description
-        ASCII text, stored under the keyword "Description".
+    `codes` (H, W, C) uint8 or uint16; `srgb`: whether to mark the codes as sRGB colors.
     """
     height, width, n_channels = codes.shape
     header = struct.pack(

@@ -58,23 +58,8 @@ _TAIL_POWER = 3
 def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> CubeMap:
     """Compute the irradiance of a diffuse surface by its normal, divided by pi.
 
-    Parameters
-    ----------
-    cube
-        Radiance by direction.
-    size
-        Side of a face of the result in texels. The result is smooth, so 16 to 64 is enough.
-
-    Returns
-    -------
-    CubeMap
-        Mean radiance over the hemisphere, weighted by cosine. A surface of color C_b reflects C_b
-        times this value. A constant environment gives its constant.
-
-    Raises
-    ------
-    OptionError
-        The size is below 1.
+    `cube`: radiance by direction; `size`: side of a face of the result in texels. Returns CubeMap:
+    mean radiance over the hemisphere, weighted by cosine.
     """
     if size < 1:
         raise OptionError(f"size: {size} is too small; it must be at least 1")
@@ -102,30 +87,8 @@ def specular_levels(
 ) -> CubeChain:
     """Prefilter a cube map for specular reflections, with one level per roughness.
 
-    Parameters
-    ----------
-    cube
-        Radiance by direction.
-    n_levels
-        Level i is for roughness i / (n_levels - 1), with alpha = roughness²; level 0 is a mirror.
-    size
-        Side of a face of level 0 in texels; each further level is half as large.
-    samples
-        Directions per texel of level 1. Each sample reads the level of the source whose texels are
-        as wide as its share of directions. Each further level, which has fewer texels, uses twice
-        as many samples, up to 4,096.
-
-    Returns
-    -------
-    CubeChain
-        Radiance by reflected direction. Read it at level roughness (n_levels - 1) with
-        `filter="trilinear"`, and apply the scale and bias of `split_sum_table`. A constant
-        environment gives its constant.
-
-    Raises
-    ------
-    OptionError
-        A number is below 1, or `samples` below 16.
+    `cube`: radiance by direction; `size`: side of a face of level 0 in texels. Returns CubeChain:
+    radiance by reflected direction.
     """
     for name, value, least in (
         ("n_levels", n_levels, 1),
@@ -162,11 +125,7 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
 def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.float64]:
     """Sample the reflection lobe of a rough mirror that is seen along its normal.
 
-    Returns
-    -------
-    (n, 5) float64
-        x, y, z with the normal along z; the level of the source to read, a whole number; and the
-        weight, which includes the cosine, after Karis. Only directions above the surface.
+    Returns (n, 5) float64.
     """
     points = hammersley(samples)
     alpha2 = roughness**4
@@ -214,21 +173,7 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
 
     A surface with the specular color F0 reflects the prefiltered light times F0 scale + bias.
 
-    Parameters
-    ----------
-    size
-        Rows and columns.
-
-    Returns
-    -------
-    (size, size, 2) float32
-        [row, column] is for roughness (row + 0.5) / size and n·v = (column + 0.5) / size, the texel
-        centers. Read-only; computed once per process.
-
-    Raises
-    ------
-    OptionError
-        The size is below 1.
+    Returns (size, size, 2) float32.
     """
     if size < 1:
         raise OptionError(f"size: {size} is too small; it must be at least 1")

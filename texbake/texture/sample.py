@@ -75,40 +75,8 @@ def sample(
 ) -> npt.NDArray[np.float32]:
     """Sample an image at texture coordinates.
 
-    Parameters
-    ----------
-    chain : MipChain
-        The image and its mip levels.
-    uvs : (n, 2) float64
-        Texture coordinates, v up. No coordinate reads texels outside the image: NaN counts as 0,
-        and so does infinity with `repeat` and `mirror`.
-    derivatives : (n, 4) float32, optional
-        du/dx, dv/dx, du/dy, dv/dy: the change of the coordinates over one pixel to the right and
-        over one pixel down. Required by `trilinear`, `ewa` and `supersampled`. For the first two,
-        NaN counts as no change, and infinity reads the last level.
-    filter
-        `nearest`, `bilinear`, `bicubic`, `trilinear`, `ewa`, or `supersampled`, the slow reference.
-    wrap
-        How to sample outside the unit square: `repeat`, `mirror`, `clamp` or `border`; or a pair of
-        these, for u and for v.
-    border : float or (C,), optional
-        Values of the border; 0 by default.
-    max_anisotropy
-        For `ewa`, the largest ratio of the axes of the ellipse. The minor axis of a longer ellipse
-        is lengthened, which limits the time per lookup.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n, C) float32
-        A constant image gives exactly its constant wherever the border is not read.
-
-    Raises
-    ------
-    OptionError
-        An option is unknown or out of range, an array has the wrong shape, or derivatives are
-        missing.
+    `uvs` (n, 2) float64; `derivatives` (n, 4) float32; `border` float or (C,). Returns (n, C)
+    float32: A constant image gives exactly its constant wherever the border is not read.
     """
     if filter not in FILTERS:
         raise OptionError(
@@ -216,26 +184,8 @@ def mip_levels(
 ) -> npt.NDArray[np.float32]:
     """Return the mip level that `trilinear` filtering reads for each pixel.
 
-    Parameters
-    ----------
-    derivatives : (n, 4) float32
-        du/dx, dv/dx, du/dy, dv/dy.
-    width, height
-        Size of the finest level in texels.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n,) float32
-        log2 of the longer of the two steps of a pixel on the texture, in texels. Not limited to the
-        levels of an image: negative where it is magnified, minus infinity where the coordinates do
-        not change.
-
-    Raises
-    ------
-    OptionError
-        The derivatives have the wrong shape.
+    `derivatives` (n, 4) float32; `width`, `height`: size of the finest level in texels. Returns
+    (n,) float32.
     """
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)

@@ -28,15 +28,8 @@ def channel_ranges(
 ) -> npt.NDArray[np.float32]:
     """Return the minimum and maximum finite value of each channel over the covered texels.
 
-    Parameters
-    ----------
-    values : (H, W) or (H, W, C) float32
-    covered : (H, W) bool
-
-    Returns
-    -------
-    (C, 2) float32
-        (inf, -inf) for a channel without such a value.
+    `values` (H, W) or (H, W, C) float32; `covered` (H, W) bool. Returns (C, 2) float32: (inf, -inf)
+    for a channel without such a value.
     """
     rows, texels = _of_texels(values, covered)
     nothing = np.tile(np.array([np.inf, -np.inf], np.float32), (rows.shape[1], 1))
@@ -62,29 +55,8 @@ def height_range(
 ) -> tuple[float, float]:
     """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
 
-    Parameters
-    ----------
-    heights : (H, W) or (H, W, C) float32
-        Signed distances in model units.
-    covered : (H, W) bool
-        Texels to take into account. Heights that are not finite are ignored.
-    bits
-        Bits of the codes, 8 or 16.
-    mid
-        Mid level in [0, 1]. None: the code just above the middle, 128 / 255 or 32768 / 65535. 1/2
-        is not a code; with this level, a displacement of 0 decodes to exactly 0.
-
-    Returns
-    -------
-    mid : float
-    scale : float
-        Model units from black to white; the least that clips no height. 1 if no texel is displaced
-        or covered, so that the map is flat at its mid level.
-
-    Raises
-    ------
-    OptionError
-        `mid` is outside [0, 1], or is 0 or 1 although there are heights beyond it.
+    `heights` (H, W) or (H, W, C) float32: signed distances in model units; `covered` (H, W) bool:
+    texels to take into account. Returns `scale` float: model units from black to white.
     """
     mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
     if not 0.0 <= mid <= 1.0:

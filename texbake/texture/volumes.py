@@ -20,23 +20,7 @@ from texbake.texture.image import read_image
 def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32]:
     """Read a volume.
 
-    Parameters
-    ----------
-    source
-        A `.npy` file of shape (D, H, W), or (D, H, W, 3) for colors, or images of one size.
-
-    Returns
-    -------
-    (D, H, W, 1 or 3) float32
-        Integers are divided by the greatest of their type; floats stay as they are. Values of an
-        array are linear; images are data with their first channel.
-
-    Raises
-    ------
-    FileError
-        A file is missing or cannot be read.
-    FileFormatError
-        The array has another shape or a number that is not finite, or the images differ in size.
+    Returns (D, H, W, 1 or 3) float32.
     """
     if not isinstance(source, str | os.PathLike):
         slices = [read_image(path, color=False).pixels[:, :, :1] for path in source]

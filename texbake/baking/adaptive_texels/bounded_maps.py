@@ -30,7 +30,6 @@ class BoundedMap:
 
     Attributes
     ----------
-    kind : MapKind
     bound : float
         Greatest length of the difference between two values.
     """
@@ -52,12 +51,7 @@ class BoundedMap:
     def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
         """Summarize the errors of the map.
 
-        Parameters
-        ----------
-        errors : (n_texels,) floats
-            As estimated, as multiples of the bound.
-        differences : (n_checked,) floats
-            Lengths of the differences from the check.
+        `errors` (n_texels,) floats; `differences` (n_checked,) floats.
         """
         measured, bound = self.in_unit(differences), float(self.in_unit(np.array(self.bound)))
         estimated = percentiles_of(errors * self.bound)
@@ -76,11 +70,6 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) 
 
     Maps of secondary rays are not among them: their error comes from the number of these rays, and
     more samples per texel would only spread it.
-
-    Raises
-    ------
-    OptionError
-        There is none.
     """
     bounded = []
     for kind in kinds:

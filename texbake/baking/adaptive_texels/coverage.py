@@ -53,11 +53,6 @@ class FaceBins:
         """Sort the faces of a low-poly mesh into the bins of a map.
 
         Kernel: `core/edge_functions.c`.
-
-        Raises
-        ------
-        UvError
-            As in `snap_uvs`.
         """
         corners = snap_uvs(low, SampleGrid(width, height, FINE)).corners
         n_rows, n_columns = -(-height // BIN), -(-width // BIN)
@@ -107,12 +102,8 @@ class TexelCoverage:
 
         Kernel: `core/edge_functions.c`.
 
-        Parameters
-        ----------
-        owners : (len(rows), width) int32
-            Faces that own the centers of these texels.
-        outlined : (height, width) bool
-            Texels that outlines pass through, by `outlined_texels`.
+        `owners` (len(rows), width) int32: faces that own the centers of these texels; `outlined`
+        (height, width) bool: texels that outlines pass through, by `outlined_texels`.
         """
         width = owners.shape[1]
         band = slice(rows.start * width, rows.stop * width)
@@ -201,12 +192,8 @@ def cell_samples(
     A cell is left out if no face covers it, even at its most central covered sub-square. Kernel:
     `core/quadtree.c`.
 
-    Parameters
-    ----------
-    centers : (height, width) int32
-        Faces that own the centers of the texels.
-    cells
-        Places, texels and spots of the cells.
+    `centers` (height, width) int32: faces that own the centers of the texels; `cells`: places,
+    texels and spots of the cells.
     """
     places, texels, spots = cells
     owners = np.empty(len(places), dtype=np.int32)
@@ -231,17 +218,9 @@ def find_owners(
 
     Where faces overlap, the first one owns a point. Kernel: `core/edge_functions.c`.
 
-    Parameters
-    ----------
-    points : (n, 2) int64
-        x and y in units of which `TEXEL` make up a texel.
-
-    Returns
-    -------
-    owners : (n,) int32
-        `NO_FACE` for none.
-    weights : (n, 2) float64
-        Weights of the second and third corner; undefined where no face owns the point.
+    `points` (n, 2) int64: x and y in units of which `TEXEL` make up a texel. Returns `owners` (n,)
+    int32: `NO_FACE` for none, `weights` (n, 2) float64: weights of the second and third corner;
+    undefined where no face owns the point.
     """
     owners, weights = np.empty(len(points), dtype=np.int32), np.empty((len(points), 2))
     core.find_owners(*bins.arrays, points, owners, weights)

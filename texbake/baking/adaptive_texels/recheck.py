@@ -36,12 +36,7 @@ _CHECKS_PER_SIDE = 4  # of a texel: a grid of about as many cells as there are s
 class Recheck:
     """A second bake of one texel in a hundred.
 
-    Parameters
-    ----------
-    bins : FaceBins
-        Of the low-poly mesh.
-    has_data : (height * width,) bool
-        Texels to choose from.
+    `has_data` (height * width,) bool: texels to choose from.
 
     Attributes
     ----------
@@ -67,10 +62,8 @@ class Recheck:
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
         """Return how far the means (height * width, C) of a map are from those of the second bake.
 
-        Returns
-        -------
-        (n,) float64
-            Lengths of the differences, for each texel where the second bake hit anything.
+        Returns (n,) float64: lengths of the differences, for each texel where the second bake hit
+        anything.
         """
         values = kind.values(self._hits, self._inputs)
         n = len(self.texels)

@@ -67,14 +67,7 @@ def estimate_for(sampler: TexelSampler, bounded: list[BoundedMap]) -> TexelError
 def refine(sampler: TexelSampler, bounded: list[BoundedMap], max_error: str) -> Refinement:
     """Divide texels until their errors are within bounds.
 
-    Parameters
-    ----------
-    sampler
-        With the first samples of all texels, none of which is divided.
-    bounded
-        The maps and the errors that they are allowed.
-    max_error
-        The bounds as text, for the report.
+    `sampler`, with the first samples of all texels, none of which is divided.
     """
     stages, estimate = sampler.stages, estimate_for(sampler, bounded)
     with stages.part("estimate errors"):

@@ -32,20 +32,7 @@ def cast_adaptively(
     distances: DistanceSummary,
     clock: BudgetClock | None = None,
 ) -> tuple[BakeSampling, TimeBudget | None]:
-    """Cast all samples, give the means of texels to `sums`, and check some of them.
-
-    Parameters
-    ----------
-    distances
-        Gets the hits of the first sample of each texel.
-    clock
-        Of `BakeOptions.time_budget`, if there is one.
-
-    Raises
-    ------
-    OptionError
-        `BakeOptions.max_error` bounds none of the maps.
-    """
+    """Cast all samples, give the means of texels to `sums`, and check some of them."""
     options = inputs.options
     bounded = bounded_maps(kinds, inputs, options.error_bounds)
     with trace.casting() as caster:

@@ -76,11 +76,8 @@ class TexelError:
     ----------
     cells : Cells
         The samples cast so far.
-    coverage : TexelCoverage
     shape : (int, int)
         Height and width of the map.
-    metric : Metric
-    threads : int, optional
     """
 
     cells: Cells
@@ -92,13 +89,8 @@ class TexelError:
     def of_samples(self) -> tuple[FloatArray32, FloatArray32]:
         """Estimate means from one sample per texel, and how evenly values change there.
 
-        Returns
-        -------
-        means : (n_texels, C) float32
-            0 where there is no value.
-        steps : (n_texels,) float32
-            Second differences in bounds, summed over both axes, of the map where they are greatest.
-            Infinite where too little is known and there may be more to see.
+        Returns `means` (n_texels, C) float32: 0 where there is no value, `steps` (n_texels,)
+        float32.
         """
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
         means = np.zeros((n, n_channels), dtype=np.float32)
@@ -127,14 +119,8 @@ class TexelError:
     def of_four(self, steps: FloatArray32, parents: IntArray, means: FloatArray32) -> FloatArray32:
         """Estimate errors of texels with four more samples, and write their means.
 
-        Parameters
-        ----------
-        steps : (n_texels,) float32
-            By `of_samples`.
-        parents : (n,) int32
-            The texels.
-        means : (n_texels, C) float32
-            Gets the means of these texels.
+        `steps` (n_texels,) float32; `parents` (n,) int32: the texels; `means` (n_texels, C)
+        float32: gets the means of these texels.
         """
         errors = np.empty(len(parents), dtype=np.float32)
         cells = self.cells
@@ -185,10 +171,7 @@ class TexelError:
         While texels are divided, only the error of the map that is farthest off is kept. Where
         there are several maps, this estimates the errors of one of them, from the same samples.
 
-        Returns
-        -------
-        (n_texels,) float32
-            0 where nothing is covered.
+        Returns (n_texels,) float32: 0 where nothing is covered.
         """
         cells = self.cells
         means, steps = self.of_samples()

@@ -46,15 +46,7 @@ _EARLY, _EARLY_MARGIN = 1 / 4, 1.15
 
 
 class TexelRounds:
-    """Refines texels until the time of a bake is spent.
-
-    Parameters
-    ----------
-    sampler
-        Without any samples.
-    options
-        With a time budget.
-    """
+    """Refines texels until the time of a bake is spent."""
 
     def __init__(self, sampler: TexelSampler, options: BakeOptions, clock: BudgetClock) -> None:
         assert options.time_budget is not None

@@ -33,16 +33,8 @@ _SAMPLES_AT_ONCE = 1 << 17
 class TexelSampler:
     """Casts samples while the scenes of a trace are open.
 
-    Parameters
-    ----------
-    distances : DistanceSummary
-        Gets the hits of the first sample of each texel.
-
     Attributes
     ----------
-    cells : Cells
-    coverage : TexelCoverage
-    bins : FaceBins
     shape : (int, int)
         Height and width of the map.
     watch : callable, optional

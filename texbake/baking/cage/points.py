@@ -62,10 +62,7 @@ def find_outer_points(
 ) -> OuterPoints:
     """Find the points that a cage of the low-poly mesh must enclose.
 
-    Parameters
-    ----------
-    normals : (V, 3) float64
-        Smooth normals of the low-poly mesh.
+    `normals` (V, 3) float64.
     """
     positions = frame.to_local(low.positions)
     with RayScene.build(high, frame, threads=threads) as scene:

@@ -21,12 +21,7 @@ def interpolated(
 ) -> Float32Array:
     """Values of corners, interpolated linearly at the hits: (n, C) float32.
 
-    Parameters
-    ----------
-    values : (N, C) float32
-        Read-only.
-    corners : (F, 3) int32
-        Row of each corner of the high-poly faces; read-only.
+    `values` (N, C) float32; `corners` (F, 3) int32.
     """
     found = np.empty((len(hits), values.shape[1]), dtype=np.float32)
 

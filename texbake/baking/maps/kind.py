@@ -24,7 +24,6 @@ class MapKind:
     ----------
     name : str
         As in `BakeOptions.maps` and in file names.
-    channels : int
     coding : str
         How values are encoded in files: `normal` (unit vectors), `height` (one signed length),
         `vector` (signed lengths), `position` (points, relative to `bounds`), `curvature` (one over

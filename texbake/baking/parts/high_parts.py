@@ -131,19 +131,7 @@ def _of_object(name: str) -> str:
 
 
 class HighMeshes:
-    """Several high-poly meshes whose groups and materials are numbered over all of them.
-
-    Parameters
-    ----------
-    meshes : sequence of Mesh
-    materials : sequence of Materials or None
-        One for each mesh, where they are known.
-
-    Attributes
-    ----------
-    meshes : list of Mesh
-    materials : list of Materials or None
-    """
+    """Several high-poly meshes whose groups and materials are numbered over all of them."""
 
     def __init__(
         self, meshes: Sequence[Mesh], materials: Sequence[Materials | None] | None = None

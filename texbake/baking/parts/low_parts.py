@@ -116,17 +116,14 @@ class LowPart:
 
     Attributes
     ----------
-    name : str
     mesh : Mesh
         With the normals and tangents that it has as a part of the whole mesh.
     sources : tuple of NamedPart
         High-poly parts that its rays are cast into.
     set_ids : (F,) int32
         Index into `set_names`, per face.
-    set_names : tuple of str
     face_ids : (F,) int32
         Its faces in the whole mesh.
-    cage : Mesh, optional
     is_stacked : (F,) bool, optional
         Faces whose islands are stacked on purpose on others of the whole mesh.
     """
@@ -160,19 +157,7 @@ class LowPart:
 
 @dataclass(frozen=True, eq=False)
 class LowMesh:
-    """A low-poly mesh as a whole, from which parts are cut.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    cage : Mesh, optional
-    materials : Materials, optional
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
-    """
+    """A low-poly mesh as a whole, from which parts are cut."""
 
     mesh: Mesh
     cage: Mesh | None = None
@@ -184,13 +169,7 @@ class LowMesh:
     def part(
         self, part: NamedPart, sources: Sequence[NamedPart], options: PartsOptions, name: str
     ) -> LowPart:
-        """Cut out a part, unless it is the whole mesh.
-
-        Raises
-        ------
-        MeshError
-            Texture sets follow materials, and the mesh has none.
-        """
+        """Cut out a part, unless it is the whole mesh."""
         mesh, cage, is_stacked = self.mesh, self.cage, None
         set_ids, set_names = _sets(mesh, options, name, self.materials)
         face_ids = np.arange(mesh.n_faces, dtype=np.int32)
@@ -264,13 +243,7 @@ class TargetLayout:
 
     @classmethod
     def of(cls, parts: Sequence[LowPart], options: PartsOptions) -> TargetLayout:
-        """Assign faces to targets; sets are in the order of the parts, tiles in numerical order.
-
-        Raises
-        ------
-        UvError
-            No face lies in a tile.
-        """
+        """Assign faces to targets; sets are in the order of the parts, tiles in numerical order."""
         n_crossing = n_outside = 0
         names = dict.fromkeys(name for part in parts for name in part.set_names)
         found: dict[BakeTarget, dict[int, BoolArray]] = {}

@@ -45,7 +45,6 @@ class Matching:
 
     Attributes
     ----------
-    high_names, low_names : tuple of str
     matches : tuple of Match
         In the order of the low-poly parts.
     high_left, low_left, high_ignored, low_ignored : tuple of int
@@ -110,11 +109,6 @@ def match_names(
     high_names: Sequence[str], low_names: Sequence[str], options: PartsOptions
 ) -> Matching:
     """Find the high-poly parts of each low-poly part.
-
-    Raises
-    ------
-    MeshError
-        Two low-poly parts have the same name, or nothing matches.
 
     Examples
     --------

@@ -19,13 +19,10 @@ class PartFigures:
 
     Attributes
     ----------
-    target : BakeTarget
-    low : str
     high : tuple of str
         High-poly parts that it was baked from.
     n_faces : int
         Faces of the part on this set of maps.
-    texels_covered, texels_missed : int
     front, back : float or None
         Ray distances, in model units.
     """
@@ -46,11 +43,8 @@ class PartsReport:
 
     Attributes
     ----------
-    options : PartsOptions
     matching : Matching or None
         If parts were matched by name.
-    parts : list of PartFigures
-    targets : dict of BakeTarget to BakeReport
     n_crossing, n_outside : int
         Faces that cross the border of a UDIM tile, and faces that lie in none.
     n_overlapping : int
@@ -59,7 +53,6 @@ class PartsReport:
         Parts that cover no texel of a set of maps that they have faces on.
     orientations : dict of str to OrientationReport
         What was flipped of the high-poly mesh of each low-poly part.
-    stages : list of StageRecord
     """
 
     options: PartsOptions

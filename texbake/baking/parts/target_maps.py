@@ -62,14 +62,7 @@ class TargetMaps:
     ) -> None:
         """Add a part that was baked without padding.
 
-        Parameters
-        ----------
-        face_ids : (F,) int32
-            Faces of the part in the whole mesh.
-        n_faces
-            Number of these faces on these maps.
-        is_stacked : (F,) bool, optional
-            Faces that share their texels on purpose.
+        `face_ids` (F,) int32; `is_stacked` (F,) bool: faces that share their texels on purpose.
         """
         covered = result.texel_faces != NO_FACE
         first = not self._values

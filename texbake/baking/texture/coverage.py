@@ -20,12 +20,6 @@ _SAMPLES_AT_ONCE = 1 << 19
 class TextureCoverage:
     """The texels that a mesh covers, known in full once all `bands` have been read.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    options : BakeOptions
-        Of which size, samples and threads matter here.
-
     Attributes
     ----------
     texel_faces : (H, W) int32
@@ -34,11 +28,6 @@ class TextureCoverage:
         Samples that several faces cover; counted by `bands`.
     faces_outside_tile : int
         Faces with a corner outside the unit square.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or they cover nothing.
     """
 
     def __init__(self, mesh: Mesh, options: BakeOptions) -> None:
@@ -68,19 +57,7 @@ class TextureCoverage:
 def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
     """Change of values that are linear over each face from one sample to the next.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    corner_values : (F, 3, K) float64
-        Values at the corners of each face, such as positions.
-    grid : SampleGrid
-
-    Returns
-    -------
-    (F, K, 2) float64
-        Change per sample to the right and per sample down; 0 for a face without area in the
-        texture, or with one beyond float64.
+    `corner_values` (F, 3, K) float64. Returns (F, K, 2) float64.
     """
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
@@ -100,15 +77,7 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 def greatest_lengths(steps: FloatArray) -> FloatArray:
     """Longest way that a point moves per sample, over all directions in the texture.
 
-    Parameters
-    ----------
-    steps : (F, 3, 2) float64
-        Steps of positions, from `sample_steps`.
-
-    Returns
-    -------
-    (F,) float64
-        The greatest singular value of each matrix.
+    `steps` (F, 3, 2) float64. Returns (F,) float64: the greatest singular value of each matrix.
     """
     a = pm.vecdot(steps[:, :, 0], steps[:, :, 0])
     b = pm.vecdot(steps[:, :, 0], steps[:, :, 1])

@@ -109,21 +109,7 @@ class PhotoCamera:
 
 
 def read_camera(path: PathLike) -> PhotoCamera | Matrix:
-    """Read the camera of a photograph.
-
-    Parameters
-    ----------
-    path
-        A TOML file with `position` and `target` and, optionally, `up`, `fov` and `aspect`. A file
-        with any other suffix holds the 16 numbers of a matrix, as `read_matrix` takes them.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    FileFormatError
-        The file is not TOML, or a key is wrong or missing; the message names the key.
-    """
+    """Read the camera of a photograph."""
     if Path(path).suffix.lower() != ".toml":
         return read_matrix(path)
     try:
@@ -188,16 +174,8 @@ class PhotoPixels:
 
     Attributes
     ----------
-    name : str
     width, height : int
         In pixels.
-
-    Raises
-    ------
-    FileError
-        The photograph cannot be read.
-    OptionError
-        An array is not an image.
     """
 
     def __init__(self, photo: Photo, number: int, *, threads: int | None = None) -> None:

@@ -101,12 +101,6 @@ class CameraOcclusion:
     """Finds the points of a mesh that its own surface hides from a camera.
 
     Close it when done: it holds a ray tree.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    frame : LocalFrame
-        Of the mesh alone.
     """
 
     def __init__(self, mesh: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
@@ -124,20 +118,8 @@ class CameraOcclusion:
         Rays start at the camera, or just outside the mesh if that is nearer, and end just before
         the point: whatever they hit hides it. Faces hide from either side.
 
-        Parameters
-        ----------
-        points : (n, 3) float64
-            In local units.
-        faces : (n,) int32
-            Faces that the points lie on, which do not hide them.
-        seen_from : (4,) float64
-            Camera at a point (x, y, z, 1), or infinitely far in the direction (x, y, z, 0).
-        slack : (n,) float64
-            Surfaces nearer to a point than this do not hide it; local units.
-
-        Returns
-        -------
-        (n,) bool
+        `points` (n, 3) float64, in local units; `faces` (n,) int32; `seen_from` (4,) float64;
+        `slack` (n,) float64. Returns (n,) bool.
         """
         towards = seen_from[:3] - seen_from[3] * points
         distances = np.sqrt(pm.vecdot(towards, towards))
@@ -166,22 +148,7 @@ class CameraMapping:
     are hidden, or that lie within a margin around the outline of what hides others have none:
     pixels on an outline mix the colors of both sides.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    matrix : (4, 4) float64
-        Local space to (s, t, r, q).
-    frame : LocalFrame
-        Of the mesh.
-    occlusion : CameraOcclusion, optional
-        None: all that faces the camera is seen.
-    margins : (float, float)
-        Width and height of the margin around outlines, in the unit square of the photograph.
-
-    Raises
-    ------
-    OptionError
-        The matrix flattens the picture to a line or a point.
+    `matrix` (4, 4) float64: local space to (s, t, r, q); `margins` (float, float).
     """
 
     def __init__(
@@ -252,22 +219,7 @@ def _margin_steps(
 
 
 class UvMapping:
-    """Looks points up in a photograph through the texture coordinates of another mesh.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The mesh that is baked.
-    mapped : Mesh
-        The same faces with texture coordinates in the photograph.
-
-    Raises
-    ------
-    UvError
-        `mapped` has no texture coordinates.
-    OptionError
-        `mapped` has other faces, or its texture coordinates have no area.
-    """
+    """Looks points up in a photograph through the texture coordinates of another mesh."""
 
     def __init__(self, mesh: Mesh, mapped: Mesh, grid: SampleGrid, options: PhotoOptions) -> None:
         if mapped.n_faces != mesh.n_faces:

@@ -33,7 +33,6 @@ class PhotoShare:
 
     Attributes
     ----------
-    name : str
     texels_seen : int
         Texels that the photograph shows, with any weight.
     percent : float
@@ -225,13 +224,7 @@ def finish_texture(
     scale: tuple[float, float, float] | None = None,
     photos: tuple[PhotoShare, ...] = (),
 ) -> TextureBake:
-    """Fill the unseen texels, pad the charts, and sum up the report.
-
-    Raises
-    ------
-    UvError
-        The mesh covers no texel.
-    """
+    """Fill the unseen texels, pad the charts, and sum up the report."""
     faces = coverage.texel_faces
     covered = faces != NO_FACE
     if not covered.any():

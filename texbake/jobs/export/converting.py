@@ -47,7 +47,6 @@ class Converter:
 
     Attributes
     ----------
-    folder, asset, options
     inputs
         Real paths of the input files, which must not be overwritten.
     notes
@@ -82,35 +81,14 @@ class Converter:
         return written
 
     def place(self, name: str) -> Path:
-        """Path of a file in the folder.
-
-        Raises
-        ------
-        OptionError
-            It is also an input.
-        """
+        """Path of a file in the folder."""
         path = self.folder / name
         if os.path.realpath(path) in self.inputs:
             raise OptionError(f"{path}: it is also an input; give the output another folder")
         return path
 
     def write_packed(self, parts: Mapping[str, SourceMap], packing: str, path: Path) -> None:
-        """Write occlusion, roughness and metalness as the channels of one image.
-
-        Parameters
-        ----------
-        parts
-            The available maps, by their kind.
-        packing
-            One of `PACKINGS`.
-        path
-            A .png or .dds file.
-
-        Raises
-        ------
-        OptionError
-            The maps differ in size.
-        """
+        """Write occlusion, roughness and metalness as the channels of one image."""
         columns = {kind: self._data(source) for kind, source in parts.items()}
         sizes = {column.shape for column in columns.values()}
         if len(sizes) > 1:
@@ -201,13 +179,7 @@ class Converter:
         return normal_vectors(image, self.options.convention), 8 if image.bits == 8 else 16
 
     def _data(self, source: SourceMap) -> npt.NDArray[np.float32]:
-        """(H, W) values in [0, 1] of a map of one channel.
-
-        Raises
-        ------
-        OptionError
-            Red, green and blue of its file differ.
-        """
+        """(H, W) values in [0, 1] of a map of one channel."""
         image = read_image(source.path, color=False, threads=self.options.threads)
         if source.channel is None:
             check_gray(image, source.kind)

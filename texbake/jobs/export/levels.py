@@ -21,21 +21,7 @@ _FAR, _MOST_FAR = 0.1, 0.5
 
 
 def check_levels(levels: Sequence[Mesh], *, threads: int | None = None) -> None:
-    """Check that levels of detail become coarser, and that one set of maps fits all of them.
-
-    Parameters
-    ----------
-    levels
-        The finest first.
-
-    Raises
-    ------
-    UvError
-        Some have texture coordinates and others do not, or a level is laid out differently from
-        the finest.
-    OptionError
-        A level has no fewer triangles than the one before.
-    """
+    """Check that levels of detail become coarser, and that one set of maps fits all of them."""
     _check_layouts(levels, threads)
     for fine, coarse in pairwise(levels):
         if coarse.n_faces >= fine.n_faces:
@@ -69,16 +55,7 @@ def _check_layouts(levels: Sequence[Mesh], threads: int | None) -> None:
 def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) -> float:
     """Share of a level's surface that has another place in the texture than the finest level.
 
-    Parameters
-    ----------
-    level, finest
-        With texture coordinates, in one space.
-
-    Returns
-    -------
-    float
-        Of sampled points, those whose place is more than a tenth of the layout's width away from
-        that of the closest point of the finest level.
+    `level`, `finest`, with texture coordinates, in one space.
     """
     assert level.uvs is not None and level.uv_faces is not None
     assert finest.uvs is not None and finest.uv_faces is not None

@@ -20,7 +20,6 @@ class ExportedMap:
     ----------
     kind, tile : str
         Kinds of packed maps are `orm` and `mask-map`.
-    path : Path
     mid, scale : float
         Of heights: the value of the surface, and meters from black to white (1 in a float file).
     """
@@ -266,22 +265,7 @@ def settings_text(
     n_levels: int,
     notes: Sequence[str],
 ) -> str:
-    """Return the settings to make in the program, as plain text.
-
-    Parameters
-    ----------
-    target_name, target
-        The program.
-    mesh_file
-    maps
-        What was written.
-    is_compressed
-        Whether the mesh is compressed by EXT_meshopt_compression.
-    n_levels
-        Levels of detail in the mesh file, including the finest.
-    notes
-        What was assumed.
-    """
+    """Return the settings to make in the program, as plain text."""
     steps = _STEPS[target_name]
     is_glb = mesh_file.suffix == ".glb"
     holds = is_glb and target.embeds and not any(written.tile for written in maps)

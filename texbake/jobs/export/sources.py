@@ -54,13 +54,7 @@ class SourceMap:
     channel: int | None = None
 
     def of_channel(self, image: Image) -> Image:
-        """Return what the map is of its file.
-
-        Raises
-        ------
-        OptionError
-            The file has no such channel.
-        """
+        """Return what the map is of its file."""
         if self.channel is None:
             return image
         n_channels = image.pixels.shape[2]
@@ -74,13 +68,7 @@ class SourceMap:
 def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return the kind and the UDIM tile of a map's name.
 
-    Parameters
-    ----------
-    name
-        It may end in a tile, 1001 and up, or in a size in pixels. 1024 is read as a size, unless it
-        follows a colon or other names have tiles.
-    others
-        Names of the other maps.
+    `name`: it may end in a tile, 1001 and up, or in a size in pixels.
 
     >>> kind_of("Albedo"), kind_of("normal_1002"), kind_of("ao:1001")
     (('base-color', ''), ('normal', '1002'), ('ao', '1001'))
@@ -112,11 +100,6 @@ def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
     """Return maps by their names, such as ``normal``, or ``normal:1002`` of a UDIM tile; sorted.
 
     Each channel of an ORM map is a map, unless a file of its own is given for that.
-
-    Raises
-    ------
-    OptionError
-        Two names are the same map, a name is empty, or it is close to that of a map.
     """
     sources: dict[tuple[str, str], SourceMap] = {}
     for name, path in maps.items():
@@ -154,19 +137,6 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
 
     ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` (a tile) and
     ``rock_normal_2048.png`` (a size) are normal maps. Other images are left out.
-
-    Parameters
-    ----------
-    folder
-    named
-        Files by the name of their map, which take precedence over those of the folder.
-
-    Raises
-    ------
-    FileError
-        The folder does not exist.
-    OptionError
-        Two files are the same map, or no file is a map.
     """
     folder = Path(folder)
     if not is_folder(folder):
@@ -200,18 +170,6 @@ def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
 
     The code for 0 is decoded as exactly 0, so that flat texels stay flat at any bit depth. Vectors
     are not normalized.
-
-    Parameters
-    ----------
-    image
-        As `read_image` gives it.
-    convention
-        Green channel of a map without metadata.
-
-    Raises
-    ------
-    OptionError
-        The map is in another space, or has fewer than three channels.
     """
     if image.pixels.shape[2] < 3:
         raise OptionError(f"{image.name}: a normal map has three channels; give another image")

@@ -65,25 +65,7 @@ class Atlas:
 def make_atlas(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, *, threads: int | None = None
 ) -> list[Atlas]:
-    """Make the charts of meshes and pack them all into one texture or its tiles.
-
-    Parameters
-    ----------
-    meshes : sequence of Mesh
-        At least one. All get the same number of texels per model unit.
-    options : UnwrapOptions
-        The fields of `AtlasOptions`, `keep` and `texel_density` are read.
-    stages : Stages
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    UnwrapError
-        No face of a mesh has an area, or the charts do not fit.
-    UvError
-        Charts are to be kept, and there are none.
-    """
+    """Make the charts of meshes and pack them all into one texture or its tiles."""
     found = _packed_charts(meshes, options, stages, threads)
     if options.quality == "best" and not options.keep:
         # On meshes of few faces, allowing more stretch may lead to nothing.

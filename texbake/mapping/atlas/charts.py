@@ -64,14 +64,7 @@ def gather_charts(
 ) -> Charts:
     """Combine the charts of parts of a mesh.
 
-    Parameters
-    ----------
-    mesh_faces : (F, 3) int32
-        Vertices of the faces of the whole mesh.
-    pieces : sequence of ((n,) int32, Charts)
-        Faces of each part, and their charts; at least one part. Other faces get no chart.
-    notes : tuple of str
-        Notes about the whole mesh; those of the parts follow.
+    `mesh_faces` (F, 3) int32; `pieces` sequence of ((n,) int32, Charts).
     """
     faces = np.zeros_like(mesh_faces)
     face_ids = np.concatenate([face_ids for face_ids, _ in pieces])
@@ -109,26 +102,7 @@ def existing_charts(
 ) -> Charts:
     """Take the texture coordinates of a mesh as its charts, with their shapes and relative sizes.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates. Charts that overlap stay separate charts; mirrored ones stay
-        mirrored.
-    size : (int, int)
-        Width and height, in texels, of the texture that the coordinates were made for.
-    regions : (F,) int32, optional
-        Faces of different regions share no chart; a chart that they share is divided.
-
-    Returns
-    -------
-    Charts
-        The charts have the total area of the faces, if the mesh is scaled so that the longest side
-        of its bounding box is 1.
-
-    Raises
-    ------
-    UvError
-        There are no coordinates, or the faces have no area in the texture or in space.
+    `size` (int, int); `regions` (F,) int32: faces of different regions share no chart.
     """
     corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())

@@ -19,23 +19,8 @@ def regions_between(
 ) -> tuple[IntArray | None, int]:
     """Divide a surface at its hard edges.
 
-    Parameters
-    ----------
-    mesh
-    hard_edges : bool
-        Divide where the normals of the mesh differ by more than a degree at either end of an edge.
-        A mesh without normals has no such edges.
-    angle : float, optional
-        Also divide where faces meet at an edge at more than this angle, in degrees.
-    regions : (F,) int32, optional
-        Regions that are divided further.
-
-    Returns
-    -------
-    regions : (F,) int32 or None
-        Those given, if there is nothing to divide at.
-    n_within : int
-        Hard edges with the same region on both sides, because they end within it.
+    `regions` (F,) int32. Returns `regions` (F,) int32 or None: those given, if there is nothing to
+    divide at.
     """
     if angle is None and not (hard_edges and mesh.normals is not None):
         return regions, 0

@@ -28,22 +28,9 @@ def find_lone_faces(
 ) -> tuple[IntArray, IntArray]:
     """Find the faces that no other one continues across any edge, if there are many.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Vertices at the same position count as one.
-    faces : (F, 3) int32
-    regions : (F,) int32, optional
-        Faces of different regions do not continue each other.
-    polygons : (F,) int32, optional
-        As in `Mesh`.
-
-    Returns
-    -------
-    lone : (n,) int32
-        Such faces with an area; none if there are no more than a thousand.
-    others : (m,) int32
-        All other faces; without those of no area if there are lone ones.
+    `points` (V, 3) float64; `faces` (F, 3) int32; `regions` (F,) int32; `polygons` (F,) int32.
+    Returns `lone` (n,) int32: such faces with an area; none if there are no more than a thousand,
+    `others` (m,) int32: all other faces; without those of no area if there are lone ones.
     """
     corners = weld_rows(points, threads=threads)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
@@ -59,11 +46,7 @@ def find_lone_faces(
 def lone_charts(points: FloatArray, faces: IntArray) -> Charts:
     """Lay each face flat as a chart of its own.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-    faces : (F, 3) int32
-        All with an area.
+    `points` (V, 3) float64; `faces` (F, 3) int32.
     """
     n_faces = len(faces)
     uvs = laid_flat(points[faces])

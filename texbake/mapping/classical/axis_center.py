@@ -24,18 +24,7 @@ _DECIMALS = 12
 def center_about_axis(mesh: Mesh, center: Vector | None, frame: FloatArray) -> FloatArray:
     """(3,) float64: the given center; None for one on the axis of a prism, cone or pyramid.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    center : 3 floats, optional
-    frame : (3, 3) float64
-        Rows as `frame_about` returns them, the axis last.
-
-    Returns
-    -------
-    (3,) float64
-        The middle of the bounding box, moved across the axis to the center of the circle that all
-        the outermost corners lie on, seen along the axis, if there is one around the others.
+    `frame` (3, 3) float64: rows as `frame_about` returns them, the axis last. Returns (3,) float64.
     """
     middle = center_of(mesh, center)
     if center is not None or mesh.n_faces == 0:

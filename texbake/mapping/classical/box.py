@@ -34,26 +34,6 @@ from texbake.mesh.mesh import FloatArray, Mesh
 def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map a mesh onto the six sides of a box about its center.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    options : UnwrapOptions
-        `center`, `size`, `padding` and `overlap` are read.
-
-    Returns
-    -------
-    Projected
-        Each side has its own cell with `padding` texels around it, and the center of the box is in
-        the middle of the cell; with `overlap`, each side has the whole square. All sides have the
-        largest common scale that fits. Parts of a concave mesh that are seen behind each other
-        from one side overlap. The tallies count faces that follow their neighbors to a side other
-        than the one nearest to their normal, and faces without area.
-
-    Raises
-    ------
-    OptionError
-        The padding leaves nothing of the texture.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import cube
@@ -84,26 +64,8 @@ def side_pictures(
 ) -> FloatArray:
     """Project faces onto the sides of a box and arrange the six pictures in the texture.
 
-    Parameters
-    ----------
-    points : (F, 3, 3) float64
-        Corners relative to the center of the box; +y is up in the pictures.
-    sides : (F,) int
-        Side of each face: 0 to 5 for +x, -x, +y, -y, +z, -z.
-    half_size : (3,) float64
-        Half the size of the box.
-    options : UnwrapOptions
-        `size`, `padding` and `overlap` are read.
-
-    Returns
-    -------
-    (F, 3, 2) float64
-        As `box` says.
-
-    Raises
-    ------
-    OptionError
-        The padding leaves nothing of the texture.
+    `points` (F, 3, 3) float64; `sides` (F,) int; `half_size` (3,) float64. Returns (F, 3, 2)
+    float64: as `box` says.
     """
     if options.overlap:
         size = np.ones(2)

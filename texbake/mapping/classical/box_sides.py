@@ -71,19 +71,7 @@ class _Borders:
 
 
 def box_sides(mesh: Mesh) -> BoxSides:
-    """Choose the side of each face.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Vertices at the same position count as one.
-
-    Returns
-    -------
-    BoxSides
-        The cosine between the normal of a face and that of its side is at least 1/4, so that no
-        face is mirrored or squashed.
-    """
+    """Choose the side of each face."""
     normals = face_normals(mesh)
     points = LocalFrame.around(mesh).to_local(mesh.positions)
     areas = surface_areas(points[mesh.faces])

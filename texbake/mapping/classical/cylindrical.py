@@ -45,26 +45,7 @@ _GAP = 1.0 / 64.0  # between side and caps, as a share of the texture: 16 texels
 
 
 def cylindrical(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh by the angles and heights of its points about an axis.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    options : UnwrapOptions
-        `axis` (None: `y`), `center`, `theta`, `height` and `caps` are read.
-
-    Returns
-    -------
-    Projected
-        s is as in `wrap_angles`, and t = (height - a) / (b - a), or 0 if all corners have the same
-        height; so flat faces across the axis have no area in the texture unless they are caps.
-        With `caps`, lengths have the same scale along the axis, around it at the mean radius of the
-        side, and on the caps: t of the side runs from 0 to height / arc length (1/pi for a height
-        of two radii), or to less if the caps would not fit into the square. Everything lies in the
-        unit square, except faces across the seam and faces outside a given `theta` or `height`. A
-        face without area is not a cap. The tallies count faces around the axis, faces touching it,
-        and caps.
-    """
+    """Map a mesh by the angles and heights of its points about an axis."""
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_about_axis(mesh, options.center, frame), frame)
     if not options.caps:

@@ -64,17 +64,7 @@ class LocalPoints:
 def frame_about(axis: str | Vector) -> FloatArray:
     """Frame about an axis.
 
-    Parameters
-    ----------
-    axis : str or (x, y, z)
-        `x`, `y`, `z`, or a vector of any length above 0. The frame of a vector is that of the
-        nearest of x, y, z and their opposites (the first of several), rotated onto it by the
-        smallest rotation. The frame of an opposite is (e1, -e2, -axis).
-
-    Returns
-    -------
-    (3, 3) float64
-        Rows e1, e2 and the axis; read-only.
+    `axis` str or (x, y, z). Returns (3, 3) float64: rows e1, e2 and the axis; read-only.
 
     Examples
     --------
@@ -98,17 +88,7 @@ def frame_about(axis: str | Vector) -> FloatArray:
 def upright_frame(normal: npt.ArrayLike) -> FloatArray:
     """Frame of an upright view of a plane.
 
-    Parameters
-    ----------
-    normal : (3,) float
-        From the plane to the viewer; of any length above 0.
-
-    Returns
-    -------
-    (3, 3) float64
-        Rows: right, up and the normal, read-only; right-handed, so that nothing is mirrored. Up is
-        as close to +y as the normal allows. Seen from above (+y) it is -z, and from below +z, so
-        that right is +x in both.
+    `normal` (3,) float. Returns (3, 3) float64.
 
     Examples
     --------
@@ -145,19 +125,7 @@ def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
 def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalPoints:
     """Vertices of a mesh relative to a center, in a frame.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    center : (3,) float
-        In model units.
-    frame : (3, 3) float64
-        Rows as `frame_about` returns them.
-
-    Returns
-    -------
-    LocalPoints
-        All vertices; those that no face uses do not influence the others, and may overflow.
-        Vertices at the same position have bit-equal points.
+    `center` (3,) float, in model units; `frame` (3, 3) float64: rows as `frame_about` returns them.
     """
     middle = np.asarray(center, dtype=np.float64)
     largest = float(max(np.abs(mesh.bounds).max(), np.abs(middle).max()))
@@ -215,27 +183,8 @@ def wrap_angles(
 ) -> WrappedAngles:
     """Angles of the corners of faces as a texture coordinate, s = (angle - a) / (b - a).
 
-    Parameters
-    ----------
-    points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, as in `LocalPoints`.
-    faces : (F, 3) int32
-        Indices into `points`.
-    theta : (float, float)
-        a and b, in degrees, not equal. If b is the smaller, s grows clockwise.
-    rounding : float
-        Points no farther than this from the axis lie on it.
-    polygons : (F,) int32, optional
-        Polygon of each face. A whole polygon is on the turn of its centroid, unless it surrounds
-        the axis.
-
-    Returns
-    -------
-    WrappedAngles
-        The angle of a face's centroid is within half a turn of (a + b) / 2, and the angles of its
-        corners are within half a turn of the centroid's. A corner on the axis gets the angle of
-        the centroid, which makes a fan at a pole; if the centroid is on the axis too, the least
-        angle of those that are not. A face along the axis gets (a + b) / 2.
+    `points` (N, 3) float64; `faces` (F, 3) int32; `theta` (float, float): a and b, in degrees, not
+    equal; `polygons` (F,) int32.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)

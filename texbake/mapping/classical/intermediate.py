@@ -48,19 +48,9 @@ class IntermediateSurface(Protocol):
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Where rays hit the surface.
 
-        Parameters
-        ----------
-        points : (N, 3) float64
-            Where the rays start: inside the surface, or below the plane.
-        directions : (N, 3) float64
-            Of unit length, or (0, 0, 0), which hits nothing.
-
-        Returns
-        -------
-        hits : (N, 3) float64
-            Where each ray leaves the inside of the surface, or crosses the plane; its start if it
-            misses.
-        missed : (N,) bool
+        `points` (N, 3) float64; `directions` (N, 3) float64, of unit length, or (0, 0, 0), which
+        hits nothing. Returns `hits` (N, 3) float64: where each ray leaves the inside of the
+        surface, or crosses the plane; its start if it misses, `missed` (N,) bool.
         """
 
     def coordinates(
@@ -68,18 +58,7 @@ class IntermediateSurface(Protocol):
     ) -> Projected:
         """(s, t) of the points of the surface nearest to the given points: the S mapping.
 
-        Parameters
-        ----------
-        points : (N, 3) float64
-        faces : (F, 3) int
-            Indices into the points.
-        polygons : (F,) int32, optional
-            Polygon of each face, as of `Mesh`.
-
-        Returns
-        -------
-        Projected
-            With tallies of seams and poles.
+        `points` (N, 3) float64; `faces` (F, 3) int; `polygons` (F,) int32.
         """
 
 
@@ -129,7 +108,6 @@ class Cylinder:
 
     Attributes
     ----------
-    radius : float
     low, high : float
         Least and greatest height of the mesh.
     heights : (float, float)
@@ -174,7 +152,6 @@ class Sphere:
 
     Attributes
     ----------
-    radius : float
     theta : (float, float)
         Longitudes in degrees that become s = 0 and s = 1.
     rounding : float
@@ -207,20 +184,7 @@ def surface_around(
 ) -> IntermediateSurface:
     """Make the surface that encloses a mesh.
 
-    Parameters
-    ----------
-    local : LocalPoints
-        Vertices of the mesh, in the frame of the surface.
-    faces : (F, 3) int32
-    options : UnwrapOptions
-        `surface` (any but the box), `theta` and `height` are read.
-
-    Returns
-    -------
-    IntermediateSurface
-        A mesh that lies on the axis gets a cylinder as wide as the mesh is long. A mesh that lies
-        at the center gets a surface of radius 1, which does not matter, since its rays have no
-        direction.
+    `local`: vertices of the mesh, in the frame of the surface; `faces` (F, 3) int32.
     """
     points = local.points[faces.ravel()]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -252,20 +216,7 @@ def mapped_by_rays(
 ) -> Projected:
     """Map the corners of faces to where rays from them hit a surface.
 
-    Parameters
-    ----------
-    surface : IntermediateSurface
-    points, directions : (V, 3) float64
-        As for `IntermediateSurface.hits`.
-    faces : (F, 3) int32
-    polygons : (F,) int32, optional
-        As in `Mesh`.
-
-    Returns
-    -------
-    Projected
-        A polygon with a ray that misses is mapped to the points of the surface nearest to its
-        corners. The tallies count such faces, besides those of the surface itself.
+    `points`, `directions` (V, 3) float64; `faces` (F, 3) int32; `polygons` (F,) int32.
     """
     hits, missed = surface.hits(points, directions)
     lost = missed[faces].any(axis=1)

@@ -62,19 +62,7 @@ class Box:
     ) -> Projected:
         """Map corners to where rays from them leave the box.
 
-        Parameters
-        ----------
-        points, directions : (V, 3) float64
-            In the frame; starts lie in the box, directions have unit length or are 0.
-        faces : (F, 3) int32
-
-        Returns
-        -------
-        Projected
-            If the corners of a face lie on several sides, each corner is mapped to where its ray
-            hits the plane of the face's side, clipped to that side. A corner whose ray has no
-            direction, or does not hit that plane, is projected onto it. The tallies count faces
-            across an edge of the box, and corners at the center.
+        `points`, `directions` (V, 3) float64, in the frame; `faces` (F, 3) int32.
         """
         points, directions = points[:, _UPRIGHT], directions[:, _UPRIGHT]
         # A ray along a side must not meet it far away by rounding.
@@ -109,17 +97,7 @@ class Box:
     ) -> Projected:
         """Project corners onto the side of the box whose normal is nearest to the object's.
 
-        Parameters
-        ----------
-        points, normals : (V, 3) float64
-            In the frame.
-        faces : (F, 3) int32
-
-        Returns
-        -------
-        Projected
-            The side of a face is that of the sum of its corners' normals or, if that is 0, of the
-            direction from the center to the face.
+        `points`, `normals` (V, 3) float64, in the frame; `faces` (F, 3) int32.
         """
         corners = points[:, _UPRIGHT][faces]
         chosen = _or_outward(normals[:, _UPRIGHT][faces], corners.mean(axis=1))

@@ -17,25 +17,7 @@ from texbake.mesh.mesh import Mesh
 def parametric(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map the mesh's own (u, v) to (s, t).
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates, which are the parameters.
-    options : UnwrapOptions
-        `linear` is read: (au, bu, cu, av, bv, cv). A map that is not invertible is allowed; it
-        collapses the texture.
-
-    Returns
-    -------
-    Projected
-        Corners with equal (u, v) have bit-equal (s, t). There are no tallies.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
-    OptionError
-        The map makes coordinates that float64 cannot hold.
+    `options`: `linear` is read: (au, bu, cu, av, bv, cv).
     """
     mesh.corner_uvs()  # raises where there are none
     assert mesh.uvs is not None and mesh.uv_faces is not None

@@ -33,25 +33,6 @@ _NORMAL_DIGITS = 12
 def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map a mesh onto a plane, as seen from far away along the normal.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    options : UnwrapOptions
-        `axis` or `normal` (neither: z), `fit` and `sides` are read. With the fit `pca` and neither
-        axis nor normal, the normal is the direction in which the surface spreads least, seen from
-        the front (+z; or from above, or the right) unless nearly all faces would look away.
-
-    Returns
-    -------
-    Projected
-        s points right and t up, as in `upright_frame`. With `pca`, s is the direction of the plane
-        in which the surface spreads most, rotated by at most a quarter turn from the right. Both
-        have one scale, so that the whole fits the unit square from (0, 0) on; without extent,
-        everything is (0, 0). Faces that look away are mirrored or, with `sides`, lie in the right
-        half of the square as seen from behind. A face seen edge-on has no area in the texture, and
-        lies with those that face the viewer. The tallies count faces that look away and faces seen
-        edge-on.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import cube

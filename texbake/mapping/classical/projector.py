@@ -70,21 +70,8 @@ def camera_matrix(
 ) -> FloatArray:
     """Matrix of a projector that stands where a preview is taken from.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The mesh that it looks at.
-    camera : (azimuth, elevation) or (azimuth, elevation, distance), optional
-        In degrees and model units; None for (0, 0).
-    fov : float
-        Vertical field of view in degrees.
-
-    Returns
-    -------
-    (4, 4) float64
-        Takes (x, y, z, 1) in model space to (s, t, r, q): q is the depth along the view in model
-        units, r the same; (s / q, t / q) has (0, 0) and (1, 1) at the lower left and upper right
-        corner of the image.
+    `camera` (azimuth, elevation) or (azimuth, elevation, distance), in degrees and model units;
+    `fov`: vertical field of view in degrees. Returns (4, 4) float64.
     """
     rows, away, center = _camera_rows(mesh, camera, fov)
     return np.column_stack([rows, pm.matmul(-rows, center + away)])
@@ -111,36 +98,7 @@ def _camera_rows(
 
 
 def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Project the unit square of the texture onto a mesh.
-
-    Parameters
-    ----------
-    mesh : Mesh
-    options : UnwrapOptions
-        `camera` and `fov`, or `matrix`, and `unseen` are read. With a matrix of constant q, only r
-        says from which side the rays come: r grows with the distance from the projector. If r does
-        not change along the rays, they come from the side where the image is not mirrored.
-
-    Returns
-    -------
-    Projected
-        Coordinates are s / q and t / q; q is at least a millionth of the greatest |q|. A face
-        counts in the first of these tallies that applies:
-
-        - "faces behind the projector": a corner is behind it, or has less than that q.
-        - "faces turned away": the rays hit the back of the face or pass along it. Faces without
-          area count here.
-        - "faces hidden": other faces hide more than half of the samples of the face, which are the
-          centroid and the three midpoints between it and the corners.
-
-        With `unseen="aside"` all of these move to the next tile to the left: their coordinates are
-        clipped to the unit square, and 1 is subtracted from s.
-
-    Raises
-    ------
-    OptionError
-        The matrix flattens the image to a line or a point.
-    """
+    """Project the unit square of the texture onto a mesh."""
     local = LocalFrame.around(mesh)
     matrix = projector_matrix(mesh, options, local)
     seen_from = seen_from_of(matrix)
@@ -282,22 +240,9 @@ def mostly_hidden(
 
     Kernel: `core/ray_occlusion.c`.
 
-    Parameters
-    ----------
-    tree : TriangleTree
-        In a frame in which the mesh has about unit size.
-    face_ids : (n,) int
-        Faces to test.
-    seen_from : (4,) float64
-        A point (x, y, z, 1), or the direction (x, y, z, 0) towards a point at infinity.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n,) bool
-        Faces hide others from both sides. A face never hides itself, and a face without area
-        hides nothing.
+    `tree`, in a frame in which the mesh has about unit size; `face_ids` (n,) int; `seen_from` (4,)
+    float64. Returns (n,) bool: faces hide others from both sides. A face never hides itself, and a
+    face without area hides nothing.
     """
     hidden = np.zeros(len(face_ids), dtype=bool)
     ids = np.ascontiguousarray(face_ids, dtype=np.int32)

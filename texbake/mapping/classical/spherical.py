@@ -21,20 +21,6 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map a mesh by the directions from a center to its points.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    options : UnwrapOptions
-        `axis` (None: `y`), `center` and `theta` are read.
-
-    Returns
-    -------
-    Projected
-        s is as in `wrap_angles`; t grows from 0 at the pole opposite to the axis to 1 at the pole
-        that the axis points to. If the center lies outside the mesh, the mesh covers a part of the
-        sphere, twice. A corner at the center has latitude 0. The tallies count faces around a
-        pole, faces touching one, and corners at the center.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import uv_sphere
@@ -62,23 +48,8 @@ def onto_sphere(
 ) -> Projected:
     """Longitudes and latitudes of the corners of faces.
 
-    Parameters
-    ----------
-    points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, relative to the center.
-    faces : (F, 3) int
-        Indices into the points.
-    theta : (float, float)
-        Longitudes in degrees that become s = 0 and s = 1.
-    rounding : float
-        As for `latitude_coordinates`.
-    polygons : (F,) int32, optional
-        As for `wrap_angles`.
-
-    Returns
-    -------
-    Projected
-        As `spherical` says.
+    `points` (N, 3) float64; `faces` (F, 3) int; `theta` (float, float): longitudes in degrees that
+    become s = 0 and s = 1; `polygons` (F,) int32.
     """
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     t = latitude_coordinates(points, rounding)
@@ -94,18 +65,7 @@ def onto_sphere(
 def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
     """Latitudes as a texture coordinate, t = 1/2 + latitude / pi.
 
-    Parameters
-    ----------
-    points : (N, 3) float64
-        Coordinates along e1, e2 and the axis, relative to the center.
-    rounding : float
-        Points no farther than this from the center have latitude 0; other points no farther than
-        this from the axis are at a pole.
-
-    Returns
-    -------
-    (N,) float64
-        In [0, 1].
+    `points` (N, 3) float64. Returns (N,) float64, in [0, 1].
     """
     x, y, height = points.T
     radius = pm.hypot(x, y)

@@ -44,28 +44,7 @@ from texbake.mesh.normals import smooth_normals
 
 
 def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh through an intermediate surface.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Its own normals are ignored; `smooth_normals` are used, so that no face is torn.
-    options : UnwrapOptions
-        `surface`, `via`, `eye`, `axis` (None: `z` for the plane, `y` else), `center`, `theta` and
-        `height` are read, as far as the surface uses them.
-
-    Returns
-    -------
-    Projected
-        (s, t) on the plane as in `planar`, on the cylinder as in `cylindrical`, on the sphere as
-        in `spherical`, and on the box as in `box`. Besides the tallies of these there are:
-
-        - corners without a ray, because the normal is 0 (no face with area has the vertex) or the
-          eye is at the corner. They are mapped by centroid.
-        - faces with a corner whose ray misses the surface, or hits it too far away (see
-          `intermediate`). They are mapped by surface-normal, to the nearest point.
-        - faces across an edge of the box (see `intermediate_box`).
-    """
+    """Map a mesh through an intermediate surface."""
     frame = _frame(options)
     local = points_about(mesh, _center(mesh, options, frame), frame)
     used = np.zeros(mesh.n_vertices, dtype=bool)

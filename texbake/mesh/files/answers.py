@@ -40,19 +40,7 @@ def send(value: Any, file: IO[bytes]) -> None:
 
 
 def receive(file: IO[bytes], classes: Classes) -> Any:
-    """Read a value that `send` has written.
-
-    Parameters
-    ----------
-    file
-    classes : mapping of str to type
-        Dataclasses that it may contain, by their names.
-
-    Raises
-    ------
-    AnswerError
-        It is cut off, larger than the memory, or contains something else.
-    """
+    """Read a value that `send` has written."""
     try:
         (length,) = _LENGTH.unpack(_read(file, _LENGTH.size).tobytes())
         return _Reader(file, classes).value(json.loads(_read(file, length).tobytes()))

@@ -34,7 +34,6 @@ class MaterialContent:
 
     Attributes
     ----------
-    name : str
     channels : dict of str to (str or None)
         Name of the image of each channel that the file sets; None where it is a value alone.
     """
@@ -49,7 +48,6 @@ class FileContents:
 
     Attributes
     ----------
-    materials : tuple of MaterialContent
     images : dict of str to (bytes or None)
         Contents of image files by their names; None where one is missing.
     uv_sets : tuple of str
@@ -74,15 +72,7 @@ _CLASSES = {made.__name__: made for made in (FileContents, MaterialContent)}
 
 
 def read_contents(path: PathLike) -> FileContents | None:
-    """Read what a glTF, FBX, OBJ or USD file says besides its surface; None for other formats.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is damaged.
-    """
+    """Read what a glTF, FBX, OBJ or USD file says besides its surface; None for other formats."""
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
         document = read_document(path)

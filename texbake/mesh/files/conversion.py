@@ -19,12 +19,7 @@ from texbake.png import SIGNATURE, png_description
 def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray[Any]:
     """(F, 3) corners of triangle strips, all wound like the first of their strip.
 
-    Parameters
-    ----------
-    indices : (n,) integers
-        Corners of the strips, one strip after the other.
-    restart
-        The index that stands between two strips.
+    `indices` (n,) integers.
 
     Examples
     --------
@@ -50,12 +45,7 @@ _REPLACED = {
 def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArray[Any]:
     """Replace rows that are not finite with zeros, and warn with their number.
 
-    Parameters
-    ----------
-    path
-    rows : (n, k) floats
-    field
-        `normals`, `uvs` or `colors`; colors become ones, not zeros.
+    `rows` (n, k) floats.
     """
     is_bad = rows_not_finite(rows)
     if not is_bad.any():
@@ -136,13 +126,7 @@ _HARMLESS = 1e-7
 
 
 def float32_positions(mesh: Mesh, origin: FloatArray) -> npt.NDArray[np.float32]:
-    """Positions about an origin, as formats hold them.
-
-    Raises
-    ------
-    MeshError
-        One is beyond float32, or most of those that differ fall together in it.
-    """
+    """Positions about an origin, as formats hold them."""
     exact = mesh.positions - origin
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         points = exact.astype(np.float32)
@@ -181,17 +165,7 @@ def media_type(data: bytes) -> str | None:
 
 
 def image_file(path: PathLike) -> tuple[bytes, str]:
-    """Bytes of a PNG or JPEG file, and its media type.
-
-    Raises
-    ------
-    FileError
-        It cannot be read.
-    FileFormatError
-        It is a damaged PNG file.
-    OptionError
-        It is of another format.
-    """
+    """Bytes of a PNG or JPEG file, and its media type."""
     data = read_bytes(written_file(path))
     kind = media_type(data)
     if kind == "image/png":

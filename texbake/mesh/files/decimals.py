@@ -56,19 +56,7 @@ def parse_numbers(
 ) -> TextNumbers:
     """Read the numbers of a text; ``#`` opens a comment.
 
-    Parameters
-    ----------
-    path
-        What an error calls the file.
-    data : (n,) uint8
-        The text, of which the bytes from start to stop - 1 are read.
-    lead
-        Lower-case letter: only lines whose first word begins with it are read, without that word.
-
-    Raises
-    ------
-    FileFormatError
-        A word is not a number.
+    `data` (n,) uint8: the text, of which the bytes from start to stop - 1 are read.
     """
     stop = len(data) if stop is None else stop
     letter = ord(lead) if lead else 0

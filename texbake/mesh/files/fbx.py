@@ -54,15 +54,6 @@ def read_fbx(path: PathLike) -> Mesh:
 
     Positions, normals, or those that smoothing makes, the first set of texture coordinates, vertex
     colors (of several at one vertex the first), and materials as groups.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not FBX, or it is damaged.
-    MeshError
-        There are no faces, or a number is not finite.
     """
     scene = read_scene(path)
     placed, are_hidden = _models_to_read(scene)

@@ -39,13 +39,7 @@ _LONG = 256  # bytes from which on numbers are kept as text
 
 
 def read_ascii(path: PathLike, data: ByteArray) -> Node:
-    """Nodes of an FBX text file, as children of a node without a name.
-
-    Raises
-    ------
-    FileFormatError
-        It is not FBX, or breaks its rules; the message names the line.
-    """
+    """Nodes of an FBX text file, as children of a node without a name."""
     data = text_of(path, data, "an FBX file")
     if b"FBX" not in data[:4096].tobytes().upper():
         raise FileFormatError(f"{path}: it is not an FBX file; neither binary nor text")

@@ -33,13 +33,7 @@ _LONG_LIST = 8  # from this many values on, a list of one kind is read as an arr
 
 
 def read_binary(path: PathLike, data: ByteArray) -> Node:
-    """Nodes of a binary FBX file, as children of a node without a name.
-
-    Raises
-    ------
-    FileFormatError
-        It is damaged; the message names the byte.
-    """
+    """Nodes of a binary FBX file, as children of a node without a name."""
     return _Reader(path, data).read()
 
 

@@ -59,13 +59,6 @@ def read_geometry(
 
     `most` corners are read at most, so that an array that packs well cannot fill the memory. Of the
     sets of texture coordinates after the first, those are read that `uv_names` has.
-
-    Raises
-    ------
-    FileFormatError
-        Arrays do not fit together.
-    MeshError
-        A number is not finite.
     """
     return _Reader(path, name, node, most).read(uv_names)
 

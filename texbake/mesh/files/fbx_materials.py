@@ -46,15 +46,7 @@ _COLORS = ("DiffuseColor", "Diffuse")
 
 
 def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Read the materials of an FBX file; None where no face has one.
-
-    Raises
-    ------
-    FileFormatError
-        The file is damaged.
-    MeshError
-        Its images lie on more sets of texture coordinates than a mesh can have.
-    """
+    """Read the materials of an FBX file; None where no face has one."""
     scene = read_scene(path)
     numbers: dict[Id | None, int] = {}
     found: list[FbxObject | None] = []
@@ -159,7 +151,6 @@ class _MaterialReader:
 
     Attributes
     ----------
-    scene : FbxScene
     uv_numbers : dict of str to int
         Sets of texture coordinates by their names, but for the first.
     missing : MissingParts

@@ -36,10 +36,8 @@ class Node:
 
     Attributes
     ----------
-    name : str
     values : list
         int, float, bytes (text as it stands in the file) or `Array`.
-    children : list of Node
     """
 
     name: str

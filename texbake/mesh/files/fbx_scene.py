@@ -50,7 +50,6 @@ class FbxScene:
     ----------
     path
         For messages.
-    objects : dict
     members : dict
         For each id the ids connected to it, each with the name of a property or "".
     settings : dict
@@ -210,15 +209,7 @@ class PlacedModel:
 
 
 def placed_models(scene: FbxScene, *, hidden: bool = False) -> Iterator[PlacedModel]:
-    """Models that are shown, or all models with `hidden`, depth first, each after its parent.
-
-    Raises
-    ------
-    FileFormatError
-        Models form a cycle.
-    MeshError
-        A transform is not finite.
-    """
+    """Models that are shown, or all models with `hidden`, depth first, each after its parent."""
     models = {key: item for key, item in scene.objects.items() if item.node.name == "Model"}
     children: dict[Id, list[Id]] = {}
     seen: set[Id] = set()

@@ -49,15 +49,6 @@ def read_gltf(path: PathLike) -> Mesh:
 
     Positions, NORMAL, TEXCOORD_n (v turned up), TANGENT where all primitives have it, and COLOR_0.
     Groups are named after the node, else the mesh.
-
-    Raises
-    ------
-    FileError
-        The file, or a buffer beside it, is missing or cannot be read.
-    FileFormatError
-        It is not glTF 2.0, it is damaged, or it requires an extension that is not read.
-    MeshError
-        There are no triangles, or a coordinate is not finite.
     """
     with without_cycle_search():
         placed = placed_nodes(read_document(path))
@@ -75,10 +66,8 @@ class _Parts:
 
     Attributes
     ----------
-    pieces : list of PrimitiveMesh
     uv_sets : list of dict
         Number of each further set of texture coordinates of a part, by name.
-    names : list of str
     nodes : list of int
         Place of the node of each part.
     """
@@ -172,13 +161,7 @@ class _MeshReader:
         return self._primitives[key]
 
     def _key(self, primitive: dict[str, Any]) -> Any:
-        """Return what is equal for primitives that share all arrays; None where that is not known.
-
-        Raises
-        ------
-        FileFormatError
-            Its attributes are no object.
-        """
+        """Return a key that primitives with the same arrays share; None where unknown."""
         attributes = self.document.mapping(primitive, "attributes")
         numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
         numbers += attributes.values()

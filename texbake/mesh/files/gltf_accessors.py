@@ -24,7 +24,6 @@ class Accessors:
 
     Attributes
     ----------
-    document
     kinds : (n,) int64
         Component type, width, and whether integers are normalized, as one number; -1 for those that
         are not read here.

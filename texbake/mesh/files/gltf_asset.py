@@ -109,14 +109,7 @@ class GltfAsset:
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, and return it.
 
-        Parameters
-        ----------
-        columns
-            (n, width) values of each attribute at each vertex. Integers are normalized, except
-            those of positions.
-        indices : (3 F,) int64
-        material
-            Its index.
+        `indices` (3 F,) int64.
         """
         attributes = {
             attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
@@ -239,15 +232,7 @@ class GltfAsset:
         wraps: tuple[str, str] = ("repeat", "repeat"),
         is_nearest: bool = False,
     ) -> int:
-        """Add a texture, and return its index; one that is there already is not added again.
-
-        Parameters
-        ----------
-        data
-            Content of a PNG, JPEG, WebP or KTX2 file.
-        wraps, is_nearest
-            As in `ChannelImage`.
-        """
+        """Add a texture, and return its index; one that is there already is not added again."""
         source = self._add_image(data)
         sampler = {
             "magFilter": _NEAREST if is_nearest else _LINEAR,

@@ -41,16 +41,7 @@ class Wanted(NamedTuple):
 def read_primitives(
     document: Document, wanted: Sequence[Wanted], *, keeps_colors: bool = False
 ) -> list[PrimitiveMesh | None]:
-    """Triangles of the primitives that can be read together; None for those that are left.
-
-    Parameters
-    ----------
-    document
-    wanted
-        Objects of the document, which may be damaged.
-    keeps_colors
-        As for `read_primitive`.
-    """
+    """Triangles of the primitives that can be read together; None for those that are left."""
     found: list[PrimitiveMesh | None] = [None] * len(wanted)
     alike: dict[Any, list[int]] = {}
     for i, one in enumerate(wanted):

@@ -52,17 +52,8 @@ def ordered_triangles(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Triangles in an order in which neighbors follow one another, and so compress to fewer bytes.
 
-    Parameters
-    ----------
-    indices : (3 F,) int64
-    n_vertices
-
-    Returns
-    -------
-    indices : (3 F,) int64
-        Of vertices in the order in which the triangles use them.
-    vertices : (n_vertices,) int64
-        Which of the old ones each new vertex is.
+    `indices` (3 F,) int64. Returns `indices` (3 F,) int64, of vertices in the order in which the
+    triangles use them, `vertices` (n_vertices,) int64: which of the old ones each new vertex is.
     """
     given = np.ascontiguousarray(indices, np.uint32)
     codes = np.empty_like(given)
@@ -85,15 +76,7 @@ def decode_view(
 ) -> npt.NDArray[np.uint8] | str:
     """Bytes of a compressed view, or in words why there are none.
 
-    Parameters
-    ----------
-    data : (n,) uint8
-    mode, filter_name, count, stride
-        As the extension has them; `filter_name` is "NONE" where there is no filter.
-
-    Returns
-    -------
-    (count * stride,) uint8, or str
+    `data` (n,) uint8. Returns (count * stride,) uint8, or str.
     """
     if count * stride > most_decoded(len(data), 1):
         return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
@@ -154,12 +137,8 @@ def decode_draco(
 ) -> tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]] | str:
     """Arrays of a Draco primitive, or in words why there are none.
 
-    Returns
-    -------
-    attributes : dict of (n, width)
-        By the number that the file gives each.
-    indices : (3 F,) uint32
-        Corners of triangles.
+    Returns `attributes` dict of (n, width): by the number that the file gives each, `indices` (3
+    F,) uint32: corners of triangles.
     """
     import DracoPy
 

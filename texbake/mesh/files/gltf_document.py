@@ -325,15 +325,7 @@ class Document:
 
 
 def read_document(path: PathLike) -> Document:
-    """Read the document of a .gltf or .glb file, which differ in their first bytes.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not glTF 2.0, it is damaged, or it requires an extension that is not read.
-    """
+    """Read the document of a .gltf or .glb file, which differ in their first bytes."""
     return parsed(path, _read_document)
 
 

@@ -80,7 +80,6 @@ class GltfSource:
     factor : tuple of float
         Linear. That of `normal` is its scale, and that of `occlusion` its strength, 1 at most;
         that of `emissive` includes the emissive strength.
-    texture : GltfTexture, optional
     """
 
     factor: tuple[float, ...]
@@ -99,8 +98,6 @@ class GltfMaterial:
         All of `GLTF_CHANNELS` but those of extensions that the material does not use.
     alpha_mode : str
         `opaque`, `mask` or `blend`.
-    alpha_cutoff : float
-    is_double_sided, is_unlit : bool
     ior : float
         Index of refraction.
     """
@@ -115,13 +112,7 @@ class GltfMaterial:
 
 
 def material_index(document: Document, primitive: dict[str, Any]) -> int | None:
-    """Index of a primitive's material, checked; None where it has glTF's default material.
-
-    Raises
-    ------
-    FileFormatError
-        There is no such material.
-    """
+    """Index of a primitive's material, checked; None where it has glTF's default material."""
     index: int | None = primitive.get("material")
     if index is not None:
         document.item("materials", index)
@@ -129,13 +120,7 @@ def material_index(document: Document, primitive: dict[str, Any]) -> int | None:
 
 
 def read_material(document: Document, index: int | None) -> GltfMaterial:
-    """Read the material with an index; None means glTF's default material.
-
-    Raises
-    ------
-    FileFormatError
-        The document is damaged.
-    """
+    """Read the material with an index; None means glTF's default material."""
     source = {} if index is None else document.item("materials", index)
     name = str(source.get("name") or ("material" if index is None else f"material {index}"))
     mode = source.get("alphaMode", "OPAQUE")
@@ -205,13 +190,7 @@ def _factor(document: Document, where: GltfChannel, holder: dict[str, Any]) -> t
 
 
 def read_texture(document: Document, info: dict[str, Any]) -> GltfTexture:
-    """Read the texture of a textureInfo object.
-
-    Raises
-    ------
-    FileFormatError
-        The document is damaged.
-    """
+    """Read the texture of a textureInfo object."""
     texture = document.item("textures", info.get("index"))
     sampler = {}
     if "sampler" in texture:
@@ -239,15 +218,7 @@ def _wrap(code: Any) -> str:
 
 
 def image_path(document: Document, index: int) -> Path | None:
-    """Path of an image beside the file; None for one in it.
-
-    Raises
-    ------
-    FileError
-        It is outside the folder of the file and that is not allowed, or it is not a local file.
-    FileFormatError
-        The document is damaged.
-    """
+    """Path of an image beside the file; None for one in it."""
     uri = document.item("images", index).get("uri")
     if not isinstance(uri, str) or uri.startswith("data:"):
         return None
@@ -269,15 +240,7 @@ def image_source(document: Document, index: int) -> str | int | None:
 
 
 def image_bytes(document: Document, index: int) -> bytes:
-    """Content of an image file of a document, or in it.
-
-    Raises
-    ------
-    FileError
-        It is missing or cannot be read.
-    FileFormatError
-        The document is damaged.
-    """
+    """Content of an image file of a document, or in it."""
     path = image_path(document, index)
     if path is not None:
         return read_bytes(path)
@@ -297,13 +260,7 @@ def image_bytes(document: Document, index: int) -> bytes:
 
 
 def image_or_reason(document: Document, index: int | None) -> bytes | str:
-    """Content of an image, or why there is none: it is missing, empty or outside the folder.
-
-    Raises
-    ------
-    FileFormatError
-        The document is damaged.
-    """
+    """Content of an image, or why there is none: it is missing, empty or outside the folder."""
     if index is None:
         return _NO_IMAGE
     try:

@@ -48,23 +48,7 @@ def add_material(
     numbers: Mapping[int, int],
     uv_matrices: Mapping[int, FloatArray],
 ) -> int:
-    """Add a material with its textures, and return its index.
-
-    Parameters
-    ----------
-    asset
-    material
-    numbers
-        As from `uv_numbers`.
-    uv_matrices
-        (3, 3) matrices that take texture coordinates as the file has them, v down, to those of the
-        mesh, by sets; a set that is written as it is has none.
-
-    Raises
-    ------
-    OptionError
-        An image is not where glTF reads it, or is placed as glTF cannot place it.
-    """
+    """Add a material with its textures, and return its index."""
     extensions: dict[str, Any] = {}
     content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
     for slot in SLOTS:

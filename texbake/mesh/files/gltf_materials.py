@@ -46,17 +46,7 @@ FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
 
 
 def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Read the materials of a glTF file; None where no primitive has one, nor vertex colors.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is damaged.
-    MeshError
-        Its images lie on more sets of texture coordinates than a mesh can have.
-    """
+    """Read the materials of a glTF file; None where no primitive has one, nor vertex colors."""
     document = read_document(path)
     # The groups of the mesh are its primitives, in this order.
     of_meshes: dict[int, list[dict[str, Any]]] = {}
@@ -105,7 +95,6 @@ class _MaterialReader:
 
     Attributes
     ----------
-    document : Document
     missing : MissingParts
         What could not be read.
     """

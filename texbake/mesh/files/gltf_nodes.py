@@ -38,7 +38,6 @@ class PlacedNodes:
 
     Attributes
     ----------
-    document
     nodes : list of dict
         The objects of the file.
     parents : (n,) int64

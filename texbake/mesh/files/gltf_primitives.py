@@ -71,25 +71,7 @@ def read_primitive(
     further: Collection[int] = (),
     keeps_colors: bool = False,
 ) -> PrimitiveMesh | None:
-    """Triangles of a primitive in the space of its mesh, or None where it has none.
-
-    Parameters
-    ----------
-    uv_set
-        Number of the texture coordinates to read.
-    further
-        Numbers of further sets to read, if they are there.
-    keeps_colors
-        Whether vertices at one position stay apart where they differ in color; else the first
-        decides.
-
-    Raises
-    ------
-    FileFormatError
-        An attribute is not what its name asks for.
-    MeshError
-        A number of an attribute is not finite.
-    """
+    """Triangles of a primitive in the space of its mesh, or None where it has none."""
     mode = primitive.get("mode", TRIANGLES)
     attributes = document.mapping(primitive, "attributes")
     if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
@@ -147,7 +129,6 @@ class _PrimitiveArrays:
 
     Attributes
     ----------
-    document
     accessors
         Accessor of each.
     decoded

@@ -36,7 +36,6 @@ class Grid:
     Attributes
     ----------
     corner : (D,) float64
-    step : float
     """
 
     corner: FloatArray
@@ -60,7 +59,6 @@ class Quantization:
 
     Attributes
     ----------
-    positions : Grid
     uv_grids : mapping of int to Grid
         Of sets of texture coordinates that leave the unit square, v down; None where they stay
         floats.
@@ -71,13 +69,7 @@ class Quantization:
 
     @classmethod
     def of(cls, meshes: Sequence[Mesh], materials: Materials | None) -> Quantization:
-        """Grids for the meshes of a file; `materials` are those of the first.
-
-        Raises
-        ------
-        MeshError
-            A coordinate is beyond the float32 of renderers.
-        """
+        """Grids for the meshes of a file; `materials` are those of the first."""
         bounds = np.array([mesh.bounds for mesh in meshes])
         if np.abs(bounds).max() > np.finfo(np.float32).max:
             name = meshes[0].name

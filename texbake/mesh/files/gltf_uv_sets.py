@@ -18,13 +18,7 @@ _FURTHER = re.compile(f"{_PREFIX}[0-9]{{1,9}}")
 
 
 def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
-    """Numbers of the sets of texture coordinates of a primitive after the first.
-
-    Raises
-    ------
-    MeshError
-        There are more than a mesh can have.
-    """
+    """Numbers of the sets of texture coordinates of a primitive after the first."""
     numbers = sorted(
         int(key[len(_PREFIX) :])
         for key in document.mapping(primitive, "attributes")

@@ -39,7 +39,6 @@ class CornerVertices:
 
     Attributes
     ----------
-    mesh
     origin : (3,) float64
         Of the positions that are written.
     materials
@@ -57,13 +56,7 @@ class CornerVertices:
     def stream(
         self, faces: npt.NDArray[np.intp], material: int, *, compress: bool
     ) -> tuple[Columns, npt.NDArray[np.int64]]:
-        """Vertices of faces of one material, and the (3 F,) indices of their corners.
-
-        Raises
-        ------
-        MeshError
-            A coordinate is beyond float32.
-        """
+        """Vertices of faces of one material, and the (3 F,) indices of their corners."""
         corners = self._columns(faces, material)
         if not all(np.isfinite(values).all() for values in corners.values()):
             name = self.mesh.name

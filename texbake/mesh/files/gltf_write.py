@@ -56,59 +56,7 @@ def write_glb(
 ) -> None:
     """Write a mesh as binary glTF, textures embedded as they are.
 
-    Parameters
-    ----------
-    mesh
-        Its shading normals are written; with texture coordinates also the tangents it has, else
-        those of MikkTSpace. A corner without a normal gets (0, 0, 1), one without a tangent some
-        unit vector perpendicular to its normal.
-    normal_map
-        PNG or JPEG file, in tangent space, +Y.
-    base_color
-        PNG or JPEG file in sRGB, or three or four linear factors in [0, 1].
-    orm
-        PNG or JPEG file: occlusion in red, roughness in green, metalness in blue, linear.
-    emissive
-        PNG or JPEG file in sRGB.
-    name
-        Of the mesh and the material; by default that of the file.
-    materials
-        Of the faces, with their channels, instead of those files. Images are embedded as they are:
-        PNG, JPEG or WebP, with components where glTF reads them, as `texbake.gltf_images` puts
-        them. Materials without a face are left out. Vertex colors are written only where
-        `has_vertex_colors` says that they are factors of the base color.
-    levels
-        Coarser meshes that replace this one where it is small in the picture, the finest first.
-    coverages
-        Least share of the picture's area at which each level is shown, falling, `mesh` first. By
-        default a quarter, and a quarter of that for each further level; the last goes down to 0.
-    compress
-        Compress vertices and triangles by EXT_meshopt_compression, which reorders the triangles.
-        Programs without the extension cannot open such a file.
-    quantize
-        Write vertices as integers (KHR_mesh_quantization): positions in 65535 steps over the
-        longest side of the mesh, texture coordinates in as many over the unit square, normals,
-        tangents and colors in 8 bits. By default if the file is compressed. Programs without the
-        extension cannot open such a file.
-
-    Raises
-    ------
-    UvError
-        A texture is given, and a mesh has no texture coordinates, or not the set of them that an
-        image lies on.
-    OptionError
-        `materials` are given together with a file or with `levels`, or an image of them is not
-        where glTF reads it; a texture is neither PNG nor JPEG, the normal map says that it is in
-        another space or convention, a factor is out of range, or the coverages do not fit the
-        levels.
-    MeshError
-        A coordinate is beyond the float32 that the format holds, or the mesh too small for it.
-    FileError
-        A texture cannot be read, or the file cannot be written.
-    FileFormatError
-        A texture is damaged, or the file would pass the 4 GiB that the format allows.
-    DependencyError
-        `compress` is set, and meshoptimizer does not load.
+    `normal_map`: PNG or JPEG file, in tangent space, +Y; `emissive`: PNG or JPEG file in sRGB.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]

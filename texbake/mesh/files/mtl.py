@@ -77,13 +77,6 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Read the materials of an OBJ file; None where no face has one.
 
     Faces before the first `usemtl` have the material `default`.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        A color or a factor is not a number, or not as many as it needs.
     """
     data = read_obj_text(path)
     if re.search(rb"usemtl", data.data) is None:
@@ -132,13 +125,7 @@ def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict
 
 
 def library_names(path: Path, data: bytes | memoryview) -> list[str]:
-    """Return the names of the .mtl files that an OBJ file needs, one for each file.
-
-    Raises
-    ------
-    FileFormatError
-        There are more than a file of its kind has.
-    """
+    """Return the names of the .mtl files that an OBJ file needs, one for each file."""
     names: dict[str, str] = {}
     spelled: dict[str, None] = {}
     for statement in dict.fromkeys(match[1].strip() for match in _LIBRARY.finditer(data)):

@@ -32,11 +32,6 @@ def write_obj_materials(mesh: Mesh, path: PathLike, materials: Materials) -> tup
     """Write an OBJ file, its .mtl file and their images; return the paths of all.
 
     If one of them cannot be written, none is. Only the channels of `MTL_CHANNELS` are written.
-
-    Raises
-    ------
-    FileError
-        A file cannot be written.
     """
     path = Path(path)
     library = path.with_suffix(".mtl")

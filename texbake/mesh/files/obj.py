@@ -59,15 +59,6 @@ def read_obj(path: PathLike) -> Mesh:
 
     Every coordinate is the float64 nearest to its text. The arrays `uvs` and `normals` are those of
     the file, in its order, and so are the faces.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        A line breaks the format, or nothing in the file is of it.
-    MeshError
-        There are no faces, or a coordinate is not finite.
     """
     data = read_obj_text(path)
     lines = find_lines(data)

@@ -31,11 +31,6 @@ def write_uv_sets(mesh: Mesh, path: PathLike, polygons: Outlines) -> None:
     """Write the further sets of a mesh beside its OBJ file; without any, remove that of before.
 
     Corners are listed as they will be when the polygons of the file have become triangles again.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written.
     """
     beside = uv_sets_path(path)
     if not mesh.uv_sets:
@@ -53,13 +48,7 @@ def write_uv_sets(mesh: Mesh, path: PathLike, polygons: Outlines) -> None:
 
 
 def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
-    """Read the further sets of an OBJ file with these faces; none where there is no such file.
-
-    Raises
-    ------
-    FileFormatError
-        The file is damaged, or belongs to other faces.
-    """
+    """Read the further sets of an OBJ file with these faces; none where there is no such file."""
     beside = uv_sets_path(path)
     if not is_file(beside):
         return {}

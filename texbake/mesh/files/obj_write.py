@@ -31,21 +31,7 @@ def write_obj(
     coordinates are written into a file beside it; see `obj_uv_sets`. A polygon with a seam inside
     is written as triangles, with a warning.
 
-    Parameters
-    ----------
-    mesh
-    path
-    library
-        Name of the .mtl file with the materials.
-    face_materials : (F,) int32, optional
-        Index into `material_names` of each face.
-    material_names
-        As they stand in the library.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written; one that stood there is left as it was.
+    `face_materials` (F,) int32.
     """
     polygons = outlines(mesh)
     polygons.warn(path)

@@ -36,15 +36,6 @@ def read_off(path: PathLike) -> Mesh:
     """Read an OFF file.
 
     Colors that are all whole numbers with one above 1 are taken to go up to 255.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        A line breaks the format, or there are fewer lines than the counts say.
-    MeshError
-        There are no faces, a coordinate is not finite, or an index is out of range.
     """
     data = text_of(path, read_array(path), "an ASCII OFF file")
     first_word = _FIRST_WORD.match(data[:65536].data)
@@ -132,13 +123,7 @@ def _polygons(
 
 
 def write_off(mesh: Mesh, path: PathLike) -> None:
-    """Write positions and polygons, and nothing else; positions read back bit-equal.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written; one that stood there is left as it was.
-    """
+    """Write positions and polygons, and nothing else; positions read back bit-equal."""
     polygons = outlines(mesh)
     polygons.warn(path)
     with replacing(path) as temporary, temporary.open("wb") as file:

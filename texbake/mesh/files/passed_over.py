@@ -37,13 +37,6 @@ def passed_over(path: PathLike) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
     Those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other formats.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is damaged.
     """
     suffix, counts = Path(path).suffix.lower(), {}
     if suffix in (".gltf", ".glb"):

@@ -16,7 +16,6 @@ class Placed(NamedTuple):
 
     Attributes
     ----------
-    nodes, triangles : int
     levels : int
         From a root to the last of those below it; 10^12 or more in a circle.
     """
@@ -34,20 +33,7 @@ def about(number: int) -> str:
 def count_placed(
     roots: Sequence[Node], below: Callable[[Node], list[Node]], own: Callable[[Node], int]
 ) -> Placed:
-    """Count what nodes place, in time that grows with the number of nodes and their links.
-
-    Parameters
-    ----------
-    roots
-        Nodes at the top.
-    below, own
-        Functions that return the nodes that a node places, and how many triangles it has itself.
-
-    Returns
-    -------
-    Placed
-        A link that closes a circle places nothing.
-    """
+    """Count what nodes place, in time that grows with the number of nodes and their links."""
     totals: dict[Node, Placed] = {}
     open_nodes: set[Node] = set()
     waiting = list(roots)

@@ -51,17 +51,7 @@ COPY_OF = "copy_of"
 
 
 def read_ply(path: PathLike) -> Mesh:
-    """Read a PLY file; see the module for which properties are used.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        The header breaks the format, or the body is shorter than the header says.
-    MeshError
-        There are no faces, a coordinate is not finite, or an index is out of range.
-    """
+    """Read a PLY file; see the module for which properties are used."""
     data = read_array(path)
     header = read_header(path, data)
     body: npt.NDArray[Any] = data[header.end :]
@@ -240,11 +230,6 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
     written several times; see the module. What `read_ply` reads back has the same positions, and
     the same values at the same corners. A polygon with a seam inside is written as triangles, with
     a warning. Groups and tangents have no place in the format.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written; one that stood there is left as it was.
     """
     polygons = outlines(mesh)
     polygons.warn(path)
@@ -279,13 +264,9 @@ def _split_vertices(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
     """Split vertices so that each has one texture coordinate and one normal.
 
-    Returns
-    -------
-    sources : (n,) int64
-        Vertex of each new one: first those of the mesh, in their order, then copies.
-    corners : (n,) int64
-        A corner of each, -1 for those that no face uses.
-    faces : (F, 3) int32
+    Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
+    then copies, `corners` (n,) int64: A corner of each, -1 for those that no face uses, `faces` (F,
+    3) int32.
     """
     used = np.full(mesh.n_vertices, -1)
     keys = [mesh.faces.ravel()]

@@ -75,13 +75,7 @@ class Header:
 
 
 def read_header(path: PathLike, data: ByteArray) -> Header:
-    """Read the header, which ends with the line ``end_header``.
-
-    Raises
-    ------
-    FileFormatError
-        The file is not a PLY file, or its header breaks the rules.
-    """
+    """Read the header, which ends with the line ``end_header``."""
     text = data[:_MAX_HEADER].tobytes()
     if text[:3] != b"ply" or text[3:4] not in (b"\n", b"\r"):
         raise FileFormatError(f"{path}: it is not a PLY file; it does not begin with 'ply'")
@@ -147,11 +141,6 @@ def read_element(
 
     Where all rows have one size the columns are views of the body, else copies. Messages count rows
     from `first_row`.
-
-    Raises
-    ------
-    FileFormatError
-        The body is shorter than the element, or a list has a negative length.
     """
     require_rows(path, body, start, element)  # before anything is allocated
     if not element.properties:

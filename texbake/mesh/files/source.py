@@ -76,13 +76,7 @@ def parsed(path: PathLike, parse: Callable[[PathLike], Parsed]) -> Parsed:
 
 
 def text_of(path: PathLike, data: ByteArray, kind: str) -> ByteArray:
-    """Return text without a byte-order mark, and without NULs that some programs put at the end.
-
-    Raises
-    ------
-    FileFormatError
-        The file has binary data, and so is not of this kind.
-    """
+    """Return text without a byte-order mark, and without NULs that some programs put at the end."""
     start = len(BYTE_ORDER_MARK) if data[:3].tobytes() == BYTE_ORDER_MARK else 0
     ends_with_nul = len(data) > 0 and data[-1] == 0
     text = data[start : len(data.tobytes().rstrip(b"\0")) if ends_with_nul else None]
@@ -132,21 +126,7 @@ class TextLine(NamedTuple):
 
 
 def read_lines(path: PathLike, kind: str) -> list[TextLine]:
-    """Words of each line; blanks and commas separate them, `#` begins a comment, empty lines go.
-
-    Parameters
-    ----------
-    path
-    kind
-        What messages call such a file, as "a profile".
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is empty, or no text.
-    """
+    """Words of each line; blanks and commas separate them, `#` begins a comment, empty lines go."""
     content = text_of(path, np.frombuffer(read_bytes(path), np.uint8), kind)
     try:
         text = content.tobytes().decode("utf-8")

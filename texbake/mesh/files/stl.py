@@ -29,17 +29,7 @@ HEADER_SIZE = 80
 
 
 def read_stl(path: PathLike) -> Mesh:
-    """Read an STL file; the solids of an ASCII file become groups.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is neither form of STL, or not as long as it says.
-    MeshError
-        There are no triangles, or a coordinate is not finite.
-    """
+    """Read an STL file; the solids of an ASCII file become groups."""
     data = read_array(path)
     groups: npt.NDArray[np.int32] | None = None
     names: tuple[str, ...] = ()
@@ -121,15 +111,7 @@ def _read_ascii(
 
 
 def write_stl(mesh: Mesh, path: PathLike) -> None:
-    """Write a binary STL file: corners as float32 and face normals, and nothing else.
-
-    Raises
-    ------
-    MeshError
-        A coordinate is too large for float32, or the mesh too small or too far away for it.
-    FileError
-        The file cannot be written; one that stood there is left as it was.
-    """
+    """Write a binary STL file: corners as float32 and face normals, and nothing else."""
     points = float32_positions(mesh, np.zeros(3))
     records = np.zeros(mesh.n_faces, dtype=RECORD)
     records["normal"] = face_normals(mesh)

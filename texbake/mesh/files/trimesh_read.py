@@ -38,18 +38,7 @@ _NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
-    """Read a .dae, .zae, .3mf, .3dxml or .xaml file; see the module for how a scene is converted.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not of the format its suffix says, it is damaged, or its nodes or its archive come to
-        far more than the file has bytes.
-    MeshError
-        There are no faces, a coordinate is not finite, or an index is out of range.
-    """
+    """Read a .dae, .zae, .3mf, .3dxml or .xaml file, scenes as the module describes."""
     suffix = Path(path).suffix.lower()
     read_array(path)  # raises where it is missing or empty
     _require_small_archive(path)

@@ -52,17 +52,6 @@ def read_usd(path: PathLike) -> Mesh:
     Positions, normals, texture coordinates (the primvar `st`, else the first of the role
     TextureCoordinate or of two floats a corner), tangents of four floats a corner (`tangents`),
     display colors at vertices, and subsets.
-
-    Raises
-    ------
-    DependencyError
-        usd-core is not installed.
-    FileError
-        The file is missing.
-    FileFormatError
-        It is not USD, it is damaged, or arrays of a mesh do not fit together.
-    MeshError
-        There are no faces, a coordinate is not finite, or an index is out of range.
     """
     mesh: Mesh = ask_usd(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})
     return mesh

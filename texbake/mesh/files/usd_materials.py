@@ -59,17 +59,7 @@ _CLASSES = {made.__name__: made for made in (Materials, MeshMaterial, ChannelSou
 
 
 def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Read the materials of a USD file; None where no face has one.
-
-    Raises
-    ------
-    DependencyError
-        usd-core is not installed.
-    FileError
-        The file is missing.
-    FileFormatError
-        It is not USD, or it is damaged.
-    """
+    """Read the materials of a USD file; None where no face has one."""
     found: Materials | None = ask_usd(path, "materials", _CLASSES)
     # The groups of the mesh are those of the file, in its order.
     if found is None or mesh.face_groups is None:
@@ -149,7 +139,6 @@ class _MaterialReader:
 
     Attributes
     ----------
-    path : path-like
     coordinates : set of str
         Primvars of the texture coordinates of the mesh.
     missing : MissingParts

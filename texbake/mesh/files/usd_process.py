@@ -31,27 +31,7 @@ _LOST = ("lost", None)
 
 
 def ask_usd(path: PathLike, question: str, classes: Classes) -> Any:
-    """Return what a USD file says to a question, and pass on the warnings of its reader.
-
-    Parameters
-    ----------
-    path
-    question
-        A key of `texbake.mesh.files.usd_child.QUESTIONS`.
-    classes : mapping of str to type
-        Dataclasses that the answer may contain, by their names.
-
-    Raises
-    ------
-    DependencyError
-        usd-core is not installed.
-    FileError
-        The file is missing.
-    FileFormatError
-        It is damaged, or takes more time or memory than a file of its size may.
-    TexbakeError
-        As the function that answers the question raises it.
-    """
+    """Return what a USD file says to a question, and pass on the warnings of its reader."""
     require_file(path)
     asked: tuple[str, Any] | None = _asked(path, question, classes)
     kind, answer = asked or _asked(path, question, classes) or _LOST

@@ -32,17 +32,7 @@ def require_usd(path: PathLike) -> None:
 
 
 def open_stage(path: PathLike) -> Any:
-    """Open a .usd, .usda, .usdc or .usdz file with what it refers to.
-
-    Raises
-    ------
-    DependencyError
-        usd-core is not installed.
-    FileError
-        There is no such file, or it refers to a file outside its folder, which is not allowed.
-    FileFormatError
-        It is not a USD file, or it is damaged.
-    """
+    """Open a .usd, .usda, .usdc or .usdz file with what it refers to."""
     require_file(path)
     require_usd(path)
     from pxr import Sdf, Usd
@@ -82,13 +72,7 @@ def reporting_damage(path: PathLike) -> Iterator[None]:
 
 
 def numbers_of(path: PathLike, values: Any, kind: type[np.generic]) -> npt.NDArray[Any]:
-    """Return what the library has read, which may be anything, as an array of a kind of number.
-
-    Raises
-    ------
-    FileFormatError
-        They are no numbers.
-    """
+    """Return what the library has read, which may be anything, as an array of a kind of number."""
     try:
         with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
             return np.array(values, kind)
@@ -129,7 +113,6 @@ class UsdCorners:
         Point and polygon of each corner.
     slots : (F, 3) int64
         Corner of each corner of the triangles.
-    n_points : int
     """
 
     path: PathLike

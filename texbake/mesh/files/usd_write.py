@@ -57,31 +57,7 @@ def write_usd(
     emissive: PathLike | None = None,
     name: str | None = None,
 ) -> None:
-    """Write a mesh as .usd, .usda, .usdc or .usdz.
-
-    Parameters
-    ----------
-    mesh
-        Its shading normals are written, and tangents that it has.
-    normal_map, base_color, orm, emissive
-        As `write_glb` takes them.
-    name
-        Of the material, and of the mesh if it has no groups; by default that of the file.
-
-    Raises
-    ------
-    DependencyError
-        usd-core is not installed.
-    UvError
-        A texture is given, and the mesh has no texture coordinates.
-    OptionError
-        A texture is neither PNG nor JPEG, the normal map says that it is in another space or
-        convention, or a factor is out of range.
-    MeshError
-        A coordinate is beyond the float32 that the format holds.
-    FileError
-        A texture cannot be read, or the file cannot be written.
-    """
+    """Write a mesh as .usd, .usda, .usdc or .usdz."""
     require_usd(path)
     given = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
     textures = {

@@ -37,32 +37,7 @@ _PARALLEL = 1e-12
 def make_bezier(*, resolution: tuple[int, int], patches: FloatArray) -> Mesh:
     """Surface of bicubic patches.
 
-    Parameters
-    ----------
-    resolution
-        Squares of each patch along u and v. Where a border along u meets one along v, both numbers
-        must be the same, or the surface has cracks.
-    patches : (P, 4, 4, 3) or (P, 4, 4, 5) float64
-        Control points: patch, row, column; u goes along rows. The last two of five numbers are
-        texture coordinates.
-
-    Returns
-    -------
-    Mesh
-        Points that are equal are one vertex, and triangles that thereby have two corners in one
-        vertex are left out. Patch k has the texture coordinates (u, v) + (k % 10, k // 10), each a
-        tile of its own, or those of its control points, interpolated as its points are. It is the
-        group `patch k + 1`.
-
-        Normals are analytic. Where even the limit of the tangents has none, they are the smooth
-        ones of the faces around.
-
-    Raises
-    ------
-    OptionError
-        It would have too many triangles.
-    MeshError
-        Every patch is a point or a curve.
+    `patches` (P, 4, 4, 3) or (P, 4, 4, 5) float64.
     """
     n_u, n_v = resolution
     n_patches = len(patches)

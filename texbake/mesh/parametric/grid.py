@@ -98,20 +98,8 @@ class SurfaceGrid:
 def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     """Nodes where lines cross, and the squares between them.
 
-    Parameters
-    ----------
-    columns : (C,) int32
-        Which line of vertices each column is. Two neighbors that are the same are the two sides
-        of a crease, with no squares between them.
-    rows : (R,) int32
-        The same of rows.
-
-    Returns
-    -------
-    nodes : (C R, 2) int32
-        As in `SurfaceGrid`, row by row.
-    quads : (Q, 4) int32
-        Nodes of the corners of each square, counter-clockwise.
+    `columns` (C,) int32; `rows` (R,) int32. Returns `nodes` (C R, 2) int32: as in `SurfaceGrid`,
+    row by row, `quads` (Q, 4) int32: nodes of the corners of each square, counter-clockwise.
     """
     nodes = np.stack(np.meshgrid(2 * np.arange(len(columns)), 2 * np.arange(len(rows))), axis=-1)
     across = np.flatnonzero(columns[:-1] != columns[1:])
@@ -126,19 +114,7 @@ def make_grid(
 ) -> SurfaceGrid:
     """Lay a surface out on lines.
 
-    Parameters
-    ----------
-    columns, rows
-        As for `lattice`.
-    poles : (R,) bool, optional
-        Rows that are one vertex each.
-    twisted
-        The last column has the vertices of the first in reverse, as on a Möbius strip.
-
-    Returns
-    -------
-    SurfaceGrid
-        Two triangles a square, one at a pole, in the order of squares: row by row.
+    `poles` (R,) bool.
     """
     nodes, quads = lattice(columns, rows)
     column, row = nodes.T // 2
@@ -155,19 +131,7 @@ def make_grid(
 def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> SurfaceGrid:
     """Split squares into triangles; one with a side that is a single vertex becomes one triangle.
 
-    Parameters
-    ----------
-    nodes, vertex_ids
-        As in `SurfaceGrid`.
-    quads : (Q, 4) int32
-        Nodes of squares, counter-clockwise.
-
-    Returns
-    -------
-    SurfaceGrid
-        With a node more, in the middle of such a side, for each of them. What is left of a square
-        with two such sides, or with opposite corners in one vertex, and has no area by its
-        vertices, is dropped.
+    `quads` (Q, 4) int32.
     """
     corners = vertex_ids[quads]
     shrunk = corners == np.roll(corners, -1, axis=1)  # side k, from corner k to the next
@@ -201,20 +165,8 @@ def grid_mesh(
 ) -> Mesh:
     """Mesh of a grid, without vertices, coordinates and normals that no face uses.
 
-    Parameters
-    ----------
-    grid : SurfaceGrid
-    name
-        Of the mesh.
-    positions : (N, 3) float64
-        Of each node; of several nodes at one vertex, the first counts.
-    uvs : (N, 2) float64
-        Those that are equal at one vertex are stored once.
-    normals : (N, 3) float64, optional
-        Those that are equal are stored once.
-    face_groups : (F,) int32, optional
-    group_names
-        As in `Mesh`.
+    `positions` (N, 3) float64; `uvs` (N, 2) float64; `normals` (N, 3) float64; `face_groups` (F,)
+    int32.
     """
     used = np.zeros(len(grid.nodes), dtype=bool)
     used[grid.faces.ravel()] = True
@@ -258,10 +210,7 @@ def _numbered(firsts: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
 def circle_points(n_points: int) -> FloatArray:
     """Cosine and sine of k / n of a turn, for k from 0 to n - 1.
 
-    Returns
-    -------
-    (n, 2) float64
-        Each coordinate within one unit in its last place, and never -0.
+    Returns (n, 2) float64: each coordinate within one unit in its last place, and never -0.
 
     Examples
     --------

@@ -127,27 +127,7 @@ def make_height_field(
 ) -> Mesh:
     """Surface z = height · image over a rectangle about the origin.
 
-    Parameters
-    ----------
-    resolution
-        Squares along u and v; between pixels the image is bilinear. None: one less than pixels.
-    image : (H, W) or (H, W, C)
-        Row 0 at the top; see `MakeOptions`.
-    width
-        Along x, from border to border of the image, whose pixels are square: the surface, which
-        ends at the centers of the outermost pixels, is one pixel narrower.
-    height
-        z where the image is 1.
-
-    Returns
-    -------
-    Mesh
-        Without normals: the smooth ones of its faces serve.
-
-    Raises
-    ------
-    OptionError
-        It is not an image, has fewer than 2 x 2 pixels, or one that is not finite.
+    `image` (H, W) or (H, W, C): row 0 at the top.
     """
     pixels = _gray(image)
     n_down, n_across = pixels.shape
@@ -219,12 +199,6 @@ def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twi
 
     With angle a = 2 pi (u - 1/2), turn b = pi twists (u - 1/2) and s = width (v - 1/2), the point
     is (r sin a, s cos b, r cos a), r = radius + s sin b.
-
-    Returns
-    -------
-    Mesh
-        2 n_u n_v triangles on n_u (n_v + 1) vertices, with analytic normals. Euler characteristic
-        0, with one boundary loop where `twists` is odd, else two.
     """
     n_u, n_v = resolution
     grid = make_grid(closed_lines(n_u), open_lines(n_v), twisted=twists % 2 == 1)

@@ -77,24 +77,7 @@ def whole_circle(radius: float, minor_radius: float, n_rows: int) -> Outline:
 def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
     """Straight segments between points, each in equal parts.
 
-    Parameters
-    ----------
-    profile : (n, 2) float64
-        Radius and height of at least two points that differ, no radius negative and not all 0. If
-        the last is the first, and not on the axis, the outline is closed.
-    n_rows
-        Rows of squares, about: each segment has its share of them by its length, at least one.
-    crease
-        Degrees: points at which the profile turns by at most as much have one normal, the mean of
-        both segments' weighted by the inverse of their lengths. So it goes with an end on the axis,
-        where the profile continues mirrored.
-
-    Returns
-    -------
-    Outline
-        v is the length along the profile, 1 at its end. Points repeated on end, and first or last
-        segments that lie on the axis, are left out. One that runs downwards on the outside, or
-        encloses less than nothing, is turned round.
+    `profile` (n, 2) float64.
     """
     points = _oriented(_pruned(profile))
     edges = np.diff(points, axis=0)

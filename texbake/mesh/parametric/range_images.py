@@ -33,30 +33,7 @@ def make_cylindrical_range(
 ) -> Mesh:
     """Surface around the y axis at radius · image.
 
-    Parameters
-    ----------
-    resolution
-        Must be None: there is a vertex for each pixel.
-    image : (H, W) or (H, W, C)
-        Row 0 at the top. The middle column is the front, +z, and angles grow counter-clockwise seen
-        from above, as for the cylindrical mapping; the last column joins the first.
-    radius
-        Radius where the image is 1.
-    height
-        Along y, from border to border of the image.
-    max_step
-        Greatest difference of radii within a triangle; None: any.
-
-    Returns
-    -------
-    Mesh
-        Faces are counter-clockwise seen from outside. Those across the seam have texture
-        coordinates up to half a pixel beyond 1, where a repeated image goes on.
-
-    Raises
-    ------
-    OptionError, MeshError
-        It is not an image; or no three neighbors have a distance.
+    `image` (H, W) or (H, W, C): row 0 at the top.
     """
     ranges = radius * _distances(image, resolution)
     n_rows, n_columns = ranges.shape
@@ -83,26 +60,7 @@ def make_depth_image(
 ) -> Mesh:
     """Surface that a depth camera at the origin sees; it looks along -z.
 
-    Parameters
-    ----------
-    resolution, max_step
-        As for `make_cylindrical_range`, with depths for radii.
-    image : (H, W) or (H, W, C)
-        Depths along the axis of the camera, row 0 at the top.
-    distance
-        Depth where the image is 1.
-    fov
-        Vertical field of view in degrees, from border to border of the image.
-
-    Returns
-    -------
-    Mesh
-        Faces are counter-clockwise seen from the camera.
-
-    Raises
-    ------
-    OptionError, MeshError
-        As for `make_cylindrical_range`.
+    `image` (H, W) or (H, W, C): depths along the axis of the camera, row 0 at the top.
     """
     depths = distance * _distances(image, resolution)
     n_rows, n_columns = depths.shape

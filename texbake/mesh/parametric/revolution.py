@@ -132,17 +132,7 @@ def make_revolution(
 ) -> Mesh:
     """Surface of revolution of a profile.
 
-    Parameters
-    ----------
-    resolution
-        Squares around, and about how many along the profile.
-    profile : (n, 2) float64
-        As `profile_outline` takes it. Where it touches the axis between its ends, two parts of the
-        surface hang together by one vertex.
-    turns
-        Up to 1, a whole turn; less leaves the surface open, with its middle at the front.
-    crease
-        Degrees.
+    `profile` (n, 2) float64; `crease`: degrees.
     """
     outline = profile_outline(profile, resolution[1], crease)
     check_triangles(2 * resolution[0] * (int(outline.lines.max()) + 1))

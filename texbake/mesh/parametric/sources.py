@@ -50,13 +50,7 @@ from texbake.mesh.mesh import FloatArray
 
 
 def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
-    """Profile of a file, or of an array that a caller has at hand; see `read_profile`.
-
-    Raises
-    ------
-    OptionError
-        The array is not a profile.
-    """
+    """Profile of a file, or of an array that a caller has at hand; see `read_profile`."""
     if isinstance(source, (str, os.PathLike)):
         return read_profile(source)
     try:
@@ -82,17 +76,8 @@ def read_profile(path: PathLike) -> FloatArray:
 
     Each line has a radius and a height, with blanks or a comma between them; `#` begins a comment.
 
-    Returns
-    -------
-    (n, 2) float64
-        At least two points that differ, of radius 0 or more, not all on the axis.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not such a file; the message names the line.
+    Returns (n, 2) float64: at least two points that differ, of radius 0 or more, not all on the
+    axis.
     """
     lines = read_lines(path, "a profile")
     rows = []
@@ -125,13 +110,7 @@ POINT_WIDTHS = (3, 5)
 
 
 def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
-    """Patches of a file, or of an array that a caller has at hand; see `read_patches`.
-
-    Raises
-    ------
-    OptionError
-        The array does not hold patches.
-    """
+    """Patches of a file, or of an array that a caller has at hand; see `read_patches`."""
     if isinstance(source, (str, os.PathLike)):
         return read_patches(source)
     try:
@@ -158,18 +137,8 @@ def read_patches(path: PathLike) -> FloatArray:
 
     Blanks or commas separate the numbers of a line; `#` begins a comment.
 
-    Returns
-    -------
-    (P, 4, 4, 3) or (P, 4, 4, 5) float64
-        Control points: patch, row, column; x, y and z, and u and v if the file has them.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        The file is not a patch file, or a patch is incomplete. The message names the patch and the
-        line.
+    Returns (P, 4, 4, 3) or (P, 4, 4, 5) float64: control points: patch, row, column; x, y and z,
+    and u and v if the file has them.
     """
     lines = read_lines(path, "a patch file")
     if not lines:

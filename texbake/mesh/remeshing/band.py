@@ -84,19 +84,7 @@ class Band:
     ) -> Band:
         """Measure the distances.
 
-        Parameters
-        ----------
-        positions : (V, 3) float64
-            In units of a voxel; all that faces use are inside the grid.
-        faces : (F, 3) int32
-        shape
-            Blocks along each axis.
-        threads
-            None for every processor.
-
-        Raises
-        ------
-        CrowdedGridError
+        `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
         """
         listed, starts = _faces_of_layers(positions, faces, shape[0])
         if len(listed) > _MOST_LAYERS_A_FACE * len(faces):

@@ -40,7 +40,6 @@ class Rooms:
 
     Attributes
     ----------
-    n_cavities : int
     n_untested : int
         Those whose winding numbers were not measured, and which count as solid.
     """
@@ -59,19 +58,7 @@ def flood_outside(
 ) -> Rooms:
     """Label what a ball reaches from the border of the grid `OUTSIDE`.
 
-    Parameters
-    ----------
-    labels : (nx, ny, nz) uint8
-        `SHELL` where no ball may touch, and `CORE`, of which a part becomes `OUTSIDE`.
-    radius
-        Of the ball beyond the shell, in voxels; the shell is as far from the border at least.
-    measure_windings
-        Returns the winding numbers at points (n, 3), one in each room that the ball fits into; NaN
-        where it measures none. The largest rooms come first. None if cavities are of no interest.
-    keep_cavities
-        Label them `OUTSIDE` as well.
-    threads
-        None for every processor.
+    `labels` (nx, ny, nz) uint8; `radius`, of the ball beyond the shell, in voxels.
     """
     grows = radius >= 1.0  # no two points are closer
     near = np.empty(labels.shape, dtype=np.bool_) if grows else labels == SHELL

@@ -34,15 +34,7 @@ class Grid:
 
     @classmethod
     def around(cls, mesh: Mesh, options: RemeshOptions) -> Grid:
-        """Place the grid, with a margin that is outside in any case.
-
-        Raises
-        ------
-        MeshError
-            The mesh has no extent.
-        OptionError
-            The gaps to close are too wide for the voxels.
-        """
+        """Place the grid, with a margin that is outside in any case."""
         frame = LocalFrame.around(mesh)
         low, high = frame.to_local(mesh.bounds)
         if not (high - low).max() > 0.0:

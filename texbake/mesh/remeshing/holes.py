@@ -45,11 +45,7 @@ class Loops:
     def of(cls, points: FloatArray, faces: IntArray) -> Loops:
         """Find the loops.
 
-        Parameters
-        ----------
-        points : (V, 3) float64
-        faces : (F, 3) int32
-            Vertices at one place are the same.
+        `points` (V, 3) float64; `faces` (F, 3) int32.
         """
         edges = find_edges(faces)
         odd = edges.vertices[edges.n_faces % 2 == 1]
@@ -85,16 +81,8 @@ class Loops:
     def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
         """Triangulate some loops.
 
-        Parameters
-        ----------
-        points : (V, 3) float64
-        chosen : (m,) bool
-
-        Returns
-        -------
-        faces : (n, 3) int32
-        loops : (n,) int64
-            Which loop each of them fills.
+        `points` (V, 3) float64; `chosen` (m,) bool. Returns `faces` (n, 3) int32, `loops` (n,)
+        int64: which loop each of them fills.
         """
         vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
         triangles, owners, _ = cut_polygons(points, vertices, self.sizes[chosen])
@@ -103,10 +91,7 @@ class Loops:
     def fanned(self, points: FloatArray, chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Fill some small loops with a fan each, around the mean of their vertices.
 
-        Returns
-        -------
-        points : (V + n, 3) float64
-        faces : (m, 3) int32
+        Returns `points` (V + n, 3) float64, `faces` (m, 3) int32.
         """
         sizes, edges = self.sizes[chosen], self.edges[np.repeat(chosen, self.sizes)]
         if len(sizes) == 0:

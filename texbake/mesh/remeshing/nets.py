@@ -53,9 +53,7 @@ class Nets:
 
         Where a face would then be folded, the quad is divided as it would have been before.
 
-        Returns
-        -------
-        (2 n, 3) int32
+        Returns (2 n, 3) int32.
         """
         faces = np.empty((len(self.quads), 2, 3), dtype=np.int32)
 
@@ -69,13 +67,7 @@ class Nets:
 def build_nets(band: Band, labels: npt.NDArray[np.uint8], *, threads: int | None = None) -> Nets:
     """Build the surface around all that is not labeled `OUTSIDE`.
 
-    Parameters
-    ----------
-    band
-    labels : (nx, ny, nz) uint8
-        Of the points of the band's grid.
-    threads
-        None for every processor.
+    `labels` (nx, ny, nz) uint8.
     """
     field, thin = signed(band, labels, threads)
     return nets_of(band, field, labels, thin, threads=threads)
@@ -91,17 +83,7 @@ def nets_of(
 ) -> Nets:
     """Build the surface around the points where a field of the band is not positive.
 
-    Parameters
-    ----------
-    band
-    field : (n_slots, 512) float32
-        Signed distances; the points that are filled to make the surface manifold are changed.
-    labels : (nx, ny, nz) uint8
-        Far from the band, all that is not labeled `OUTSIDE` is solid.
-    thin : (n_slots, 512) bool
-        Points of sheets.
-    threads
-        None for every processor.
+    `field` (n_slots, 512) float32; `labels` (nx, ny, nz) uint8; `thin` (n_slots, 512) bool.
     """
     return nets_around(band, field, solid_points(band, field, labels, threads), thin, threads)
 

@@ -57,14 +57,7 @@ def without_crumbs(
 
     Walls of so small cavities go as well, and are not counted. The largest part stays.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        In units of a voxel.
-    faces : (F, 3) int32
-    keep_cavities
-        Whether walls of larger cavities stay; if all are filled, what is left of one is a fault of
-        the grid.
+    `points` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
     """
     parts = Parts.of(points, faces)
     sizes = np.zeros(len(parts.volumes))
@@ -117,15 +110,7 @@ def largest_parts(
 ) -> tuple[FloatArray, IntArray, int]:
     """Keep the solid parts of most volume, with their cavities; also count the others.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        In units of a voxel.
-    faces : (F, 3) int32
-    n_kept
-        Number of solid parts to keep; None for all.
-    threads
-        None for every processor.
+    `points` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
     """
     if n_kept is None:
         return points, faces, 0

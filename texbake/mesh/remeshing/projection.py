@@ -39,24 +39,8 @@ def project(
 
     Vertices with no triangle near them, which close gaps, are smoothed instead.
 
-    Parameters
-    ----------
-    nets
-    tree
-        In the same units, voxels.
-    sharp_edges
-        Whether vertices beside a sharp edge of the triangles go onto it.
-    smooth : (F,) bool, optional
-        Triangles that only fill holes of the mesh; vertices next to them move to where the surface
-        bends least.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    positions : (V, 3) float64
-    faces : (2 n, 3) int32
-        The quads, divided.
+    `tree`, in the same units, voxels; `smooth` (F,) bool. Returns `positions` (V, 3) float64,
+    `faces` (2 n, 3) int32: the quads, divided.
     """
     before = nets.positions
     distances, face_ids, weights = tree.closest_points(

@@ -51,25 +51,9 @@ def sharp_targets(
 ) -> tuple[BoolArray, FloatArray]:
     """Find vertices that belong onto a sharp edge, and their places there.
 
-    Parameters
-    ----------
-    before : (V, 3) float64
-        The vertices, each in a cell of its own, in voxels.
-    on_mesh : (V, 3) float64
-        Their closest points on the mesh.
-    face_ids : (V,) int32
-        The faces of those; below 0 for a vertex that takes no part.
-    quads : (n, 4) int32
-    tree
-        Of the mesh.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    is_sharp : (V,) bool
-    targets : (V, 3) float64
-        Where all vertices go, on the mesh.
+    `before` (V, 3) float64: the vertices, each in a cell of its own, in voxels; `on_mesh` (V, 3)
+    float64; `face_ids` (V,) int32; `quads` (n, 4) int32. Returns `is_sharp` (V,) bool, `targets`
+    (V, 3) float64: where all vertices go, on the mesh.
     """
     normals = _normals_of(tree, face_ids)
     is_candidate = _candidates(quads, normals, face_ids)
@@ -166,14 +150,8 @@ def divided_along(
 
     Where three corners lie on it, the quad is divided through the one in the middle instead.
 
-    Parameters
-    ----------
-    faces : (2 n, 3) int32
-        The quads as they are divided so far, two faces each.
-    quads : (n, 4) int32
-    is_sharp : (V,) bool
-    before, after : (V, 3) float64
-        The vertices, before they moved and now.
+    `faces` (2 n, 3) int32; `quads` (n, 4) int32; `is_sharp` (V,) bool; `before`, `after` (V, 3)
+    float64.
     """
     sharp = is_sharp[quads]
     n_sharp = sharp.sum(axis=1)

@@ -61,16 +61,7 @@ class NoSheetError(Exception):
 
 
 def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -> Nets:
-    """Build the net of an open surface, with a staircase of quads as its boundary.
-
-    Parameters
-    ----------
-    band
-    tree
-        Of the same faces, which wind alike.
-    threads
-        None for every processor.
-    """
+    """Build the net of an open surface, with a staircase of quads as its boundary."""
     field = band.distances.copy()
     near = np.flatnonzero(field < BAND_WIDTH)
     field.ravel()[near[_is_behind(band, near, tree, threads)]] *= -1.0
@@ -109,16 +100,7 @@ def build_body(
     Thin walls, and the room between the surface and what fills a hole, can be thinner than a voxel.
     If that leaves handles, all points next to the surface belong to the solid there.
 
-    Parameters
-    ----------
-    band, labels
-        As for `build_nets`.
-    points : (V, 3) float64
-    filled
-    whole : (F, 3) int32
-        Faces of a body of one part, with what fills its holes; None for other bodies.
-    threads
-        None for every processor.
+    `points` (V, 3) float64; `whole` (F, 3) int32.
     """
     nets = build_nets(band, labels, threads=threads)
     is_thin = filled.n_holes > 0 or float(nets.thin.mean()) > PIERCED
@@ -177,24 +159,7 @@ def remesh_sheets(
 ) -> tuple[FloatArray, IntArray, int]:
     """Remesh an open surface; sheets whose boxes meet are remeshed one after the other.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        In units of a voxel.
-    filled
-    shape
-        Blocks of the grid along each axis.
-    gap
-        Holes up to this width are filled.
-    sharp_edges
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    points, faces
-    n_lost
-        Separate parts of the mesh smaller than some voxels, which are left out.
+    `points` (V, 3) float64, in units of a voxel.
     """
     parts, n_parts = face_components(filled.faces, len(points))
     rounds = _rounds(points, filled.faces, parts, n_parts)[parts]

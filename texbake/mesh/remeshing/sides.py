@@ -80,13 +80,8 @@ AS_IT_IS = Kind(np.zeros((0, 3), np.int32), NO_LOOPS, np.zeros(0, np.bool_), Fal
 def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) -> Kind:
     """Decide whether a surface is open or the surface of a body.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        In units of the voxels that it will be remeshed with.
-    faces : (F, 3) int32
-    threads
-        None for every processor.
+    `points` (V, 3) float64, in units of the voxels that it will be remeshed with; `faces` (F, 3)
+    int32.
     """
     is_closed = surface_side(Mesh(positions=points, faces=faces), threads=threads) != "both"
     faces = weld_rows(points, threads=threads)[faces]
@@ -186,14 +181,7 @@ class Filled:
 def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Filled:
     """Fill the holes of an open surface up to a width, or those of a body.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-    kind
-    gap
-        Of an open surface, holes up to this width are filled, but not the boundary of a part.
-    whole
-        Whether all parts of a surface that is not open are bodies, and not only those that look so.
+    `points` (V, 3) float64.
     """
     loops = kind.loops
     if kind.is_open:
@@ -225,17 +213,6 @@ def require_topology(
 
     Gaps that are closed make handles of a body, as they should. If the mesh is one, return how many
     there are more.
-
-    Parameters
-    ----------
-    name
-    kind
-    n_parts
-        Separate parts of the mesh.
-    n_components, n_loops
-        Separate parts of the result, and what `count_loops` counts.
-    may_be_pierced
-        Whether handles of a body may be holes in thin walls.
     """
     advice = "use a greater `resolution`"
     if n_components > n_parts:

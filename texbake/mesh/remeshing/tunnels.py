@@ -45,24 +45,7 @@ def remesh_with_few_tunnels(
 ) -> tuple[Mesh, float]:
     """Wrap a mesh in a closed surface with few tunnels.
 
-    Parameters
-    ----------
-    mesh
-    most
-        Number of tunnels that may remain. More remain if the widest of `CLOSINGS` leaves more.
-    resolution, threads, progress
-        As for `remesh`.
-
-    Returns
-    -------
-    Mesh
-    width : float
-        Of the gaps that were closed, in model units.
-
-    Raises
-    ------
-    MeshError
-        As for `remesh`.
+    Returns `width` float, of the gaps that were closed, in model units.
     """
     stages = Stages(progress)
     widest = f"{100.0 * CLOSINGS[-1]:g}%"  # the grid has room for all

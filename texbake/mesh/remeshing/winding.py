@@ -33,23 +33,8 @@ def winding_numbers(
 ) -> FloatArray:
     """Measure winding numbers, of torn surfaces as well.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-        In units of a voxel.
-    faces : (F, 3) int32
-    points : (n, 3) float64
-        None of them on the surface.
-    most_work
-        Faces that may be added up, for all points together. The first points are measured.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n,) float64
-        Whole numbers around a closed surface, to 0.1; fractions near its holes; NaN for points
-        that were not measured.
+    `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32; `points` (n, 3) float64.
+    Returns (n,) float64.
     """
     windings = np.zeros(len(points))
     if len(points) == 0 or len(faces) == 0:

@@ -50,28 +50,14 @@ class MappedFile:
             )
 
     def release(self) -> None:
-        """Let the pages that were read count no longer as memory of this process.
-
-        Raises
-        ------
-        FileError
-            As `require_whole` does.
-        """
+        """Let the pages that were read count no longer as memory of this process."""
         if hasattr(mmap, "MADV_DONTNEED"):
             self.pages.madvise(mmap.MADV_DONTNEED)
         self.require_whole()
 
 
 def map_file(path: PathLike) -> MappedFile:
-    """Map a file into memory.
-
-    Raises
-    ------
-    FileError
-        There is no such file, it is not a regular file, or it cannot be read.
-    FileFormatError
-        It is empty.
-    """
+    """Map a file into memory."""
     require_file(path)
     n_lost = core.count_lost_mappings()
     try:

@@ -86,15 +86,7 @@ class StreamedMesh:
 
     @classmethod
     def open(cls, source: MeshSource, *, threads: int | None = None) -> StreamedMesh:
-        """Check all of a mesh, and measure it.
-
-        Raises
-        ------
-        FileFormatError
-            The file is truncated or damaged.
-        MeshError
-            There are no faces, a position is not finite, or an index is out of range.
-        """
+        """Check all of a mesh, and measure it."""
         not_finite = source.vertices.not_finite(threads)
         n_faces, boxes = 0, []
         for faces in source.blocks(threads):
@@ -146,10 +138,7 @@ class StreamedMesh:
     def part(self, face_ids: IntArray) -> MeshPart:
         """Return some triangles by themselves, in their order.
 
-        Parameters
-        ----------
-        face_ids : (n,) int32
-            In ascending order, none of them twice.
+        `face_ids` (n,) int32.
         """
         vertices = self._source.vertices
         faces = self._chosen(face_ids)
@@ -183,14 +172,7 @@ class StreamedMesh:
 
         The file is read once for them, and once more if some cancel.
 
-        Parameters
-        ----------
-        vertices : (n,) int32
-            In ascending order.
-
-        Returns
-        -------
-        (n, 3) float64
+        `vertices` (n,) int32. Returns (n, 3) float64.
         """
         source, threads = self._source, self._threads
         marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
@@ -239,13 +221,7 @@ class StreamedMesh:
 
 
 def open_streamed(path: PathLike, *, threads: int | None = None) -> StreamedMesh | None:
-    """Open a mesh file to be read in chunks; None for one that must be read as a whole.
-
-    Raises
-    ------
-    FileError, FileFormatError, MeshError
-        As `read_mesh` does.
-    """
+    """Open a mesh file to be read in chunks; None for one that must be read as a whole."""
     source = open_source(path)
     return None if source is None else StreamedMesh.open(source, threads=threads)
 

@@ -42,8 +42,6 @@ class MeshSource:
 
     Attributes
     ----------
-    path
-    vertices : FileVertices
     n_rows : int
         Polygons, at least.
     read_blocks : callable
@@ -59,13 +57,7 @@ class MeshSource:
     attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
 
     def blocks(self, threads: int | None) -> Iterator[IntArray]:
-        """Yield all triangles in blocks of (n, 3) int32 vertices, checked.
-
-        Raises
-        ------
-        FileError
-            The file has become shorter since it was opened.
-        """
+        """Yield all triangles in blocks of (n, 3) int32 vertices, checked."""
         try:
             yield from self.read_blocks(threads)
         except TexbakeError:
@@ -75,13 +67,7 @@ class MeshSource:
 
 
 def open_source(path: PathLike) -> MeshSource | None:
-    """Open a mesh file for reading in chunks; None for one that must be read as a whole.
-
-    Raises
-    ------
-    FileError, FileFormatError
-        As `read_mesh` does.
-    """
+    """Open a mesh file for reading in chunks; None for one that must be read as a whole."""
     opened = {".ply": _open_ply, ".stl": _open_stl}.get(Path(path).suffix.lower())
     return None if opened is None else opened(Path(path))
 

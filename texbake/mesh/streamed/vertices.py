@@ -33,7 +33,6 @@ class FileVertices:
 
     Attributes
     ----------
-    file
     n : int
         Number of vertices.
     layout : (9,) int64

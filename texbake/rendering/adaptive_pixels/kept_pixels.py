@@ -19,11 +19,7 @@ PixelIds = npt.NDArray[np.int64]
 class KeptPixels:
     """Samples pixels, or returns what they gave before.
 
-    Parameters
-    ----------
-    sampler : PixelSampler
-    shape : (int, int)
-        Height and width of the picture.
+    `shape` (int, int).
     """
 
     def __init__(self, sampler: PixelSampler, shape: tuple[int, int]) -> None:

@@ -39,14 +39,7 @@ _TIMED_SHARE = 1 / 4  # of the check that is timed
 class PictureRounds:
     """Refines a picture for as long as `RenderOptions.time_budget` allows.
 
-    Parameters
-    ----------
-    adaptive
-        The picture with its first samples.
-    options
-        With a time budget.
-    first_seconds
-        Seconds that the first samples took.
+    `first_seconds`: seconds that the first samples took.
     """
 
     def __init__(

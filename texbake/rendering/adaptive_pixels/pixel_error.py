@@ -43,13 +43,7 @@ def shading_errors(
 ) -> Float32Array:
     """Estimate the error of the encoded means due to too few shadings, (H, W) float32.
 
-    Parameters
-    ----------
-    codes : (H, W, 4) float32
-    shaded : (H, W) int32
-        Shaded cells along one side of each pixel.
-    changes : (H, W) float32
-        Change of a pixel by the last refinement of its shading; 0 if there was none.
+    `codes` (H, W, 4) float32; `shaded` (H, W) int32; `changes` (H, W) float32.
     """
     errors = np.empty(shaded.shape, np.float32)
 

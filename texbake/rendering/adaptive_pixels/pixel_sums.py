@@ -74,12 +74,7 @@ class PixelSums:
     ) -> None:
         """Add the samples (h side, w side) of some rows of pixels, composited over `behind`.
 
-        Parameters
-        ----------
-        light, passed, seen
-            Light of each sample, the share of the background that it lets through, and whether it
-            shows a surface.
-        behind : (H, W, 3) or (1, 1, 3) float32
+        `behind` (H, W, 3) or (1, 1, 3) float32.
         """
         core.add_samples_squared(
             light, passed, seen, behind, first_row, side, self.light, self.squares, self.covered
@@ -97,16 +92,7 @@ class PixelSums:
     ) -> None:
         """Write the masked pixels of a window to the sums of a whole picture.
 
-        Parameters
-        ----------
-        corner
-            Row and column of the window's first pixel.
-        behind : (h, w, 3) or (1, 1, 3) float32, optional
-            Light at samples that show no surface; None if the sums already include it.
-        side
-            Samples along one side of a pixel.
-        is_opaque
-            Count all samples as opaque, because there is a background behind all surfaces.
+        `behind` (h, w, 3) or (1, 1, 3) float32.
         """
         core.write_window(
             mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,

@@ -71,12 +71,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
 
     The choice of pixels is deterministic.
 
-    Parameters
-    ----------
-    adaptive
-        The finished picture.
-    bound
-        Error bound for sRGB-coded channels, with black to white as 1; None if there was none.
+    `bound`: error bound for sRGB-coded channels, with black to white as 1.
     """
     sampler, sums, errors = adaptive.sampler, adaptive.sums, adaptive.errors()
     shows = sums.covered > 0.0

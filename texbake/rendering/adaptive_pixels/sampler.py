@@ -75,11 +75,6 @@ def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterato
 class PixelSampler:
     """Takes samples of pixels.
 
-    Parameters
-    ----------
-    state
-        State from `texbake.rendering.draw.laid_out`, with all objects prepared.
-
     Attributes
     ----------
     is_opaque : bool
@@ -114,14 +109,7 @@ class PixelSampler:
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
         """Sample pixels again and replace their previous sums.
 
-        Parameters
-        ----------
-        wanted : (H, W) bool
-            Pixels to sample.
-        sides
-            Number of samples and shaded cells.
-        sums
-            Receives the sums of these pixels.
+        `wanted` (H, W) bool: pixels to sample; `sums`: receives the sums of these pixels.
         """
         start = self.now()
         sums.counts[wanted] = sides.seen**2

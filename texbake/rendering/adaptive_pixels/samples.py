@@ -60,16 +60,8 @@ class PictureState:
 class AdaptivePicture:
     """The samples of a picture while it is refined.
 
-    Parameters
-    ----------
-    state
-        State from `texbake.rendering.draw.laid_out`, with all objects prepared.
-    keeps
-        Whether to keep all samples, so that the picture can be refined again.
-
     Attributes
     ----------
-    sampler : PixelSampler
     sums : PixelSums
         Sums of all pixels.
     shaded : (H, W) int32
@@ -78,7 +70,6 @@ class AdaptivePicture:
         Samples along one side of each pixel.
     codes : (H, W, 4) float32
         Means of the pixels, with sRGB-coded light.
-    threads : int, optional
     finest : int
         Most samples, and most shaded cells, along one side of a pixel.
     """
@@ -128,10 +119,7 @@ class AdaptivePicture:
     def refine(self, bound: float) -> None:
         """Take samples until the estimated error of each pixel is at most the bound.
 
-        Parameters
-        ----------
-        bound
-            Error bound for sRGB-coded channels, with black to white as 1.
+        `bound`: error bound for sRGB-coded channels, with black to white as 1.
         """
         shaded = FIRST.shaded
         while shaded < FINEST:
@@ -203,25 +191,7 @@ def draw_adaptively(
 ) -> Frame:
     """Draw a picture to a given error bound or within a time budget.
 
-    Parameters
-    ----------
-    prepared
-        Scene from `prepare`; its options set `max_error` or `time_budget`.
-    camera
-        Camera of the picture.
-    keep
-        Data that the frame holds beside its color. Normals and the coverage that comes with them
-        have a fixed number of samples, as triangles and depths always do, so that they match.
-    progress
-        Receives the stages.
-    clock
-        Of the time budget; None: it begins now. It is given the color (H, W, 4) of the first
-        samples, to time what follows.
-
-    Returns
-    -------
-    Frame
-        With reports on the samples and on the time budget.
+    `keep`: data that the frame holds beside its color.
     """
     clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)

@@ -151,20 +151,9 @@ def add_ambient(
 ) -> None:
     """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
 
-    Parameters
-    ----------
-    ambient
-        Light from above and below.
-    up
-        Up axis of the world: `y` or `z`.
-    normals : (n, 3) float32
-        Unit vectors; may be None if the light from above and from below is the same.
-    base : (n or 1, 3) float32
-        Base color.
-    share : (n or 1,) float32
-        Unoccluded share of the ambient light.
-    light : (n, 3) float32
-        Added to in place.
+    `up`: up axis of the world: `y` or `z`; `normals` (n, 3) float32: unit vectors; `base` (n or 1,
+    3) float32; `share` (n or 1,) float32: unoccluded share of the ambient light; `light` (n, 3)
+    float32.
     """
     two_sided = ambient.ground is not None and normals is not None
     core.reflect_ambient(

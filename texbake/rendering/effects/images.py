@@ -61,8 +61,6 @@ class LoadedImage:
         Level 0 alone, or all mip levels.
     kind : str
         How its mip levels are computed: as `color`, `data` or `normal`.
-    filter : str
-    wrap : str or pair of str
     turn, offset : optional
         (2, 2) and (2,): transform texture coordinates of the mesh to those of the image; None if
         they are equal.

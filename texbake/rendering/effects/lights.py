@@ -157,19 +157,7 @@ def in_world(light: Light, camera: Camera) -> Light:
 def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> Incident:
     """Compute the unshadowed light that arrives from one lamp at points.
 
-    Parameters
-    ----------
-    light
-        Light from `placed_light`.
-    points : (n, 3) float64
-        World space; may be None for a directional light.
-    normals : (n, 3) float32
-        Surface normals. At the position of the lamp itself they are the direction to the light.
-
-    Returns
-    -------
-    Incident
-        A single row for all points if the light is directional.
+    `points` (n, 3) float64: world space; `normals` (n, 3) float32.
     """
     if light.kind == "directional":
         return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)

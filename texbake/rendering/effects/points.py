@@ -62,14 +62,8 @@ def _map(state: RenderState, target: Target) -> MappedMesh:
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
     """Growth of the barycentric weights per unit of u, then per unit of v.
 
-    Parameters
-    ----------
-    corner_uvs : (F, 3, 2) float64
-
-    Returns
-    -------
-    (F, 4) float64
-        All 0 for triangles without area on the texture.
+    `corner_uvs` (F, 3, 2) float64. Returns (F, 4) float64: all 0 for triangles without area on the
+    texture.
     """
     along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
     area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
@@ -80,15 +74,8 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
 def steps_along_surface(corners: FloatArray) -> FloatArray:
     """Growth of the barycentric weights per unit along the first edge, then per unit across it.
 
-    Parameters
-    ----------
-    corners : (F, 3, 3) float64
-        Positions.
-
-    Returns
-    -------
-    (F, 4) float64
-        Across is to the left of the edge, seen from the front. All 0 for triangles without area.
+    `corners` (F, 3, 3) float64. Returns (F, 4) float64: across is to the left of the edge, seen
+    from the front. All 0 for triangles without area.
     """
     along, up = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = pm.norm(along, axis=1)

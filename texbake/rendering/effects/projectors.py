@@ -102,25 +102,10 @@ def thrown(
 ) -> tuple[Floats, Floats]:
     """Look up a projected picture at points.
 
-    Parameters
-    ----------
-    image
-        Picture from `load_slide`.
-    matrix : (4, 4) float64
-        Transforms world space to (s, t, r, q).
-    points : (n, 3) float64
-        World space.
-    steps : (n, 2, 3) float64, optional
-        Result of `pixel_steps`. None for points that do not belong to pixels: level 0 of the
-        picture is used, with bilinear filtering or better.
-
-    Returns
-    -------
-    values : (n, C) float32
-        Undefined where the coverage is 0.
-    coverage : (n,) float32
-        Share of the pixel inside the unit square; 0 behind the projector (q <= 0). Without steps it
-        is 0 or 1.
+    `matrix` (4, 4) float64: transforms world space to (s, t, r, q); `points` (n, 3) float64: world
+    space; `steps` (n, 2, 3) float64. Returns `values` (n, C) float32: undefined where the coverage
+    is 0, `coverage` (n,) float32: share of the pixel inside the unit square; 0 behind the projector
+    (q <= 0). Without steps it is 0 or 1.
     """
     thrown_at = on_picture(matrix, points, steps, image.filter)
     return thrown_at.values(image), thrown_at.coverage

@@ -110,18 +110,7 @@ def lit_radiance(
 ) -> Floats:
     """(n, 3) float32: light of one lamp that arrives at points, with shadows.
 
-    Parameters
-    ----------
-    shadow, light, world
-        The shadow map with its light and the triangles it was rendered from.
-    points, normals : (n, 3)
-        Points of the surface; it is lit only where the normal faces the light.
-    faces : (n,) int32
-        Triangle of the world that each point lies on.
-    incident
-        Unshadowed light at the points.
-    own
-        Range of faces (first, stop) of the object that all points belong to.
+    `points`, `normals` (n, 3); `faces` (n,) int32: triangle of the world that each point lies on.
     """
     out = np.empty((len(points), 3), np.float32)
     core.dim_by_shadow(

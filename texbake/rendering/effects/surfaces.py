@@ -95,8 +95,6 @@ class ObjectRelief:
     ----------
     drawn : DrawnObject
         Before displacement.
-    surface : BaseSurface
-    holder : Displacement
     image : LoadedImage, optional
         None for a procedure.
     texels : (F, 3, 2) float64, optional

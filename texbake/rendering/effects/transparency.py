@@ -105,17 +105,8 @@ def put_behind(
 ) -> None:
     """Composite a layer behind the layers in front of it, in place.
 
-    Parameters
-    ----------
-    of_samples : (h, w) int32
-        Fragment of the layer at each sample; -1 for none.
-    shaded
-        The shaded fragments.
-    light, passed, normals, seen : (h, w, 3), (h, w), (h, w, 3) or empty, (h, w)
-        Accumulated light, remaining transmittance, sums of normals, and whether the sample sees a
-        surface.
-    opaque
-        Whether the layer is opaque.
+    `of_samples` (h, w) int32; `light`, `passed`, `normals`, `seen` (h, w, 3), (h, w), (h, w, 3) or
+    empty, (h, w).
     """
     if not shaded:
         return

@@ -35,24 +35,8 @@ def project(
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
     """Snap vertices to the grid of the screen.
 
-    Parameters
-    ----------
-    positions : (V, 3) float64
-        World space.
-    clip_from_world : (4, 4) float64
-        Camera matrix. In clip space z runs from 0 (infinity) to w (the near plane).
-    width, height
-        Size of the screen in samples.
-    threads
-        Number of threads; None uses every processor.
-
-    Returns
-    -------
-    grid : (V, 2) int32
-        Column and row in 1/256 of a sample; the column is `OFF_GRID` behind the near plane and
-        outside the guard band.
-    depths : (V,) float32
-        z / w of the vertices that are on the grid.
+    `positions` (V, 3) float64: world space; `clip_from_world` (4, 4) float64. Returns `grid` (V, 2)
+    int32, `depths` (V,) float32: z / w of the vertices that are on the grid.
     """
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)

@@ -61,24 +61,7 @@ def fragment_rows(
 ) -> FragmentRows:
     """Compute the fragments of some rows of pixels.
 
-    Parameters
-    ----------
-    face_ids : (h, w) int32
-        Triangle that each sample of the picture sees.
-    world
-        The triangles of the scene.
-    rows : (first, stop)
-        Range of pixel rows.
-    side
-        Samples along one side of a pixel.
-    merges
-        Merge the samples of a pixel that see the same triangle into one fragment.
-    wants_samples
-        Fill `of_samples`; otherwise it is empty.
-    corner
-        Column and row of the first pixel, where the pixels are only a part of the picture.
-    fine
-        Pixels of this part along one side of a pixel of the picture, in which places are given.
+    `face_ids` (h, w) int32; `rows` (first, stop).
     """
     counts = np.zeros(world.n_objects, np.int64)
     core.count_fragments(face_ids, world.starts, side, merges, *rows, counts)
@@ -114,32 +97,11 @@ def weights_at(
 ) -> tuple[FloatArray, npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
     """Compute the barycentric weights of fragments.
 
-    Parameters
-    ----------
-    world
-        The triangles of the scene.
-    clip_from_world : (4, 4) float64
-        Matrix of the camera.
-    width, height
-        Size of the picture in pixels.
-    face_ids : (n,) int32
-    places : (n, 2) float32
-        As in `FragmentRows`.
-    affine
-        Interpolate linearly on the screen, which is wrong in perspective. Triangles that extend
-        behind the camera are still interpolated correctly.
-    wants_changes
-        Compute `changes`; otherwise it is empty.
-
-    Returns
-    -------
-    weights : (n, 2) float64
-        Weights of the second and third corner, never below 0. Both are 0 for a triangle without
-        area in clip space.
-    back_facing : (n,) bool
-        Whether the triangle is seen from behind.
-    changes : (n, 4) float32
-        Growth of the two weights for one pixel to the right, then for one pixel down.
+    `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
+    (n,) int32; `places` (n, 2) float32. Returns `weights` (n, 2) float64: weights of the second and
+    third corner, never below 0. Both are 0 for a triangle without area in clip space, `back_facing`
+    (n,) bool: whether the triangle is seen from behind, `changes` (n, 4) float32: growth of the two
+    weights for one pixel to the right, then for one pixel down.
     """
     n = len(face_ids)
     weights = np.empty((n, 2))

@@ -163,30 +163,7 @@ def rasterize(
 ) -> VisibilityBuffer:
     """Rasterize triangles: find the nearest one at each sample.
 
-    Parameters
-    ----------
-    world
-        All triangles; front faces are counter-clockwise.
-    clip_from_world : (4, 4) float64
-        Camera matrix. In clip space z runs from 0 (infinity) to w (the near plane).
-    width, height
-        Size of the screen in samples.
-    modes : (O,) uint8
-        `SKIP`, `CULL_BACK` or `SHOW_BACK` for each object.
-    window : Window, optional
-        The samples to draw, None for all; the following arrays, and the result, are of its shape.
-    behind, before
-        Give both or neither. Only surfaces that lie behind `behind` (or at the same depth with a
-        higher index) and in front of `before` are drawn.
-    tries : (height, width) uint32, optional
-        Counts the triangles that cover each sample, visible or hidden; added to in place.
-    threads
-        Number of threads; None uses every processor.
-
-    Returns
-    -------
-    VisibilityBuffer
-        A triangle without area on the grid is not visible.
+    `clip_from_world` (4, 4) float64; `modes` (O,) uint8; `tries` (height, width) uint32.
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)

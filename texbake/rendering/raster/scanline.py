@@ -26,17 +26,8 @@ def rasterize_scanlines(
 ) -> tuple[VisibilityBuffer, FloatArray]:
     """Rasterize triangles by scanlines, with the barycentric weights at each sample.
 
-    Parameters
-    ----------
-    world, clip_from_world, width, height, modes
-        As for `texbake.rendering.raster.rasterize.rasterize`.
-
-    Returns
-    -------
-    visibility : VisibilityBuffer
-        The same as from `rasterize`, except where two surfaces are equally near up to rounding.
-    weights : (height, width, 2) float64
-        Weights of the second and third corner; 0 where there is no triangle.
+    Returns `weights` (height, width, 2) float64: weights of the second and third corner; 0 where
+    there is no triangle.
     """
     face_ids = np.full((height, width), -1, np.int32)
     depths = np.zeros((height, width), np.float32)

@@ -12,15 +12,7 @@ from texbake.texture.gltf_images import gltf_images
 
 
 def scene_from_materials(mesh: Mesh, materials: Materials | None) -> Scene:
-    """Return a scene of a mesh with its materials, an object for each, and the default light.
-
-    Parameters
-    ----------
-    mesh
-    materials
-        Images that lie on missing texture coordinates, or that glTF cannot place, are left out.
-        None for glTF's default material.
-    """
+    """Return a scene of a mesh with its materials, an object for each, and the default light."""
     if materials is not None:
         materials = gltf_images(materials if mesh.uvs is not None else materials.without_images())
     with scratch_folder() as folder:

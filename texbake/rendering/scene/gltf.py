@@ -52,33 +52,7 @@ SHOWN = (
 
 
 def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
-    """Read a .glb or .gltf file as a scene.
-
-    Parameters
-    ----------
-    path
-        The file. Embedded images are read now, external ones when a picture needs them.
-    progress
-        Receives the single stage, ``read NAME``.
-
-    Returns
-    -------
-    Scene
-        One object for each primitive of each node, with the node's transform. Primitives without
-        normals are shaded flat, as the specification requires. Skins and morph targets are shown in
-        their rest pose. Points, lines, and nodes scaled flat are left out. The view is that of the
-        first camera. `notes` lists features of the file that are not supported.
-
-    Raises
-    ------
-    FileError
-        The file or a buffer beside it is missing or cannot be read. If an image is missing, a
-        warning names it, and its material keeps the factors of its channels.
-    FileFormatError
-        It is not glTF 2.0, it is damaged, or it requires an extension that is not supported.
-    MeshError
-        There are no triangles, or a coordinate is not finite.
-    """
+    """Read a .glb or .gltf file as a scene."""
     with Stages(progress).stage(f"read {Path(path).name}"):
         document = read_document(path)
         placed = placed_nodes(document)

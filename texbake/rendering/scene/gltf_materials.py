@@ -49,7 +49,6 @@ class SceneMaterial:
         belong to, else that of the first texture.
     further : tuple of int
         Numbers of the other sets.
-    has_textures : bool
     """
 
     material: Material

@@ -141,13 +141,7 @@ class Scene:
 
 
 def checked_transform(transform: FloatArray, name: str) -> FloatArray:
-    """Return a transform as a read-only (4, 4) float64 array.
-
-    Raises
-    ------
-    OptionError
-        The transform is not affine, or is (nearly) singular. The message calls it `name`.
-    """
+    """Return a transform as a read-only (4, 4) float64 array."""
     matrix = np.array(transform, np.float64)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise OptionError(f"{name}: it is not 4 x 4 finite numbers")
@@ -200,24 +194,7 @@ _NEAR = 1e-3
 
 
 def camera_of(scene: Scene, options: RenderOptions) -> Camera:
-    """Return the camera of a scene's view.
-
-    Parameters
-    ----------
-    scene
-        A view with a `position` is used as given. A view with `angles` looks at the center of all
-        visible objects (before displacement) from the distance of `Camera.framing`. Values that the
-        view does not set come from `options`.
-    options
-        Gives `view`, `up`, `fov` and the picture's shape.
-
-    Raises
-    ------
-    OptionError
-        The camera stands on its target, looks along its up direction, or has no field of view.
-    MeshError
-        The coordinates are so large that their squares overflow float64.
-    """
+    """Return the camera of a scene's view."""
     view = scene.view or CameraView()
     fov = options.fov if view.fov is None else view.fov
     if view.position is None or view.target is None:
@@ -250,21 +227,7 @@ def _up_of(view: CameraView, options: RenderOptions) -> Vector:
 
 
 def turntable_cameras(scene: Scene, options: RenderOptions, n_views: int) -> list[Camera]:
-    """Cameras that circle a scene once, as if it stood on a turntable.
-
-    Parameters
-    ----------
-    scene, options
-        As for `camera_of`, which gives the first camera.
-    n_views
-        Number of cameras. Each is rotated by another 1 / n_views of a turn, counter-clockwise seen
-        from above, about the axis through the scene's center along `options.up`.
-
-    Raises
-    ------
-    OptionError
-        `n_views` is below 1; or as for `camera_of`.
-    """
+    """Cameras that circle a scene once, as if it stood on a turntable."""
     if n_views < 1:
         raise OptionError(f"turntable: {n_views} views is out of range; it must be 1 or more")
     first = camera_of(scene, options)

@@ -30,14 +30,8 @@ def transform_matrix(
 ) -> FloatArray:
     """(4, 4) float64: matrix that scales, rotates about x, y and z in that order, and translates.
 
-    Parameters
-    ----------
-    translate
-        In world units.
-    rotate
-        In degrees, counter-clockwise seen from the tip of the axis. Quarter turns are exact.
-    scale
-        Along the object's own axes; negative to mirror.
+    `translate`, in world units; `rotate`, in degrees, counter-clockwise seen from the tip of the
+    axis.
 
     Examples
     --------
@@ -89,25 +83,8 @@ def projector_matrix(
 ) -> FloatArray:
     """Matrix of a projector at a position that looks at a target.
 
-    Parameters
-    ----------
-    position, target, up
-        As for a camera, in world space.
-    fov : float
-        Vertical field of view in degrees.
-    aspect : float
-        Width of the picture over its height.
-
-    Returns
-    -------
-    (4, 4) float64
-        Maps (x, y, z, 1) to (s, t, r, q). (s / q, t / q) is (0, 0) at the lower left and (1, 1) at
-        the upper right corner of the picture; q and r are the depth along the view.
-
-    Raises
-    ------
-    OptionError
-        The projector is at its target, looks along `up`, or has no valid field of view or aspect.
+    `position`, `target`, `up`: as for a camera, in world space; `fov`: vertical field of view in
+    degrees. Returns (4, 4) float64.
     """
     if not 0.0 < aspect < math.inf:
         raise OptionError(f"aspect: {aspect} is not above 0; it is width over height")
@@ -117,13 +94,7 @@ def projector_matrix(
 
 
 def projector_position(matrix: FloatArray) -> FloatArray:
-    """(3,): the point where s, t and q of a projector's matrix (4, 4) are all 0.
-
-    Raises
-    ------
-    OptionError
-        There is none, because its rays are parallel.
-    """
+    """(3,): the point where s, t and q of a projector's matrix (4, 4) are all 0."""
     rows = np.asarray(matrix, np.float64)[[0, 1, 3]]
     sizes, _ = pm.svd(rows[:, :3])
     if not sizes[2] > _PARALLEL * sizes[0]:

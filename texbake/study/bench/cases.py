@@ -30,7 +30,6 @@ class BenchCase:
 
     Attributes
     ----------
-    name : str
     high, low : Mesh
         Float32 positions; the low-poly mesh has texture coordinates.
     reach : float

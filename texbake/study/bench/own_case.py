@@ -21,11 +21,6 @@ def own_case(high: Mesh, low: Mesh) -> BenchCase:
 
     Positions are rounded to float32 and normals are left out. The low-poly mesh is unwrapped if it
     has no texture coordinates. Rays reach as far as texbake measures that they must.
-
-    Raises
-    ------
-    MeshError
-        A mesh has no face with an area.
     """
     for mesh in high, low:
         if degenerate_faces(mesh).all():

@@ -19,15 +19,7 @@ _TITLE = "What accuracy costs, program by program"
 
 
 def bench_page(result: BenchResult, plots: Mapping[str, Plot]) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    result
-        What was measured.
-    plots
-        One for each contest, by its name.
-    """
+    """Return the page as HTML."""
     tasks = dict.fromkeys(contest.task for contest in result.contests)
     body = render(
         "bench.html",

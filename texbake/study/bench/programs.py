@@ -47,7 +47,6 @@ class Program:
 
     Attributes
     ----------
-    name, title : str
     settings
         For each task that it can do, the settings that are tried: labels and what they add to the
         job.

@@ -38,7 +38,6 @@ class Match:
 
     Attributes
     ----------
-    theirs : Measurement
     ours : Measurement, optional
         None if no setting of texbake is as accurate.
     """
@@ -58,12 +57,10 @@ class Contest(Ranked):
 
     Attributes
     ----------
-    task : BenchTask
     case, subject, truth, truth_text : str
         As in `BenchCase` and `Prepared`.
     measurements : tuple of Measurement
         Settings of one program have its title as their series.
-    failures : tuple of Failure
     """
 
     task: BenchTask

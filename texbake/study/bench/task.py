@@ -44,7 +44,6 @@ class BenchTask:
 
     Attributes
     ----------
-    name, title : str
     about : str
         What is done, in a sentence or two.
     error, unit : str

@@ -35,18 +35,9 @@ class Surface(Protocol):
     ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Return where lines meet the surface near points that lie close to it.
 
-        Parameters
-        ----------
-        starts : (n, 3) float64
-            Points near the surface.
-        directions : (n, 3) float64
-            Unit vectors of the lines through them.
-
-        Returns
-        -------
-        points : (n, 3) float64
-        converged : (n,) bool
-            False for a line that only touches the surface, or passes by.
+        `starts` (n, 3) float64; `directions` (n, 3) float64: unit vectors of the lines through
+        them. Returns `points` (n, 3) float64, `converged` (n,) bool: false for a line that only
+        touches the surface, or passes by.
         """
 
 

@@ -44,7 +44,6 @@ class Probes:
 
     Attributes
     ----------
-    low : Mesh
     faces : (n,) int32
     barycentrics : (n, 3) float64
     normals : (n, 3) float64
@@ -164,19 +163,9 @@ def mean_normals(
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Return the directions of the mean normals over the texels of a square map.
 
-    Parameters
-    ----------
-    pair
-        Traced like a bake with the default options.
-    size
-        Texels along one side.
-
-    Returns
-    -------
-    means : (size, size, 3) float64
-        Unit vectors in tangent space, over the covered part of a texel; 0 where nothing was hit.
-    known : (size, size) bool
-        Where there is a mean.
+    `size`: texels along one side. Returns `means` (size, size, 3) float64: unit vectors in tangent
+    space, over the covered part of a texel; 0 where nothing was hit, `known` (size, size) bool:
+    where there is a mean.
     """
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
     inputs = BakeInputs.of(pair.high, pair.low, options)

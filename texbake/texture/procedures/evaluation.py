@@ -39,7 +39,6 @@ class Procedure:
 
     Attributes
     ----------
-    name : str
     defaults : mapping
         Defaults of its parameters.
     n_channels : int
@@ -92,36 +91,8 @@ def evaluate(
 ) -> npt.NDArray[np.float32]:
     """Evaluate a procedure at points.
 
-    Parameters
-    ----------
-    name
-        One of `PROCEDURES`.
-    points : (n, 3) or (n, 2) float64
-        With two coordinates, z = 0, and checkers and Worley cells are two-dimensional. Coordinates
-        that are not finite, or larger than 2^50, where floats are too far apart for a pattern,
-        count as 0.
-    footprint : (n,), (n, 3) or (n, 2) float, optional
-        Width of the pixel at each point in the units of the points, along all axes or along each.
-        This matters for a face in the plane between two layers of a checker: with a width per axis
-        it shows one of the layers, with a single width their mean. None, and widths that are
-        negative or NaN, give the value at the point.
-    parameters
-        Parameters that differ from the defaults, such as `seed`.
-    scalar
-        Whether procedures with colors return their value from 0 to 1 instead, which is the position
-        on their ramp (`default_ramps`).
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n, 1) or (n, 3) float32
-        In [0, 1]; three channels are linear RGB.
-
-    Raises
-    ------
-    OptionError
-        The procedure or a parameter is unknown, or an array has the wrong shape.
+    `points` (n, 3) or (n, 2) float64; `footprint` (n,), (n, 3) or (n, 2) float. Returns (n, 1) or
+    (n, 3) float32, in [0, 1]; three channels are linear RGB.
 
     Examples
     --------

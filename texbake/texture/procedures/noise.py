@@ -155,7 +155,6 @@ class Weight:
 
     Attributes
     ----------
-    quintic : bool
     bound : float
         Upper bound on |noise|.
     variance : (float, float)
@@ -227,29 +226,9 @@ def signed_noise(
 ) -> npt.NDArray[np.float64]:
     """Evaluate signed gradient noise at points.
 
-    Parameters
-    ----------
-    points : (n, 3) or (n, 2) float64
-        The cells of the lattice are unit cubes. With two coordinates, z = 0. Coordinates that are
-        not finite, or larger than 2^50, count as 0.
-    footprint : (n,) or (n, 3) float, optional
-        Width of the pixel at each point, along all axes or along each.
-    weight
-        "cubic" (1985, C1) or "quintic" (2002, C2).
-    seed
-        Any whole number.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n,) float64
-        Within ±0.867 (cubic) or ±1.037 (quintic), of mean 0; 0 at lattice points.
-
-    Raises
-    ------
-    OptionError
-        A parameter is invalid, or an array has the wrong shape.
+    `points` (n, 3) or (n, 2) float64: the cells of the lattice are unit cubes; `footprint` (n,) or
+    (n, 3) float. Returns (n,) float64: within ±0.867 (cubic) or ±1.037 (quintic), of mean 0; 0 at
+    lattice points.
 
     Examples
     --------

@@ -91,23 +91,6 @@ _VECTORS = ("direction", "axis", "center")
 def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Check the given parameters of a procedure, and add the defaults of the others.
 
-    Parameters
-    ----------
-    name
-        One of `PROCEDURE_NAMES`.
-    parameters
-        Some of the procedure's parameters.
-
-    Returns
-    -------
-    dict
-        Keys as in `PROCEDURE_DEFAULTS[name]`; vectors are tuples of floats, not normalized.
-
-    Raises
-    ------
-    OptionError
-        The procedure is unknown, it has no such parameter, or a value is invalid.
-
     Examples
     --------
     >>> checked_parameters("noise", {"seed": 4})

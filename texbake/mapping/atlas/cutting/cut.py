@@ -87,38 +87,8 @@ def cut_charts(
 ) -> Charts:
     """Cut a mesh into charts and flatten them.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Non-manifold edges, duplicate and degenerate faces are allowed. A degenerate face gets one
-        coordinate for its three corners, if possible of a chart that it touches.
-    points : (V, 3) float64, optional
-        The points of `snap_points`; None to compute them.
-    quality : str
-        `fast`, `good` or `best`: how large charts get, and how much they may stretch.
-    method : str
-        `texbake`, or `xatlas` to leave the cutting to xatlas, in processes of its own.
-    timeout : float, optional
-        Seconds after which xatlas is stopped on a batch; None allows 60 s plus 10 ms per face.
-    regions : (F,) int32, optional
-        Faces of different regions never share a chart.
-    threads : int, optional
-        Largest number of threads, and of xatlas processes; None for one per processor. The charts
-        are the same for any number.
-    advance : callable, optional
-        Called with the number of faces just done.
-
-    Returns
-    -------
-    Charts
-        The notes say where faces were cut by their normals, because xatlas failed.
-
-    Raises
-    ------
-    UnwrapError
-        No face has an area.
-    DependencyError
-        xatlas is asked for and is not installed, or does not load.
+    `points` (V, 3) float64; `timeout`: seconds after which xatlas is stopped on a batch; `regions`
+    (F,) int32: faces of different regions never share a chart.
     """
     # On the grid of the points they may have one, depending on where the grid lies.
     if degenerate_faces(mesh).all():

@@ -54,27 +54,9 @@ def disk_charts(
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
     """Flatten parts of a mesh, each in as few charts as the stretch allows.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Points on the grid, in the unit cube.
-    corners : (F, 3) int32
-        Corners of the mesh's faces: indices into `points`.
-    lengths : (F, 3) float64
-        From `step_lengths`.
-    parts : sequence of Part
-    limits : ChartLimits
-    threads : int, optional
-        None for every processor; the charts are the same for any number.
-    advance : callable, optional
-        Called with the number of faces just done, including those that are left.
-
-    Returns
-    -------
-    pieces : list of ((m,) int32, Charts)
-        Faces of some parts, and their charts.
-    left : (k,) int32
-        Faces that could not be flattened, ascending.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32; `lengths`
+    (F, 3) float64. Returns `pieces` list of ((m,) int32, Charts): faces of some parts, and their
+    charts, `left` (k,) int32: faces that could not be flattened, ascending.
     """
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
@@ -123,7 +105,6 @@ class _Laid:
         Indices into `uvs`.
     uvs : (n, 2) float64
     chart_ids : (n,) int32
-    n_charts : int
     left : (k,) int32
         Faces of the mesh without a chart.
     """

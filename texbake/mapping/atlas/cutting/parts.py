@@ -54,27 +54,9 @@ def divide_parts(
 ) -> IntArray:
     """Divide the parts of a mesh that have too many faces.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Points on the grid, in the unit cube.
-    faces : (F, 3) int32
-        Indices into `points`.
-    opposite : (3 F,) int32
-        Opposite of each half-edge, -1 where there is none.
-    parts : (F,) int32
-        Part of each face: connected, and numbered from 0 without gaps.
-    part_faces : int
-        Number of faces that new parts should have.
-    whole_faces : int
-        A part of at most this many faces stays whole.
-    polygons : (F,) int32, optional
-        Polygon of each face, as of `Mesh`.
-
-    Returns
-    -------
-    (F,) int32
-        Part of each face: connected, and numbered from 0 without gaps; new parts come last.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `opposite`
+    (3 F,) int32; `parts` (F,) int32; `polygons` (F,) int32. Returns (F,) int32: part of each face:
+    connected, and numbered from 0 without gaps; new parts come last.
     """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
@@ -109,10 +91,7 @@ def step_lengths(
 def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
     """Make a part of the faces of each label from 0 on; faces with negative labels are left out.
 
-    Parameters
-    ----------
-    opposite : (3 F,) int32
-    labels : (F,) int32
+    `opposite` (3 F,) int32; `labels` (F,) int32.
     """
     order = np.argsort(labels, kind="stable").astype(np.int32)
     order = order[np.count_nonzero(labels < 0) :]
@@ -146,23 +125,8 @@ def face_batches(
 ) -> list[IntArray]:
     """Divide some faces of a mesh into batches that xatlas cuts one at a time.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Points on the grid, in the unit cube.
-    corners : (F, 3) int32
-        Corners of the mesh's faces: indices into `points`.
-    part : Part
-        The faces, which need not be connected.
-    part_faces : int
-        Number of faces that a batch should have; a connected piece is divided above 1.5 times that.
-    regions : (F,) int32
-        Faces of different regions are in different batches.
-
-    Returns
-    -------
-    list of (n,) int32
-        Faces of each batch, ascending.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32; `regions`
+    (F,) int32. Returns list of (n,) int32: faces of each batch, ascending.
     """
     pieces = connected_parts(part.opposite)
     labels = divide_parts(

@@ -54,24 +54,7 @@ def repair_charts(
 ) -> Charts | None:
     """Repair charts so that none is mirrored or overlaps itself.
 
-    Parameters
-    ----------
-    corners : (F, 3, 3) float64
-        Positions of the corners of the faces, on the grid, in the unit cube.
-    faces : (F, 3) int
-        Indices into `uvs`.
-    uvs : (T, 2) float
-        Coordinates; those of a chart are known up to a linear map.
-    chart_ids : (T,) int
-        `NO_CHART` for coordinates without a chart.
-    even : bool
-        Give each chart the linear map that evens out its stretch, and the area of its faces in
-        space. False if charts have both already.
-
-    Returns
-    -------
-    Charts or None
-        None if no face has an area.
+    `corners` (F, 3, 3) float64; `faces` (F, 3) int; `uvs` (T, 2) float; `chart_ids` (T,) int.
     """
     solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
     if len(solid) == 0:

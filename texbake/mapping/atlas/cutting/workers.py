@@ -89,25 +89,7 @@ def ask_workers(
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[Result | WorkerFailure]:
-    """Send requests to workers and collect their results.
-
-    Parameters
-    ----------
-    script : Path
-        Script that a worker runs.
-    requests : sequence of WorkerRequest
-        Sent in this order; slow ones should come first.
-    threads : int, optional
-        Largest number of workers; None for one per processor.
-    done : callable, optional
-        Called in this thread with the index of each request that is finished.
-
-    Returns
-    -------
-    list
-        The result of each request, or why there is none. No worker is left running when this
-        returns or raises, even by an interrupt.
-    """
+    """Send requests to workers and collect their results."""
     crew = _Crew(script, requests)
     n_workers = min(resolve_threads(threads), len(requests))
     pool = ThreadPoolExecutor(max(n_workers, 1), thread_name_prefix="texbake-worker")

@@ -55,32 +55,10 @@ def xatlas_charts(
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
     """Cut batches of faces into charts, each batch on its own.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Points on the grid, in the unit cube.
-    faces : (F, 3) int32
-        Indices into `points`.
-    batches : sequence of (n,) int32
-        Faces that are cut together.
-    timeout : float, optional
-        Seconds after which xatlas is stopped on a batch; None allows 60 s plus 10 ms per face.
-    threads : int, optional
-        Largest number of processes; None for one per processor.
-    advance : callable, optional
-        Called with the number of faces just done.
-
-    Returns
-    -------
-    pieces : list of ((n,) int32, Charts)
-        Faces and charts of each batch in which some face has an area.
-    notes : tuple of str
-        Where xatlas failed and faces were cut by their normals instead.
-
-    Raises
-    ------
-    DependencyError
-        xatlas does not load.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `batches`
+    sequence of (n,) int32; `timeout`: seconds after which xatlas is stopped on a batch. Returns
+    `pieces` list of ((n,) int32, Charts): faces and charts of each batch in which some face has an
+    area.
     """
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
     parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together
@@ -200,20 +178,9 @@ def plain_charts(
 
     Kernel: `core/normal_cones.c`.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-    faces : (F, 3) int32
-        A face without area becomes a chart of its own, without area.
-
-    Returns
-    -------
-    faces : (F, 3) int32
-        Indices into `uvs`.
-    uvs : (T, 2) float64
-        Coordinates in the unit of the points.
-    chart_ids : (T,) int64
-        Chart of each coordinate, numbered from 0 without gaps in the order of the first faces.
+    `points` (V, 3) float64; `faces` (F, 3) int32. Returns `faces` (F, 3) int32: indices into `uvs`,
+    `uvs` (T, 2) float64: coordinates in the unit of the points, `chart_ids` (T,) int64: chart of
+    each coordinate, numbered from 0 without gaps in the order of the first faces.
     """
     corners = weld_rows(points)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)

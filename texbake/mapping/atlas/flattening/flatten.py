@@ -47,32 +47,7 @@ def flatten(
 ) -> Flat | None:
     """Flatten a patch with the least symmetric Dirichlet energy that its start leads to.
 
-    Parameters
-    ----------
-    points : (n, 3) float64
-        Positions of the vertices of the patch; some may be unused.
-    faces : (m, 3) int32
-        Triangles, all with the same winding.
-    start : (n, 2) float64, optional
-        A layout to start from, ignored if a triangle is flipped or has no area. The default start
-        is a layout in a circle.
-    n_iterations : int
-        Largest number of Newton steps.
-    accuracy : float
-        The iteration stops after a step that gains less than this share of the energy above its
-        minimum of 4, or less than a tenth of it absolutely. About as much again may be left to
-        gain.
-    keep_apart : bool
-        Also stop each step before the boundary crosses itself. From an injective start, this leads
-        to an injective layout, though seldom to the least energy.
-
-    Returns
-    -------
-    Flat or None
-        None if the patch is not an oriented surface. Without a usable start, also None if it is
-        not connected, is closed, has a handle, or has vertices at which it only touches itself; or
-        if it is so far from a disk that float64 cannot resolve its corners in the circle.
-        Triangles with little or no area are flattened as slivers.
+    `points` (n, 3) float64; `faces` (m, 3) int32; `start` (n, 2) float64.
 
     Examples
     --------
@@ -94,16 +69,7 @@ def flatten(
 def measured(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | None:
     """Move a layout to the origin, give it its area in space, and measure it as `flatten` does.
 
-    Parameters
-    ----------
-    points : (n, 3) float64
-    faces : (m, 3) int32
-    uvs : (n, 2) float64
-
-    Returns
-    -------
-    Flat or None
-        None if the patch is not an oriented surface, or a triangle is flipped or has no area.
+    `points` (n, 3) float64; `faces` (m, 3) int32; `uvs` (n, 2) float64.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     faces = np.ascontiguousarray(faces, dtype=np.int32)

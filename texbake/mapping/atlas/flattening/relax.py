@@ -24,23 +24,8 @@ def relax_charts(
 ) -> Charts:
     """Give each chart the layout of least symmetric Dirichlet energy near its own.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-    mesh_faces : (F, 3) int32
-        Indices into `points`.
-    charts : Charts
-        Charts of these faces.
-    threads : int, optional
-        None for every processor. The result does not depend on it.
-
-    Returns
-    -------
-    Charts
-        Each has the area that its faces have in space. A chart keeps its layout if relaxing does
-        not lower its energy, raises its stretch, or makes it overlap itself. Parts of a chart
-        without a common edge become separate charts (counted in `n_split`), since they would
-        drift apart.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32. Returns Charts: each has the area that its
+    faces have in space.
     """
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))

@@ -43,25 +43,7 @@ def bound_charts(
 ) -> Charts:
     """Cut charts in two until no chart is stretched beyond a bound.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Vertices at the same position count as one.
-    mesh_faces : (F, 3) int32
-        Indices into `points`.
-    charts : Charts
-    max_stretch : float
-        Largest L2 stretch of a chart, at the scale that gives it its area in space; above 1.
-    polygons : (F,) int32, optional
-        Polygon of each face; one is cut only if its own chart would be stretched more.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    Charts
-        Charts of the same faces, unchanged if all meet the bound. Single faces that do not, because
-        they are too thin for float64 to flatten, are listed in `notes`.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `polygons` (F,) int32.
     """
     solid = charts.solid
     if not solid.any():

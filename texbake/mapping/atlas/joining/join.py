@@ -58,45 +58,9 @@ def join_charts(
 ) -> Charts:
     """Join neighboring charts, cheapest first.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-        Vertices at the same position count as one.
-    mesh_faces : (F, 3) int32
-        Indices into `points`.
-    charts : Charts
-        Relaxed ones leave more room for joining.
-    most_l2 : float
-        Largest L2 stretch of the mesh after joining, with each chart at the scale that gives it
-        its area in space.
-    most_chart_l2 : float, optional
-        Largest stretch of a joined chart. None: three times as far above 1 as `most_l2`, and at
-        least 1.1.
-    most_share : float
-        Largest area of a joined chart, as a share of the mesh's; tiny charts may always join. A
-        few large charts have shorter seams, many smaller ones fill a texture better.
-    most_waste : float
-        Largest total area that charts may leave empty in their convex hulls, as a share of the
-        mesh's area. Large charts that leave more on their own are cut first, so that better shapes
-        can be joined from their parts; infinity prevents that.
-    most_length : float
-        Greatest extent of a joined chart, in sides of a square as large as all charts. It may also
-        be as long as one of the charts that were joined.
-    regions : (F,) int32, optional
-        Faces of different regions share no chart.
-    polygons : (F,) int32, optional
-        Polygon of each face; no polygon is cut.
-    threads
-        None for every processor.
-    most_work : int
-        Iterations per face of the mesh after which joining ends. Small meshes get as many as they
-        need.
-
-    Returns
-    -------
-    Charts
-        Charts of the same faces. No joined chart overlaps itself or has a mirrored face. Parts of
-        charts that are connected only by vertices become separate charts.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `most_share`: largest area of a joined
+    chart, as a share of the mesh's; `regions` (F,) int32: faces of different regions share no
+    chart; `polygons` (F,) int32.
     """
     solid = charts.solid
     if not solid.any():

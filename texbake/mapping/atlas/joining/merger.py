@@ -85,20 +85,7 @@ def find_merger(
 ) -> Merger | None:
     """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
 
-    Parameters
-    ----------
-    one, other : ChartPiece
-    opposite : (3 F,) int32
-        From `opposite_half_edges`.
-    scale : Allowance
-        The whole allowance. A way that is sure to exceed it is skipped.
-    n_iterations : int
-        Largest number of iterations of `flatten`.
-
-    Returns
-    -------
-    Merger or None
-        None if they do not meet, or cannot be flattened together without flips or overlaps.
+    `opposite` (3 F,) int32.
     """
     if one.area < other.area:
         one, other = other, one

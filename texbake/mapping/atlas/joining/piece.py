@@ -87,13 +87,7 @@ class ChartPiece:
 
 
 def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
-    """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
-
-    Returns
-    -------
-    ChartPiece or None
-        None if no layout without flips and overlaps was found.
-    """
+    """Flatten a piece with less distortion, starting from its coordinates if they have no flips."""
     for keep_apart in (False, True):
         flat = flatten(
             piece.points,

@@ -34,13 +34,7 @@ def pieces_of(
 ) -> list[ChartPiece]:
     """Turn charts into pieces, one for each connected part, in the order of their first faces.
 
-    Parameters
-    ----------
-    points : (V, 3) float64
-    mesh_faces : (F, 3) int32
-    charts : Charts
-    opposite : (3 F,) int32
-        From `opposite_half_edges`; charts are connected along no other edges.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `opposite` (3 F,) int32.
     """
     corners = mesh_faces.ravel(), charts.faces.ravel()
     rows = (points[corners[0]], charts.uvs[corners[1]], charts.chart_ids[corners[1]][:, None])
@@ -79,15 +73,7 @@ def parts_of(
 
 
 def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
-    """Turn pieces back into charts, each with its area in space and about its own origin.
-
-    Parameters
-    ----------
-    pieces : sequence of ChartPiece
-        Together they contain each face with a chart once. Charts are numbered by first faces.
-    charts : Charts
-        The charts that they were made from, for everything else.
-    """
+    """Turn pieces back into charts, each with its area in space and about its own origin."""
     pieces = sorted(pieces, key=lambda piece: int(piece.face_ids[0]))
     sizes = np.array([len(piece.points) for piece in pieces])
     faces = np.empty_like(charts.faces)
@@ -121,14 +107,8 @@ def _connected(
 ) -> list[ChartPiece]:
     """Make a piece of each connected part of some faces.
 
-    Parameters
-    ----------
-    face_ids : (m,) int32
-        Ascending.
-    corners : (m, 3, 3) float64
-    corner_uvs : (m, 3, 2) float64
-    half_edges, across : (k,) int32
-        Connected half-edges of these faces, in both directions.
+    `face_ids` (m,) int32; `corners` (m, 3, 3) float64; `corner_uvs` (m, 3, 2) float64;
+    `half_edges`, `across` (k,) int32.
     """
     vertices = merged_labels(
         3 * len(face_ids),
@@ -212,22 +192,8 @@ def compact_parts(
 
     Each cut is the best of a few straight lines. Better shapes can be joined from compact parts.
 
-    Parameters
-    ----------
-    piece : ChartPiece
-    opposite : (3 F,) int32
-        From `opposite_half_edges`.
-    polygons : (F,) int32, optional
-        Polygon of each face; no polygon is cut.
-    most_waste : float
-        Largest waste, as a share of the area of a part. It may be exceeded where no cut helps.
-    least_area : float
-        Parts smaller than this are not cut.
-
-    Returns
-    -------
-    list of ChartPiece
-        The parts, with the coordinates of the piece.
+    `opposite` (3 F,) int32; `polygons` (F,) int32; `most_waste`: largest waste, as a share of the
+    area of a part.
     """
     parts, left = [], [piece]
     while left:

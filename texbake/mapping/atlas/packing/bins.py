@@ -250,18 +250,7 @@ def place_charts(
 
     Kernel: `core/bottom_left.c`.
 
-    Parameters
-    ----------
-    bitmaps : Bitmaps
-    order : (N,) int32
-        Charts in the order in which they are placed; not necessarily all.
-    grid : PackingGrid
-    all_or_nothing : bool
-        Stop at the first chart that finds no place; otherwise skip it and continue.
-    hurry : int
-        1: start the search for a chart where the last one of about the same size was placed. This
-        is many times faster for thousands of charts, which fill one percent less. 2: also for
-        charts of up to twice the size, and try two quarter turns only, for tens of thousands.
+    `order` (N,) int32.
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)

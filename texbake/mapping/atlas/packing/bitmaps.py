@@ -85,18 +85,8 @@ def rasterize_charts(
 ) -> Bitmaps:
     """Find the cells that each chart touches in each of its poses.
 
-    Parameters
-    ----------
-    corners : (F, 3, K, 2) float64
-        Coordinates of the faces' corners in K poses.
-    face_charts : (F,) int32
-    low, extents : (C, K, 2) float64
-        Lower left corner and size of each chart's bounding box.
-    scale : float
-        Cells per unit.
-    margin : float
-        Cells by which faces are enlarged. From 0 up, every cell that the enlarged chart touches is
-        marked; from -0.5 up, cells whose centers lie within `margin + 0.5` of it along both axes.
+    `corners` (F, 3, K, 2) float64; `face_charts` (F,) int32; `low`, `extents` (C, K, 2) float64;
+    `scale`: cells per unit.
 
     A chart without any marked cell takes one.
 

@@ -124,48 +124,9 @@ def pack_charts(
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
 
-    Parameters
-    ----------
-    uvs : (T, 2) float64
-        Coordinates of each chart about its own origin, all in the same unit of length.
-    faces : (F, 3) int32
-        Indices into `uvs`; the three lie in one chart.
-    chart_ids : (T,) int32
-        Chart of each coordinate, from 0 without gaps.
-    size : (int, int)
-        Texels in a row, and rows.
-    padding : int
-        Texels of padding around each chart: the centers of texels that different charts touch are
-        more than `2 * padding` apart, and at least `padding` texels lie between a texel that a
-        chart touches and the border.
-    name : str
-        Name of the mesh in error messages.
-    effort : str
-        `fast`: charts are placed one after another. `good` and `best` then search for denser
-        packings, for tenths of a second or some seconds, if there are at most some hundred charts
-        on one tile.
-    tiles : int
-        Number of textures that charts may be spread over; with groups, for each group.
-    tile_groups : (C,) int32, optional
-        Group of each chart, from 0: group g has `tiles` tiles of its own, from g * tiles on.
-    density : float, optional
-        Texels per model unit; charts then take as few tiles as possible. None: the largest density
-        that fits.
-    unit : float
-        Model units per unit of `uvs`.
-    threads
-        None for every processor. The packing is the same for any number.
-
-    Returns
-    -------
-    Packing
-        Charts are rotated, never mirrored. A chart without area takes one cell.
-
-    Raises
-    ------
-    UnwrapError
-        There are too many charts for the size and padding, or they do not fit at the requested
-        density.
+    `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size` (int, int): texels in
+    a row, and rows; `tile_groups` (C,) int32; `density`: texels per model unit; `unit`: model units
+    per unit of `uvs`.
     """
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)

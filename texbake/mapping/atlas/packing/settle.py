@@ -79,27 +79,8 @@ def separate(
 
     Kernel: `core/guided_local_search.c`.
 
-    Parameters
-    ----------
-    shapes : Shapes
-    places : (C, 3) int32
-        Column, row and orientation of each chart, inside the grid.
-    weights : (C, C) int32
-        From `pair_weights`.
-    size : (int, int)
-        Columns and rows of the grid.
-    search : SearchLimits
-    seed : int
-        Seed of the random samples.
-
-    Returns
-    -------
-    places : (C, 3) int32
-        The places of least overlap that were found.
-    overlap : int
-        Cells in which charts overlap there; 0 if they are apart.
-    work : int
-        Steps of work.
+    `places` (C, 3) int32; `weights` (C, C) int32; `size` (int, int). Returns `places` (C, 3) int32:
+    the places of least overlap that were found.
     """
     best_places = places.copy()
     work = np.empty(1, dtype=np.int64)

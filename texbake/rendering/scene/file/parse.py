@@ -21,22 +21,7 @@ from texbake.rendering.scene.scene import Scene, check_view
 
 
 def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:
-    """Parse the content of a scene file.
-
-    Parameters
-    ----------
-    path
-        Path of the file; file names in it are relative to its folder.
-    text
-        TOML, in UTF-8.
-    progress
-        Receives a stage for each mesh that is read.
-
-    Raises
-    ------
-    FileFormatError
-        It is not TOML, or its content is not valid; the message names the key.
-    """
+    """Parse the content of a scene file."""
     place = Place(Path(path).parent)
     try:
         content = toml_content(path, text.decode("utf-8-sig"))

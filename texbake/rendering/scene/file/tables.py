@@ -154,25 +154,7 @@ def table(
     takes_more: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> type[Table]:
-    """Create the model of a table whose keys are the fields of a dataclass.
-
-    Parameters
-    ----------
-    kind
-        The dataclass.
-    types_of
-        Types of keys that differ from the field's type.
-    name
-        Name of the model; None uses that of the class.
-    without
-        Fields that are not keys.
-    required
-        Keys that must be given even though the field has a default.
-    short, switchable, takes_more
-        As in `Table`.
-    more
-        Types of additional keys that are not fields of the class.
-    """
+    """Create the model of a table whose keys are the fields of a dataclass."""
     checks = types_of_fields(kind, types_of)
     keys: dict[str, Any] = {}
     for item in option_fields(kind):
