@@ -16,49 +16,66 @@ from .failures import failures_as_one_line
 from .html import keep_command
 
 # Each with the first sentence of its help, so that the list of commands imports none of them.
-COMMANDS = {
-    "info": "Print what is in MESH.",
-    "check": "Find problems of a bake before it runs.",
-    "make": "Make a mesh of a parametric surface.",
-    "convert": "Write the mesh in SOURCE in the format of OUTPUT.",
-    "repair": "Repair MESH without moving its surface.",
-    "transform": "Scale, rotate and move MESH, or flip its faces.",
-    "remesh": "Give MESH a new surface, closed or open.",
-    "simplify": "Reduce MESH to fewer triangles.",
-    "unwrap": "Give MESH texture coordinates.",
-    "cage": "Fit a cage around HIGH, starting from LOW.",
-    "bake-normals": "Bake a normal map of HIGH for LOW.",
-    "bake-displacement": "Bake a displacement map of HIGH for LOW.",
-    "bake": "Bake one or several maps of HIGH for LOW.",
-    "bake-lightmap": "Bake the static lights of SCENE into light maps.",
-    "remap": "Make other maps from the hits of an earlier bake.",
-    "bake-texture": "Bake a procedure or photographs into a texture.",
-    "pack-textures": "Pack several IMAGEs into one.",
-    "pack-channels": "Pack gray maps as the channels of one image.",
-    "split-channels": "Split IMAGE into a gray map for each channel.",
-    "height-to-normal": "Make a normal map from the heights in HEIGHT.",
-    "normal-to-height": "Make a height map from the normals in NORMAL.",
-    "mipmap": "Write the mip levels of IMAGE, down to one texel.",
-    "cubemap": "Convert SOURCE to a cube map, or from one.",
-    "preview": "Draw a mesh with its maps, or a scene.",
-    "compare": "Measure how close LOW with its maps comes to HIGH.",
-    "export": "Write MESH and its maps for another program.",
-    "run": "Do the whole job: from HIGH to a finished asset.",
-    "lighten": "Make MODEL smaller, with all of its materials.",
-    "build": "Build the assets of a pipeline file.",
-    "watch": "Build again whenever a file changes, until Ctrl-C.",
-    "schema": "Print the JSON Schema of pipeline or scene files.",
-    "study": "Measure what each setting buys and costs.",
-    "bench": "Compare texbake with other programs.",
-    "demo": "Do the whole job on an orange that is made by code.",
+GROUPS = {
+    "Whole jobs": {
+        "run": "Do the whole job: from HIGH to a finished asset.",
+        "lighten": "Make MODEL smaller, with all of its materials.",
+        "demo": "Do the whole job on an orange that is made by code.",
+    },
+    "Pipelines": {
+        "build": "Build the assets of a pipeline file.",
+        "watch": "Build again whenever a file changes, until Ctrl-C.",
+        "schema": "Print the JSON Schema of pipeline or scene files.",
+    },
+    "Meshes": {
+        "info": "Print what is in MESH.",
+        "check": "Find problems of a bake before it runs.",
+        "make": "Make a mesh of a parametric surface.",
+        "convert": "Write the mesh in SOURCE in the format of OUTPUT.",
+        "repair": "Repair MESH without moving its surface.",
+        "transform": "Scale, rotate and move MESH, or flip its faces.",
+        "remesh": "Give MESH a new surface, closed or open.",
+        "simplify": "Reduce MESH to fewer triangles.",
+        "unwrap": "Give MESH texture coordinates.",
+        "cage": "Fit a cage around HIGH, starting from LOW.",
+    },
+    "Bakes": {
+        "bake-normals": "Bake a normal map of HIGH for LOW.",
+        "bake-displacement": "Bake a displacement map of HIGH for LOW.",
+        "bake": "Bake one or several maps of HIGH for LOW.",
+        "bake-lightmap": "Bake the static lights of SCENE into light maps.",
+        "bake-texture": "Bake a procedure or photographs into a texture.",
+        "remap": "Make other maps from the hits of an earlier bake.",
+    },
+    "Images": {
+        "pack-textures": "Pack several IMAGEs into one.",
+        "pack-channels": "Pack gray maps as the channels of one image.",
+        "split-channels": "Split IMAGE into a gray map for each channel.",
+        "height-to-normal": "Make a normal map from the heights in HEIGHT.",
+        "normal-to-height": "Make a height map from the normals in NORMAL.",
+        "mipmap": "Write the mip levels of IMAGE, down to one texel.",
+        "cubemap": "Convert SOURCE to a cube map, or from one.",
+    },
+    "Results": {
+        "preview": "Draw a mesh with its maps, or a scene.",
+        "compare": "Measure how close LOW with its maps comes to HIGH.",
+        "export": "Write MESH and its maps for another program.",
+    },
+    "Accuracy and time": {
+        "study": "Measure what each setting buys and costs.",
+        "bench": "Compare texbake with other programs.",
+    },
 }
+"""Commands by what one wants to do."""
+
+COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
 
 
 class LazyGroup(click.Group):
     """The commands of `COMMANDS`, in that order. Every failure is printed as one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands in the order of a typical workflow."""
+        """Return the names of the commands, group by group."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -71,15 +88,11 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands and what each is for."""
-        width = formatter.width - 6 - max(map(len, COMMANDS))
-        with formatter.section("Commands"):
-            formatter.write_dl(
-                [
-                    (name, click.Command(name, help=purpose).get_short_help_str(width))
-                    for name, purpose in COMMANDS.items()
-                ]
-            )
+        """List the commands by group, and what each is for."""
+        longest = max(map(len, COMMANDS))
+        for heading, commands in GROUPS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(longest), text) for name, text in commands.items()])
 
     def make_context(
         self,

@@ -10,6 +10,7 @@ hand.
 from __future__ import annotations
 
 import ast
+import html
 import re
 import textwrap
 from collections.abc import Iterable, Mapping
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-from texbake_cli.lazy import COMMANDS
+from texbake_cli.lazy import GROUPS
 from texbake_cli.main import texbake as commands
 
 import texbake as texbake_package
@@ -47,8 +48,17 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """Write a table in Markdown."""
     heads = list(heads)
     lines = [heads, ["---"] * len(heads), *rows]
-    cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
+    cells = [[_without_bars(cell) for cell in line] for line in lines]
     return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def _without_bars(cell: str) -> str:
+    """Write `|` as an entity: programs differ in how they read an escaped one in code."""
+
+    def as_html(code: re.Match[str]) -> str:
+        return f"<code>{html.escape(code[1], quote=False)}</code>"
+
+    return re.sub(r"`([^`]*\|[^`]*)`", as_html, cell).replace("|", "&#124;")
 
 
 def _page(parts: Iterable[str]) -> str:
@@ -65,6 +75,7 @@ def _page(parts: Iterable[str]) -> str:
 def commands_page() -> str:
     """Write every command with its options, as its help page has them."""
     parts = ["# Commands", _MADE, "`texbake COMMAND --help` prints the same."]
+    parts.append(table(("group", "commands"), map(_links, GROUPS, GROUPS.values())))
     group = click.Context(commands, info_name="texbake")
     parts += [
         "## Options of every command",
@@ -72,16 +83,21 @@ def commands_page() -> str:
         "hut.png`. [What a file can and cannot do](../limits.md) explains them.",
         _options(commands, group),
     ]
-    for name in COMMANDS:
-        command = commands.get_command(group, name)
-        assert command is not None
-        context = click.Context(command, info_name=name, parent=group)
-        parts += _command(command, context)
+    for heading, names in GROUPS.items():
+        parts.append(f"## {heading}")
+        for name in names:
+            command = commands.get_command(group, name)
+            assert command is not None
+            parts += _command(command, click.Context(command, info_name=name, parent=group))
     return _page(parts)
 
 
+def _links(heading: str, names: Iterable[str]) -> tuple[str, str]:
+    return heading, ", ".join(f"[{name}](#texbake-{name})" for name in names)
+
+
 def _command(command: click.Command, context: click.Context) -> Iterable[str]:
-    yield f"## {context.command_path}"
+    yield f"### {context.command_path}"
     yield " ".join(command.collect_usage_pieces(context)).join(
         (f"```text\n{context.command_path} ", "\n```")
     )

@@ -111,13 +111,12 @@ def check(
 
 
 def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:
-    """Print how many findings there are, then a table, and below it what errors mean."""
+    """Print a table of findings, what errors mean, and whether the meshes can be baked."""
     findings = checked.findings
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
                 say(f"{role} mesh  {mesh.name}, {mesh.n_polygons:,} faces")
-        say(_total(checked))
     if findings:
         columns(
             [
@@ -129,6 +128,7 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
         _explain([f for f in findings if explain or _verdict(f) == SEVERITIES[0]])
         if not explain and any(_verdict(f) != SEVERITIES[0] for f in findings):
             say("\nWhat the rest means, and what to do: add --explain")
+        say(_verdict_on_all(checked))
 
 
 def _explain(findings: list[Finding]) -> None:
@@ -151,8 +151,8 @@ def _worst(finding: Finding) -> str:
     return f"{shown}, ..." if len(finding.polygons) > _WORST_SHOWN else shown
 
 
-def _total(checked: CheckReport) -> str:
-    """One line: how many of each severity."""
+def _verdict_on_all(checked: CheckReport) -> str:
+    """One line: whether the meshes can be baked, and how many findings there are."""
     counts = [
         f"{n} {severity}{'s' * (n != 1)}"
         for severity in SEVERITIES
@@ -160,4 +160,5 @@ def _total(checked: CheckReport) -> str:
     ]
     if checked.n_allowed:
         counts.append(f"{checked.n_allowed} allowed")
-    return ", ".join(counts) or "nothing found"
+    verdict = "Not ready to bake" if checked.count(SEVERITIES[0]) else "Ready to bake"
+    return ", ".join((verdict, *counts))
