@@ -44,7 +44,7 @@ def test_help_lists_every_command_with_its_purpose() -> None:
     assert result.exit_code == 0
     for name in COMMANDS:
         assert re.search(rf"^  {name} +\S.{{10}}", result.output, re.MULTILINE)
-    assert "..." not in result.output.partition("Commands:")[2]  # each fits its line
+    assert "..." not in result.output.partition("Meshes:")[2]  # each fits its line
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -63,7 +63,7 @@ def test_version(run: Run) -> None:
 def test_a_missing_command_is_wrong_usage_and_shows_the_help() -> None:
     result = CliRunner().invoke(texbake, [])
     assert result.exit_code == 2
-    assert "Commands:" in result.output
+    assert "Meshes:" in result.output
 
 
 @pytest.mark.parametrize("name", COMMANDS)
