@@ -11,9 +11,7 @@ zeros.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,20 +20,23 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, TexbakeError
+from texbake.errors import MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import is_mirroring, normal_map, signed_tangents, with_alpha
-from texbake.mesh.files.gltf_batches import Wanted, read_primitives
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import (
     INDICES,
     TRIANGLES,
     PlacedNodes,
+    further_sets,
     placed_nodes,
     require_placeable,
 )
-from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
-from texbake.mesh.files.gltf_uv_sets import further_sets, uv_set_names
+from texbake.mesh.files.gltf_primitives import (
+    PrimitiveMesh,
+    PrimitiveRequest,
+    read_primitives,
+)
 from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count
@@ -53,133 +54,106 @@ def read_gltf(path: PathLike) -> Mesh:
     with without_cycle_search():
         placed = placed_nodes(read_document(path))
         require_placeable(placed)
-        parts = _placed_parts(placed)
-    if not parts.nodes:
+        parts = _read_parts(placed)
+    if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     warn_of_gltf(placed.document)
-    return _joined(parts, placed.mesh_matrices(placed.matrices())[parts.nodes], Path(path).name)
+    matrices = placed.mesh_matrices(placed.matrices())[[part.node for part in parts]]
+    return _joined(parts, matrices, Path(path).name)
 
 
-@dataclass(eq=False)
-class _Parts:
-    """The parts of a mesh, one for each primitive of a node, in order.
+class _Part(NamedTuple):
+    """A primitive of a node.
 
     Attributes
     ----------
-    uv_sets : list of dict
-        Number of each further set of texture coordinates of a part, by name.
-    nodes : list of int
-        Place of the node of each part.
+    uv_sets : dict of str to int
+        Numbers of its further sets of texture coordinates, by their names.
+    node : int
+        Place of the node in the scene.
     """
 
-    pieces: list[PrimitiveMesh] = field(default_factory=list)
-    uv_sets: list[dict[str, int]] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    nodes: list[int] = field(default_factory=list)
+    primitive: PrimitiveMesh
+    uv_sets: dict[str, int]
+    name: str
+    node: int
 
 
-def _placed_parts(placed: PlacedNodes) -> _Parts:
-    """Read what the nodes of a scene place, each primitive once."""
-    reader = _MeshReader(placed.document)
-    reader.read_ahead(node["mesh"] for node in placed.nodes if "mesh" in node)
-    parts = _Parts()
+def _read_parts(placed: PlacedNodes) -> list[_Part]:
+    """Read what the nodes of a scene place, primitives that share all arrays once."""
+    document = placed.document
+    requests: dict[Any, PrimitiveRequest] = {}
+    keys: dict[int, list[Any]] = {}  # of the primitives of each mesh
+    for node in placed.nodes:
+        if "mesh" not in node or (type(node["mesh"]) is int and node["mesh"] in keys):
+            continue
+        mesh = document.item("meshes", node["mesh"])
+        keys[node["mesh"]] = []
+        for primitive in document.objects(mesh, "primitives"):
+            key = _array_key(document, primitive)
+            keys[node["mesh"]].append(key)
+            if key not in requests:
+                further = further_sets(document, primitive)
+                requests[key] = PrimitiveRequest(primitive, further=tuple(further))
+    pieces = dict(zip(requests, read_primitives(document, list(requests.values())), strict=True))
+    parts = []
     n_corners = 0
     for i, node in enumerate(placed.nodes):
         if "mesh" not in node:
             continue
-        mesh_name, pieces = reader.mesh(node["mesh"])
-        name = short_name(node.get("name") or mesh_name)
-        for ending, piece, uv_sets in pieces:
+        mesh = document.item("meshes", node["mesh"])
+        name = short_name(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
+        of_mesh = keys[node["mesh"]]
+        for number, key in enumerate(of_mesh):
+            piece = pieces[key]
+            if piece is None:
+                continue
             # Instances could ask for more than the file has; indices are 32-bit.
             n_corners += max(piece.faces.size, len(piece.positions))
-            check_corner_count(n_corners, placed.document.path)
-            parts.pieces.append(piece)
-            parts.uv_sets.append(uv_sets)
-            parts.names.append(name + ending)
-            parts.nodes.append(i)
+            check_corner_count(n_corners, document.path)
+            ending = "" if len(of_mesh) == 1 else f" {number}"
+            uv_sets = _uv_set_names(mesh, requests[key].further)
+            parts.append(_Part(piece, uv_sets, name + ending, i))
     return parts
 
 
-class _Piece(NamedTuple):
-    """A primitive, the ending of its name, and numbers of further UV sets by their names."""
-
-    ending: str
-    primitive: PrimitiveMesh
-    uv_sets: dict[str, int]
-
-
-@dataclass(eq=False)
-class _MeshReader:
-    """Reads the meshes of a document, each once, and primitives that share all arrays once."""
-
-    document: Document
-    _meshes: dict[int, tuple[str, list[_Piece]]] = field(default_factory=dict)
-    _primitives: dict[Any, PrimitiveMesh | None] = field(default_factory=dict)
-
-    def read_ahead(self, indices: Iterable[Any]) -> None:
-        """Read together those primitives of meshes that can be.
-
-        `mesh` reads the others, and says what is wrong with them.
-        """
-        wanted: dict[Any, Wanted] = {}
-        with suppress(TexbakeError):
-            for index in dict.fromkeys(index for index in indices if type(index) is int):
-                mesh = self.document.item("meshes", index)
-                for primitive in self.document.objects(mesh, "primitives"):
-                    key = self._key(primitive)
-                    if key is not None and key not in wanted:
-                        further = further_sets(self.document, primitive)
-                        wanted[key] = Wanted(primitive, further=tuple(further))
-        pieces = read_primitives(self.document, list(wanted.values()))
-        found = zip(wanted, pieces, strict=True)
-        self._primitives |= {key: piece for key, piece in found if piece is not None}
-
-    def mesh(self, index: Any) -> tuple[str, list[_Piece]]:
-        """Name of a mesh, and its primitives that have triangles."""
-        if type(index) is int and index in self._meshes:
-            return self._meshes[index]
-        mesh = self.document.item("meshes", index)
-        primitives = self.document.objects(mesh, "primitives")
-        found: list[_Piece] = []
-        for i, primitive in enumerate(primitives):
-            numbers = further_sets(self.document, primitive)
-            piece = self._piece(primitive, numbers)
-            if piece is None or len(piece.faces) == 0:
-                continue
-            names = uv_set_names(self.document, mesh, numbers) if numbers else {}
-            uv_sets = {name: number for number, name in names.items()}
-            found.append(_Piece("" if len(primitives) == 1 else f" {i}", piece, uv_sets))
-        self._meshes[index] = short_name(mesh.get("name") or f"mesh {index}"), found
-        return self._meshes[index]
-
-    def _piece(self, primitive: dict[str, Any], further: list[int]) -> PrimitiveMesh | None:
-        key = self._key(primitive)
-        if key is None:
-            return read_primitive(self.document, primitive, further=further)
-        if key not in self._primitives:
-            self._primitives[key] = read_primitive(self.document, primitive, further=further)
-        return self._primitives[key]
-
-    def _key(self, primitive: dict[str, Any]) -> Any:
-        """Return a key that primitives with the same arrays share; None where unknown."""
-        attributes = self.document.mapping(primitive, "attributes")
-        numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
-        numbers += attributes.values()
-        if "extensions" in primitive or set(map(type, numbers)) != {int}:
-            return None
-        return (*attributes, *numbers)
+def _array_key(document: Document, primitive: dict[str, Any]) -> Any:
+    """Return a key that primitives with the same arrays share."""
+    attributes = document.mapping(primitive, "attributes")
+    numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
+    numbers += attributes.values()
+    if "extensions" in primitive or set(map(type, numbers)) != {int}:
+        return id(primitive)
+    return (*attributes, *numbers)
 
 
-def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:
+def _uv_set_names(mesh: dict[str, Any], numbers: Collection[int]) -> dict[str, int]:
+    """Numbers of sets of texture coordinates by their names.
+
+    Files of texbake have names in the `extras` of a mesh, by the names of the attributes:
+    `"extras": {"TEXCOORD_1": "lightmap"}`.
+    """
+    extras = mesh.get("extras")
+    names: dict[str, int] = {}
+    for number in numbers:
+        attribute = f"TEXCOORD_{number}"
+        name = extras.get(attribute) if isinstance(extras, dict) else None
+        is_sound = isinstance(name, str) and name.strip() and name.isprintable()
+        names[str(name) if is_sound and name not in names else attribute] = number
+    return names
+
+
+def _joined(parts: list[_Part], matrices: FloatArray, name: str) -> Mesh:
     """Put parts into one mesh, each moved by its matrix."""
-    pieces = parts.pieces
-    set_names = dict.fromkeys(chain.from_iterable(parts.uv_sets))
+    pieces = [part.primitive for part in parts]
+    nodes = [part.node for part in parts]
+    set_names = dict.fromkeys(chain.from_iterable(part.uv_sets for part in parts))
     require_few_sets(len(set_names), name)
     joiner = _Joiner(pieces, matrices)
     uvs, uv_faces = joiner.values([piece.uvs for piece in pieces], 2)
     uv_sets = {}
     for set_name in set_names:
-        numbers = (sets.get(set_name, -1) for sets in parts.uv_sets)
+        numbers = (part.uv_sets.get(set_name, -1) for part in parts)
         rows = [piece.further_uvs.get(i) for piece, i in zip(pieces, numbers, strict=True)]
         uv_sets[set_name] = UvSet(*joiner.values(rows, 2))
     # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
@@ -198,8 +172,8 @@ def _joined(parts: _Parts, matrices: FloatArray, name: str) -> Mesh:
         tangents=tangents,
         colors=joiner.colors(),
         face_groups=np.repeat(np.arange(len(pieces), dtype=np.int32), joiner.n_faces),
-        group_names=tuple(parts.names),
-        group_objects=tuple(parts.nodes) if len(set(parts.nodes)) > 1 else (),
+        group_names=tuple(part.name for part in parts),
+        group_objects=tuple(nodes) if len(set(nodes)) > 1 else (),
         name=name,
     )
 

@@ -167,13 +167,12 @@ class Document:
                 self.fail(f"accessors[{index}] counts {count}, more than the file has bytes")
             values = np.zeros((count, width), dtype)
         if "sparse" in accessor:
-            values = self._replaced(values, self.mapping(accessor, "sparse"))
-        return self.denormalized(index, values)
+            values = self._replaced(values.copy(), self.mapping(accessor, "sparse"))
+        return self.denormalized(accessor, values)
 
-    def denormalized(self, index: Any, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def denormalized(self, accessor: dict[str, Any], values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Values of an accessor as float64 where it calls its integers normalized."""
-        is_normalized = self.item("accessors", index).get("normalized") is True
-        if is_normalized and values.dtype.kind in "iu":
+        if accessor.get("normalized") is True and values.dtype.kind in "iu":
             return np.maximum(values / float(np.iinfo(values.dtype).max), -1.0)
         return values
 
@@ -298,7 +297,7 @@ class Document:
     def _read(
         self, place: dict[str, Any], count: int, dtype: np.dtype[Any], width: int
     ) -> npt.NDArray[Any]:
-        """(count, width) values at a place in a buffer view, also where others lie between."""
+        """(count, width) view of values at a place in a buffer view, also with others between."""
         index = place.get("bufferView")
         data = self.view_bytes(index)
         offset = self.integer(place, "byteOffset", 0)
@@ -309,9 +308,7 @@ class Document:
             self.fail("it is cut short: an accessor reaches past the end of its data")
         if count == 0:
             return np.zeros((0, width), dtype)
-        return np.ndarray(
-            (count, width), dtype, buffer=data[offset:n_needed], strides=(stride, dtype.itemsize)
-        ).copy()
+        return np.ndarray((count, width), dtype, data, offset, strides=(stride, dtype.itemsize))
 
     def _replaced(self, values: npt.NDArray[Any], sparse: dict[str, Any]) -> npt.NDArray[Any]:
         count = self.integer(sparse, "count")

@@ -6,6 +6,7 @@ all nodes at once, and multiplied level by level.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,12 +20,13 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, quoted
 from texbake.limits import most_triangles
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.gltf_uv_sets import further_sets
 from texbake.mesh.mesh import FloatArray
+from texbake.mesh.uv_sets import require_few_sets
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""
 INDICES = "indices"
+_UV_SET = re.compile("TEXCOORD_([0-9]{1,9})")
 MAX_PLACED = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
 
@@ -216,7 +218,7 @@ def _rotation_matrices(quaternions: FloatArray) -> FloatArray:
 
 
 def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
-    """Number of triangles that `read_primitive` finds, without reading them."""
+    """Number of triangles that `read_primitives` finds, without reading them."""
     mode = primitive.get("mode", TRIANGLES)
     attributes = document.mapping(primitive, "attributes")
     if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
@@ -224,3 +226,11 @@ def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
     counted = primitive.get(INDICES, attributes["POSITION"])
     count = document.integer(document.item("accessors", counted), "count", 0)
     return count // 3 if mode == TRIANGLES else max(count - 2, 0)
+
+
+def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
+    """Numbers of the sets of texture coordinates of a primitive after the first."""
+    matches = map(_UV_SET.fullmatch, document.mapping(primitive, "attributes"))
+    numbers = sorted({int(match[1]) for match in filter(None, matches)} - {0})
+    require_few_sets(len(numbers), str(document.path))
+    return numbers

@@ -1,4 +1,4 @@
-"""Triangles of a glTF primitive, in the space of its mesh.
+"""Triangles of glTF primitives, in the space of their meshes.
 
 Vertices at the same position, bit for bit, become one, because the format splits them where a
 normal or a coordinate differs; these keep their own indices, so that nothing is lost (except where
@@ -8,9 +8,10 @@ compressed by Draco are read where DracoPy is installed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,10 @@ from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
-_FIELDS = {"NORMAL": "normals", "TEXCOORD": "uvs", "COLOR": "colors"}
+_UVS = "TEXCOORD"
+_FIELDS = {"NORMAL": "normals", _UVS: "uvs", "COLOR": "colors"}
+_WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
+_ROWS_AT_ONCE = 1 << 18  # of primitives that are joined; more take more memory, and longer
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class PrimitiveMesh:
     further_uvs : mapping of int to (n, 2) float64
         Further sets, by their numbers.
     normals : (n, 3) float64, optional
-    tangents : (n, 4), optional
+    tangents : (n, 4) float64, optional
     colors : (V, 3) or (V, 4) float32, optional
         Linear.
     """
@@ -59,63 +63,145 @@ class PrimitiveMesh:
     uvs: FloatArray | None
     further_uvs: Mapping[int, FloatArray]
     normals: FloatArray | None
-    tangents: npt.NDArray[Any] | None
+    tangents: FloatArray | None
     colors: npt.NDArray[np.float32] | None
 
 
-def read_primitive(
-    document: Document,
-    primitive: dict[str, Any],
-    *,
-    uv_set: int = 0,
-    further: Collection[int] = (),
-    keeps_colors: bool = False,
-) -> PrimitiveMesh | None:
-    """Triangles of a primitive in the space of its mesh, or None where it has none."""
+class PrimitiveRequest(NamedTuple):
+    """A primitive, and the numbers of the sets of texture coordinates to read: first, others."""
+
+    primitive: dict[str, Any]
+    uv_set: int = 0
+    further: tuple[int, ...] = ()
+
+
+class _Arrays(NamedTuple):
+    """Arrays of a primitive by the names of attributes, and the (F, 3) corners of its triangles."""
+
+    attributes: dict[str, npt.NDArray[Any]]
+    corners: IntArray
+
+
+def read_primitives(
+    document: Document, requests: Sequence[PrimitiveRequest], *, keeps_colors: bool = False
+) -> list[PrimitiveMesh | None]:
+    """Triangles of primitives in the space of their meshes; None for those that have none.
+
+    Files of CAD programs have 100,000 primitives of a few triangles, so those that have the same
+    attributes are joined while their vertices are welded.
+    """
+    found = [_read_arrays(document, request) for request in requests]
+    alike: dict[Any, list[int]] = {}
+    for i, (request, arrays) in enumerate(zip(requests, found, strict=True)):
+        if arrays is not None:
+            widths = tuple((name, rows.shape[1]) for name, rows in arrays.attributes.items())
+            alike.setdefault((widths, request.uv_set, request.further), []).append(i)
+    meshes: list[PrimitiveMesh | None] = [None] * len(requests)
+    for places in alike.values():
+        sizes = [len(arrays.corners) for i in places if (arrays := found[i]) is not None]
+        stops = np.flatnonzero(np.diff(np.cumsum(sizes) // _ROWS_AT_ONCE)) + 1
+        for start, stop in pairwise([0, *stops.tolist(), len(places)]):
+            batch = places[start:stop]
+            joined = [arrays for i in batch if (arrays := found[i]) is not None]
+            pieces = _weld(document, joined, requests[batch[0]], keeps_colors)
+            for i, piece in zip(batch, pieces, strict=True):
+                meshes[i] = piece
+    return meshes
+
+
+def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | None:
+    """Arrays of a primitive, checked; None where it has no triangle."""
+    primitive = request.primitive
     mode = primitive.get("mode", TRIANGLES)
     attributes = document.mapping(primitive, "attributes")
     if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
         return None
-    arrays = _primitive_arrays(document, primitive, attributes)
-    positions = _attribute(document, arrays, "POSITION", (3,), None)
-    assert positions is not None
-    n = len(positions)
+    source = _primitive_source(document, primitive, attributes)
+    uvs = {f"{_UVS}_{number}" for number in (request.uv_set, *request.further)}
+    arrays = {"POSITION": source.read("POSITION", (3,), None)}
+    n = len(arrays["POSITION"])
+    for name in source.accessors:
+        if name != "POSITION" and (name in _WIDTHS or name in uvs):
+            arrays[name] = source.read(name, _WIDTHS.get(name, (2,)), n)
     # Draco has made triangles of a strip.
-    mode = TRIANGLES if arrays.decoded else mode
-    corners = _triangles(_corner_indices(document, arrays, n), mode)
-    positions = _finite_positions(document, positions, corners)
-    uvs = _attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), n)
-    others = {
-        number: _attribute(document, arrays, f"TEXCOORD_{number}", (2,), n) for number in further
-    }
-    colors = _attribute(document, arrays, "COLOR_0", (3, 4), n)
-    keys = positions
-    if keeps_colors and colors is not None:
-        keys = np.concatenate([positions, colors], axis=1)
-    firsts = weld_rows(keys)
+    corners = _triangles(source.indices(n), TRIANGLES if source.decoded else mode)
+    return _Arrays(arrays, corners) if len(corners) else None
+
+
+def _weld(
+    document: Document, batch: list[_Arrays], request: PrimitiveRequest, keeps_colors: bool
+) -> list[PrimitiveMesh]:
+    """Meshes of primitives that have the same attributes, vertices at one place joined."""
+    with np.errstate(invalid="ignore"):  # a signaling NaN is read like any other NaN
+        values = {
+            name: np.concatenate([arrays.attributes[name] for arrays in batch], dtype=np.float64)
+            for name in batch[0].attributes
+        }
+    if len(batch) > 1 and not all(np.isfinite(rows).all() for rows in values.values()):
+        return [_weld(document, [arrays], request, keeps_colors)[0] for arrays in batch]
+    bounds = _bounds([len(arrays.attributes["POSITION"]) for arrays in batch])
+    n_faces = [len(arrays.corners) for arrays in batch]
+    corners = np.concatenate([arrays.corners for arrays in batch])
+    joined = corners + np.repeat(bounds[:-1], n_faces)[:, None]
+    values["POSITION"] = _finite_positions(document, values["POSITION"], joined)
+    for name in values:
+        if name.partition("_")[0] in _FIELDS:
+            values[name] = finite_rows(document.path, values[name], _FIELDS[name.partition("_")[0]])
+    keys = [values["POSITION"]]
+    if keeps_colors and "COLOR_0" in values:
+        keys.append(values["COLOR_0"])
+    if len(batch) > 1:  # vertices of different primitives stay apart
+        keys.append(np.repeat(np.arange(len(batch), dtype=np.float64), np.diff(bounds))[:, None])
+    firsts = weld_rows(np.concatenate(keys, axis=1) if len(keys) > 1 else keys[0])
     is_kept = firsts == np.arange(len(firsts))
-    kept, vertices = np.flatnonzero(is_kept), (np.cumsum(is_kept, dtype=np.int32) - 1)[firsts]
-    return PrimitiveMesh(
-        positions=positions[kept],
-        faces=vertices[corners],
-        corners=corners,
-        uvs=turned_up(uvs),
-        further_uvs={
-            i: rows
-            for i, rows in ((i, turned_up(o)) for i, o in others.items())
-            if rows is not None
-        },
-        normals=_attribute(document, arrays, "NORMAL", (3,), n),
-        tangents=_attribute(document, arrays, "TANGENT", (4,), n),
-        colors=None if colors is None else colors[kept].astype(np.float32),
-    )
+    before = np.append(0, np.cumsum(is_kept))
+    kept_bounds = before[bounds]
+    faces = before[firsts[joined]] - np.repeat(kept_bounds[:-1], n_faces)[:, None]
+
+    def pieces(rows: npt.NDArray[Any] | None, bounds: npt.NDArray[np.int64]) -> list[Any]:
+        if rows is None:
+            return [None] * len(batch)
+        return [rows[start:stop] for start, stop in pairwise(bounds.tolist())]
+
+    colors = values.get("COLOR_0")
+    columns = {
+        "positions": pieces(values["POSITION"][is_kept], kept_bounds),
+        "faces": pieces(faces.astype(np.int32), _bounds(n_faces)),
+        "corners": pieces(corners, _bounds(n_faces)),
+        "uvs": pieces(turned_up(values.get(f"{_UVS}_{request.uv_set}")), bounds),
+        "normals": pieces(values.get("NORMAL"), bounds),
+        "tangents": pieces(_finite_tangents(document, values.get("TANGENT")), bounds),
+        "colors": pieces(
+            None if colors is None else colors[is_kept].astype(np.float32), kept_bounds
+        ),
+    }
+    further = {
+        number: pieces(turned_up(values[f"{_UVS}_{number}"]), bounds)
+        for number in request.further
+        if f"{_UVS}_{number}" in values
+    }
+    return [
+        PrimitiveMesh(
+            **{name: parts[i] for name, parts in columns.items()},
+            further_uvs={number: parts[i] for number, parts in further.items()},
+        )
+        for i in range(len(batch))
+    ]
+
+
+def _bounds(counts: list[int]) -> npt.NDArray[np.int64]:
+    """(n + 1,) where each of some runs of rows begins, and where the last ends."""
+    return np.cumsum([0, *counts], dtype=np.int64)
 
 
 def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:
     """(n, 2) float64: a set of texture coordinates of a primitive, v turned up; None without it."""
-    attributes = document.mapping(primitive, "attributes")
-    arrays = _primitive_arrays(document, primitive, attributes)
-    return turned_up(_attribute(document, arrays, f"TEXCOORD_{uv_set}", (2,), None))
+    name = f"{_UVS}_{uv_set}"
+    source = _primitive_source(document, primitive, document.mapping(primitive, "attributes"))
+    if name not in source.accessors:
+        return None
+    uvs = source.read(name, (2,), None).astype(np.float64)
+    return turned_up(finite_rows(document.path, uvs, "uvs"))
 
 
 def turned_up(uvs: FloatArray | None) -> FloatArray | None:
@@ -124,8 +210,8 @@ def turned_up(uvs: FloatArray | None) -> FloatArray | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _PrimitiveArrays:
-    """Arrays of a primitive by their names, `indices` among them.
+class _PrimitiveSource:
+    """Where the arrays of a primitive are, by their names, `indices` among them.
 
     Attributes
     ----------
@@ -139,104 +225,85 @@ class _PrimitiveArrays:
     accessors: dict[str, Any]
     decoded: dict[str, npt.NDArray[Any]]
 
-    def read(self, name: str) -> npt.NDArray[Any]:
-        """(count, width) values."""
+    def read(self, name: str, widths: tuple[int, ...], count: int | None) -> npt.NDArray[Any]:
+        """(count, width) values of an attribute."""
+        values = self._values(name)
+        if values.shape[1] not in widths:
+            self.document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
+        if count is not None and len(values) != count:
+            self.document.fail(f"{name} counts {len(values)}, where there are {count} positions")
+        return values
+
+    def indices(self, n_vertices: int) -> npt.NDArray[Any]:
+        """(n,) vertices of corners."""
+        if INDICES not in self.accessors:
+            return np.arange(n_vertices)
+        indices = self._values(INDICES)
+        if indices.shape[1] != 1 or indices.dtype.kind != "u":
+            self.document.fail("indices are not unsigned integers")
+        if len(indices) and indices.max() >= n_vertices:
+            self.document.fail(
+                f"an index is out of range ({indices.max()}; there are {n_vertices})"
+            )
+        return indices[:, 0]
+
+    def _values(self, name: str) -> npt.NDArray[Any]:
         if name not in self.decoded:
             return self.document.accessor(self.accessors[name])
         if self.accessors[name] is None:
             return self.decoded[name]
-        return self.document.denormalized(self.accessors[name], self.decoded[name])
+        accessor = self.document.item("accessors", self.accessors[name])
+        return self.document.denormalized(accessor, self.decoded[name])
 
 
-def _primitive_arrays(
+def _primitive_source(
     document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
-) -> _PrimitiveArrays:
+) -> _PrimitiveSource:
     accessors = dict(attributes)
     if INDICES in primitive:
         accessors[INDICES] = primitive[INDICES]
     draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
     # A file may hold the same arrays uncompressed, for programs that do not read Draco.
     if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
-        return _PrimitiveArrays(document, accessors, {})
+        return _PrimitiveSource(document, accessors, {})
     decoded = decode_draco(document.view_bytes(draco.get("bufferView")))
     if isinstance(decoded, str):
         document.fail(decoded)
     rows, indices = decoded
-    numbers = document.mapping(draco, "attributes")
-    arrays = {}
-    for name, number in numbers.items():
+    arrays = {INDICES: indices.reshape(-1, 1)}
+    for name, number in document.mapping(draco, "attributes").items():
         if type(number) is not int or number not in rows:
             document.fail(f"a primitive compressed by Draco has no attribute {quoted(number)}")
         arrays[name] = rows[number]
-    return _PrimitiveArrays(
-        document,
-        {INDICES: None, **accessors},
-        {**arrays, INDICES: indices.reshape(-1, 1)},
-    )
+    return _PrimitiveSource(document, {INDICES: None, **accessors}, arrays)
 
 
-def _attribute(
-    document: Document,
-    arrays: _PrimitiveArrays,
-    name: str,
-    widths: tuple[int, ...],
-    count: int | None,
-) -> FloatArray | None:
-    """(count, width) float64 values of an attribute, or None where the primitive has none."""
-    if name not in arrays.accessors:
-        return None
-    values = arrays.read(name)
-    if values.shape[1] not in widths:
-        document.fail(f"{name} has {values.shape[1]} components, not {widths[0]}")
-    if count is not None and len(values) != count:
-        document.fail(f"{name} counts {len(values)}, where there are {count} positions")
-    with np.errstate(invalid="ignore"):  # a signaling NaN is read like any other NaN
-        values = values.astype(np.float64)
-    if name == "POSITION":
-        return values
-    if name == "TANGENT":
-        return _finite_tangents(document, values)
-    return finite_rows(document.path, values, _FIELDS[name.partition("_")[0]])
-
-
-def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:
+def _finite_positions(
+    document: Document, positions: FloatArray, corners: npt.NDArray[np.int64]
+) -> FloatArray:
     """Return positions; a used position replaces unused ones that are not finite."""
     is_bad = rows_not_finite(positions)
     if not is_bad.any():
         return positions
-    if len(corners) == 0 or is_bad[corners].any():
+    if is_bad[corners].any():
         raise MeshError(f"{document.path}: a value of POSITION is not finite; export it again")
     warn_unused(document.path, f"{np.count_nonzero(is_bad):,} of {len(positions):,}")
     return np.where(is_bad[:, None], positions[corners[0, 0]], positions)
 
 
-def _finite_tangents(document: Document, tangents: FloatArray) -> FloatArray | None:
-    if np.isfinite(tangents).all():
+def _finite_tangents(document: Document, tangents: FloatArray | None) -> FloatArray | None:
+    if tangents is None or np.isfinite(tangents).all():
         return tangents
     warn_of(document.path, "some tangents are not finite; computed ones replace all of them")
     return None
 
 
-def _corner_indices(
-    document: Document, arrays: _PrimitiveArrays, n_vertices: int
-) -> npt.NDArray[np.int64]:
-    if INDICES not in arrays.accessors:
-        return np.arange(n_vertices)
-    indices = arrays.read(INDICES)
-    if indices.shape[1] != 1 or indices.dtype.kind != "u":
-        document.fail("indices are not unsigned integers")
-    if len(indices) and indices.max() >= n_vertices:
-        document.fail(f"an index is out of range ({indices.max()}; there are {n_vertices})")
-    return indices[:, 0].astype(np.int64)
-
-
-def _triangles(indices: npt.NDArray[np.int64], mode: int) -> IntArray:
+def _triangles(indices: npt.NDArray[Any], mode: int) -> IntArray:
     """(F, 3) corners of a list, a strip or a fan; an incomplete triangle at the end is dropped."""
+    indices = indices.astype(np.int32)
     if mode == TRIANGLES:
-        triangles = indices[: len(indices) // 3 * 3].reshape(-1, 3)
-    elif mode == STRIP:
-        triangles = strip_triangles(indices)
-    else:
-        i = np.arange(max(len(indices) - 2, 0))
-        triangles = indices[np.stack((i + 1, i + 2, 0 * i), axis=1)]
-    return triangles.astype(np.int32)
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    if mode == STRIP:
+        return strip_triangles(indices)
+    i = np.arange(max(len(indices) - 2, 0))
+    return indices[np.stack((i + 1, i + 2, 0 * i), axis=1)]

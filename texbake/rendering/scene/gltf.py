@@ -24,7 +24,7 @@ from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
-from texbake.mesh.files.gltf_primitives import PrimitiveMesh, read_primitive
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
 from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
@@ -137,13 +137,8 @@ class _Reader:
                 material_index(self.document, primitive), vertex_colors="COLOR_0" in attributes
             )
             if (index, i) not in self.meshes:
-                piece = read_primitive(
-                    self.document,
-                    primitive,
-                    uv_set=found.uv_set,
-                    further=found.further,
-                    keeps_colors=True,
-                )
+                request = PrimitiveRequest(primitive, found.uv_set, tuple(found.further))
+                (piece,) = read_primitives(self.document, [request], keeps_colors=True)
                 self.meshes[index, i] = self._mesh(piece, name, found)
             mesh = self.meshes[index, i]
             if mesh is None:
@@ -167,7 +162,7 @@ class _Reader:
             self.shown[index] = [i for i in numbers if self.meshes[index, i] is not None]
 
     def _mesh(self, piece: PrimitiveMesh | None, name: str, of: SceneMaterial) -> Mesh | None:
-        if piece is None or len(piece.faces) == 0:
+        if piece is None:
             return None
         has_normals = piece.normals is not None
         tangents = None

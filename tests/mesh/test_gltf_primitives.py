@@ -1,0 +1,142 @@
+"""Primitives of glTF files that are read together: bit for bit what each alone gives."""
+
+import json
+
+import numpy as np
+import pytest
+
+from texbake.errors import MeshError, heard_warnings
+from texbake.jobs.meshes import info_file
+from texbake.mesh.files import gltf_primitives, read_mesh
+from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
+
+_FLOAT, _BYTE, _UBYTE, _SHORT, _UINT = 5126, 5120, 5121, 5123, 5125
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+
+
+class _Writer:
+    """Collects arrays in two buffers, as the accessors of a document."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self.random = random
+        self.buffers = [bytearray(b"abc"), bytearray()]  # no number stands at a multiple of 4
+        self.views: list[dict] = []
+        self.accessors: list[dict] = []
+
+    def add(self, values: np.ndarray, component: int, **more) -> int:
+        """Add an array; now and then its rows are far apart."""
+        number = int(self.random.integers(2))
+        n_row = values.itemsize * values.shape[1]
+        stride = n_row + int(self.random.choice([0, 0, 5]))
+        rows = np.zeros((len(values), stride), np.uint8)
+        rows[:, :n_row] = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+        view = {"buffer": number, "byteOffset": len(self.buffers[number]), "byteLength": rows.size}
+        if stride != n_row:
+            view["byteStride"] = stride
+        self.buffers[number] += rows.tobytes()
+        self.views.append(view)
+        self.accessors.append(
+            {
+                "bufferView": len(self.views) - 1,
+                "componentType": component,
+                "count": len(values),
+                "type": _TYPES[values.shape[1]],
+                **more,
+            }
+        )
+        return len(self.accessors) - 1
+
+    def document(self, tmp_path, primitives: list[dict]) -> Document:
+        data = [bytes(buffer) for buffer in self.buffers]
+        for number, content in enumerate(data):
+            (tmp_path / f"{number}.bin").write_bytes(content)
+        content = {
+            "asset": {"version": "2.0"},
+            "buffers": [
+                {"byteLength": len(content), "uri": f"{i}.bin"} for i, content in enumerate(data)
+            ],
+            "bufferViews": self.views,
+            "accessors": self.accessors,
+            "meshes": [{"primitives": [one]} for one in primitives],
+        }
+        path = tmp_path / "many.gltf"
+        path.write_text(json.dumps(content))
+        return Document(path, content, np.zeros(0, np.uint8))
+
+
+def _primitive(writer: _Writer, kind: int) -> dict:
+    """Write a primitive of one of some kinds, with vertices of which several are at one place."""
+    random = writer.random
+    n = 3 * int(random.integers(1, 6))
+    positions = random.integers(-1, 2, (n, 3)).astype("<f4") * np.float32(-1.0)
+    attributes = {"POSITION": writer.add(positions, _FLOAT)}
+    if kind % 2:
+        normals = random.integers(-127, 128, (n, 3)).astype("i1")
+        attributes["NORMAL"] = writer.add(normals, _BYTE, normalized=True)
+        colors = random.integers(0, 2, (n, 3 + kind % 4 // 3)).astype("u1")
+        attributes["COLOR_0"] = writer.add(colors, _UBYTE, normalized=True)
+    if kind % 3:
+        attributes["TEXCOORD_0"] = writer.add(random.random((n, 2)).astype("<f4"), _FLOAT)
+        attributes["TEXCOORD_1"] = writer.add(random.random((n, 2)).astype("<f4"), _FLOAT)
+        attributes["TANGENT"] = writer.add(random.random((n, 4)).astype("<f4"), _FLOAT)
+    primitive: dict = {"attributes": attributes}
+    if kind % 5:
+        dtype, component = (("<u2", _SHORT), ("<u4", _UINT))[kind % 2]
+        indices = random.integers(0, n, (3 * int(random.integers(1, 6)), 1)).astype(dtype)
+        primitive["indices"] = writer.add(indices, component)
+    return primitive
+
+
+def _arrays(piece: PrimitiveMesh) -> list:
+    """Types, shapes and bytes of all arrays of a piece."""
+    arrays = [*vars(piece).values(), *piece.further_uvs.values()]
+    return [(a.dtype, a.shape, a.tobytes()) for a in arrays if isinstance(a, np.ndarray)]
+
+
+@pytest.mark.parametrize("keeps_colors", [False, True])
+@pytest.mark.parametrize("uv_set", [0, 1])
+@pytest.mark.parametrize("rows_at_once", [1 << 18, 64])
+def test_all_are_what_each_alone_gives(tmp_path, monkeypatch, keeps_colors, uv_set, rows_at_once):
+    monkeypatch.setattr(gltf_primitives, "_ROWS_AT_ONCE", rows_at_once)
+    writer = _Writer(np.random.default_rng(uv_set))
+    primitives = [_primitive(writer, kind) for kind in list(range(30)) * 4]
+    document = writer.document(tmp_path, primitives)
+    requests = [PrimitiveRequest(one, uv_set, (1 - uv_set,)) for one in primitives]
+    together = read_primitives(document, requests, keeps_colors=keeps_colors)
+    for request, piece in zip(requests, together, strict=True):
+        (alone,) = read_primitives(document, [request], keeps_colors=keeps_colors)
+        assert _arrays(piece) == _arrays(alone)
+
+
+def test_what_is_not_finite_in_one_changes_no_other(tmp_path):
+    writer = _Writer(np.random.default_rng(6))
+    primitives = [_primitive(writer, 5) for _ in range(3)]
+    document = writer.document(tmp_path, primitives)
+    requests = [PrimitiveRequest(one) for one in primitives]
+    sound = read_primitives(document, requests)
+    bad = writer.add(np.full((3, 3), np.nan, "<f4"), _FLOAT)
+    corner = writer.add(np.eye(3, dtype="<f4"), _FLOAT)
+    document = writer.document(tmp_path, primitives)
+    requests.append(PrimitiveRequest({"attributes": {"POSITION": corner, "NORMAL": bad}}))
+    heard: list[str] = []
+    with heard_warnings(heard.append):
+        *others, last = read_primitives(document, requests)
+    assert [_arrays(one) for one in others] == [_arrays(one) for one in sound]
+    assert not last.normals.any()
+    assert "3 of 3 normals are not finite" in heard[0]
+    requests.append(PrimitiveRequest({"attributes": {"POSITION": bad}}))
+    with pytest.raises(MeshError, match="a value of POSITION is not finite"):
+        read_primitives(document, requests)
+
+
+def test_info_parses_a_file_once(tmp_path, monkeypatch):
+    writer = _Writer(np.random.default_rng(8))
+    document = writer.document(tmp_path, [_primitive(writer, 1)])
+    texts = []
+    parse = json.loads
+    monkeypatch.setattr(json, "loads", lambda text: (texts.append(text), parse(text))[1])
+    info_file(document.path)
+    assert len(texts) == 1
+    read_mesh(document.path)  # the file may have changed since
+    assert len(texts) == 2
