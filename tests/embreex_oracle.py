@@ -4,7 +4,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
+from texbake.raycast.hemispheres import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
 from texbake.raycast.rays import NO_HIT, RayHits
 
 MAX_BACK_FACES = 64  # back faces that a ray passes through before it counts as a miss
@@ -29,8 +29,8 @@ def refine(hits, rays, mesh, frame):
     hits.distances[hit] = np.einsum("ij,ij->i", ways, directions)
 
 
-def fan_frames(axes):
-    """(n, 3, 3) float32: two tangents and the axis of each fan, after Duff et al. 2017."""
+def hemisphere_frames(axes):
+    """(n, 3, 3) float32: two tangents and the axis of each hemisphere, after Duff et al. 2017."""
     x, y, z = axes.T
     sign = np.where(z >= 0, np.float32(1), np.float32(-1))
     a = -1.0 / (sign + z).astype(np.float64)
@@ -40,7 +40,7 @@ def fan_frames(axes):
     return np.stack([*first, *second, x, y, z], axis=1).astype(np.float32).reshape(-1, 3, 3)
 
 
-def fan_directions(frames, planes, local, side):
+def hemisphere_directions(frames, planes, local, side):
     """(n, 3) float32: directions from tangent space, mirrored at the planes they lie below."""
     x, y, z = local.T[:, :, np.newaxis]
     directions = x * frames[:, 0] + y * frames[:, 1] + z * frames[:, 2]
@@ -125,7 +125,7 @@ class EmbreexScene:
     def cast_band(self, rays, places, *, cull_back_faces):
         return self.cast(rays, cull_back_faces=cull_back_faces)
 
-    def prepare_fans(self):
+    def prepare_domes(self):
         return self
 
     def _cast_once(self, rays, chosen, starts, hits, cull):
@@ -156,16 +156,16 @@ class EmbreexScene:
         starts[again] += result["tfar"][behind & cull] + 2.4e-7
         return again[starts[again] < rays.lengths[again]]
 
-    def cast_fans(self, fans, sets, occlusion_range):
-        """As `RayScene.cast_fans`, one direction of all fans per call."""
-        n, n_rays = len(fans), sets.shape[1]
+    def cast_hemispheres(self, domes, sets, occlusion_range):
+        """As `RayScene.cast_hemispheres`, one direction of all hemispheres per call."""
+        n, n_rays = len(domes), sets.shape[1]
         results = np.full((n, N_COLUMNS), np.nan, dtype=np.float32)
-        frames = fan_frames(fans.axes)
-        set_ids = fans.set_ids & np.uint32(len(sets) - 1)
+        frames = hemisphere_frames(domes.axes)
+        set_ids = domes.set_ids & np.uint32(len(sets) - 1)
 
         def cast(side, length, query, j):
-            directions = fan_directions(frames, fans.planes, sets[set_ids, j], side)
-            origins = fans.points + side * occlusion_range.offset * fans.planes
+            directions = hemisphere_directions(frames, domes.planes, sets[set_ids, j], side)
+            origins = domes.points + side * occlusion_range.offset * domes.planes
             lengths = np.full(n, min(length, FARTHEST), dtype=np.float32)
             result = self.scene.run(origins.astype(np.float32), directions, lengths, query=query)
             return result, directions
@@ -180,7 +180,7 @@ class EmbreexScene:
             results[:, OPEN] = sums[:, 0] / n_rays
             results[:, OPEN_DIRECTION] = sums[:, 1:] / n_rays
             closed = sums[:, 0] == 0.0
-            results[closed, OPEN_DIRECTION] = fans.axes[closed]
+            results[closed, OPEN_DIRECTION] = domes.axes[closed]
         if occlusion_range.inner > 0.0:
             depths = np.zeros(n, dtype=np.float32)
             for j in range(n_rays):

@@ -1,7 +1,7 @@
 """The only list of the public names of the package; each is loaded when it is first used."""
 
 from .baking.bake import bake as bake
-from .baking.cage.fit import (
+from .baking.cage import (
     Cage as Cage,
     fit_cage as fit_cage,
 )

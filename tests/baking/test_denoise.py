@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.finished_maps import denoised
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
+from texbake.baking.padding import denoised
 from texbake.baking.remap import remap
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh

@@ -1,17 +1,17 @@
-"""Fans of rays against closed forms, and the two ray casters against each other."""
+"""Hemispheres of rays against closed forms, and the two ray casters against each other."""
 
 import numpy as np
 import pytest
 from embreex_oracle import EmbreexScene
 
 from texbake.baking.hits import Hits
-from texbake.baking.secondary_rays import START_OFFSET, fans_of
+from texbake.baking.secondary_rays import START_OFFSET, hemispheres_of
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.fans import (
+from texbake.raycast.hemispheres import (
     DEPTH,
     N_COLUMNS,
     OPEN,
@@ -35,10 +35,10 @@ def hits_on(mesh, faces, *, seed=0, weights=None):
     return Hits(np.arange(n, dtype=np.int32), faces, weights, faces, weights, nothing)
 
 
-def fans_on(mesh, hits, frame, *, flat=True, **extra):
+def hemispheres_on(mesh, hits, frame, *, flat=True, **extra):
     normals, corners = (flat_normals if flat else shading_normals)(mesh)
     normals = frozen(normals.astype(np.float32))
-    return fans_of(hits, mesh, (normals, frozen(corners)), frame, width=64, **extra)
+    return hemispheres_of(hits, mesh, (normals, frozen(corners)), frame, width=64, **extra)
 
 
 def look(mesh, hits, *, caster=RayScene.build, n_rays=64, outer=np.inf, inner=None, flat=True):
@@ -46,8 +46,8 @@ def look(mesh, hits, *, caster=RayScene.build, n_rays=64, outer=np.inf, inner=No
     frame = LocalFrame.around(mesh)
     inner = mesh.diagonal if inner is None else inner
     reach = OcclusionRange(START_OFFSET, outer * frame.scale, inner * frame.scale)
-    fans = fans_on(mesh, hits, frame, flat=flat)
-    met = caster(mesh, frame).cast_fans(fans, direction_sets(n_rays), reach)
+    hemispheres = hemispheres_on(mesh, hits, frame, flat=flat)
+    met = caster(mesh, frame).cast_hemispheres(hemispheres, direction_sets(n_rays), reach)
     met[:, DEPTH] /= frame.scale
     return met
 
@@ -254,25 +254,25 @@ def test_threads_and_the_order_of_hits_change_nothing():
     reach, sets = OcclusionRange(START_OFFSET, np.inf, 1.0), direction_sets(16)
     results = []
     for threads in (1, 3):
-        fans = fans_on(mesh, hits, frame, threads=threads)
+        hemispheres = hemispheres_on(mesh, hits, frame, threads=threads)
         caster = RayScene.build(mesh, frame, threads=threads)
-        results.append(caster.cast_fans(fans, sets, reach).tobytes())
+        results.append(caster.cast_hemispheres(hemispheres, sets, reach).tobytes())
     assert results[0] == results[1]
     odd = np.arange(5000) % 2 == 1
-    apart = fans_on(mesh, hits.where(odd), frame)
-    np.testing.assert_array_equal(apart.set_ids, fans.where(odd).set_ids)
+    apart = hemispheres_on(mesh, hits.where(odd), frame)
+    np.testing.assert_array_equal(apart.set_ids, hemispheres.where(odd).set_ids)
 
 
 @pytest.mark.parametrize("caster", CASTERS)
 def test_rays_that_no_map_needs_are_not_cast(caster):
     mesh = icosphere(1)
     frame = LocalFrame.around(mesh)
-    fans = fans_on(mesh, hits_on(mesh, [0, 1, 2]), frame)
+    hemispheres = hemispheres_on(mesh, hits_on(mesh, [0, 1, 2]), frame)
     for reach, missing in (
         (OcclusionRange(1e-7, 1.0, 0.0), [DEPTH]),
         (OcclusionRange(1e-7, 0.0, 1.0), [OPEN, 1, 2, 3]),
     ):
-        met = caster(mesh, frame).cast_fans(fans, direction_sets(16), reach)
+        met = caster(mesh, frame).cast_hemispheres(hemispheres, direction_sets(16), reach)
         assert met.shape == (3, N_COLUMNS)
         assert np.flatnonzero(np.isnan(met).all(axis=0)).tolist() == missing
         assert np.isnan(met).any(axis=0).sum() == len(missing)
@@ -287,6 +287,6 @@ def test_a_fan_stands_on_the_side_of_the_shading_normal():
         normal_faces=[[0, 0, 0], [0, 0, 0]],
     )
     frame = LocalFrame.around(mesh)
-    fans = fans_on(mesh, hits_on(mesh, [0, 1]), frame, flat=False)
-    np.testing.assert_allclose(fans.axes, [[0.6, 0, 0.8]] * 2, rtol=1e-6)
-    np.testing.assert_allclose(fans.planes, [[0, 0, 1], [0.6, 0, 0.8]], rtol=1e-6)
+    hemispheres = hemispheres_on(mesh, hits_on(mesh, [0, 1]), frame, flat=False)
+    np.testing.assert_allclose(hemispheres.axes, [[0.6, 0, 0.8]] * 2, rtol=1e-6)
+    np.testing.assert_allclose(hemispheres.planes, [[0, 0, 1], [0.6, 0, 0.8]], rtol=1e-6)

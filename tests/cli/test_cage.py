@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from texbake.baking.cage.fit import fit_cage
+from texbake.baking.cage import fit_cage
 from texbake.jobs.cages import cage_file
 from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh

@@ -19,7 +19,7 @@ from texbake import (
     read_mesh,
     write_mesh,
 )
-from texbake.baking.secondary.options import SecondaryOptions
+from texbake.baking.options import SecondaryOptions
 from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format

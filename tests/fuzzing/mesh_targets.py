@@ -22,8 +22,8 @@ from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.mesh.streamed.mesh import open_streamed
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
-from texbake.raycast.fans import Fans, OcclusionRange, direction_sets
-from texbake.raycast.orient import oriented
+from texbake.raycast.hemispheres import Hemispheres, OcclusionRange, direction_sets
+from texbake.raycast.orientation import oriented
 from texbake.raycast.rays import Rays
 from texbake.raycast.scene import RayScene
 
@@ -180,7 +180,7 @@ def rays(drawn: Drawn) -> None:
             axes = directions.astype(np.float32)
             ids = drawn.indices(200, n).astype(np.uint32)
             ranges = OcclusionRange(drawn.pick((0.0, 1e-6)), drawn.pick((np.inf, 0.1)), 0.5)
-            scene.cast_fans(Fans(origins, axes, axes, ids), direction_sets(4), ranges)
+            scene.cast_hemispheres(Hemispheres(origins, axes, axes, ids), direction_sets(4), ranges)
 
 
 def bake(drawn: Drawn) -> None:

@@ -7,7 +7,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, vertex_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.fans import Fans, OcclusionRange, direction_sets
+from texbake.raycast.hemispheres import Hemispheres, OcclusionRange, direction_sets
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
@@ -99,7 +99,7 @@ def test_no_secondary_ray_leaves_a_closed_mesh(level):
     points = 0.9 * frame.to_local(mesh.positions)
     inward = (-points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
     ids = np.random.default_rng(5).integers(0, 1 << 32, len(points), dtype=np.uint32)
-    fans = Fans(points, inward, inward, ids)
+    domes = Hemispheres(points, inward, inward, ids)
     with RayScene.build(mesh, frame) as scene:
-        found = scene.cast_fans(fans, direction_sets(64), OcclusionRange(0.0, 4.0, 0.0))
+        found = scene.cast_hemispheres(domes, direction_sets(64), OcclusionRange(0.0, 4.0, 0.0))
     assert (found[:, 0] == 0.0).all()

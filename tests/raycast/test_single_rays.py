@@ -14,7 +14,7 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.fans import DEPTH, OPEN, Fans, OcclusionRange
+from texbake.raycast.hemispheres import DEPTH, OPEN, Hemispheres, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.scene import RayScene
 
@@ -51,7 +51,7 @@ MESHES = {
 
 
 def single_rays(mesh, n, *, seed=1):
-    """Points and sets of fans of one ray each: any direction, some along axes or at corners."""
+    """Hemispheres of one ray each, in any direction, some along axes or at corners."""
     rng = np.random.default_rng(seed)
     frame = LocalFrame.around(mesh)
     corners = frame.to_local(mesh.positions)
@@ -60,13 +60,13 @@ def single_rays(mesh, n, *, seed=1):
     directions[::5] = np.eye(3)[rng.integers(3, size=len(directions[::5]))]
     at = slice(1, None, 3)
     directions[at] = corners[rng.integers(len(corners), size=len(directions[at]))] - points[at]
-    # A fan about +z: its frame is the world's, so its direction is the same in both.
+    # A hemisphere about +z: its frame is the world's, so its direction is the same in both.
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     axes = np.tile(np.float32([0, 0, 1]), (n, 1))
     nowhere = np.zeros((n, 3), dtype=np.float32)  # a plane that mirrors nothing
     sets = directions.astype(np.float32)[:, np.newaxis]
     assert n & (n - 1) == 0
-    return frame, Fans(points, axes, nowhere, np.arange(n, dtype=np.uint32)), sets
+    return frame, Hemispheres(points, axes, nowhere, np.arange(n, dtype=np.uint32)), sets
 
 
 def nearest_of_all(corners, origins, directions):
@@ -94,17 +94,17 @@ def nearest_of_all(corners, origins, directions):
 @pytest.mark.parametrize("name", MESHES)
 def test_hits_are_as_with_each_triangle_tested(name, compact):
     mesh = MESHES[name]()
-    frame, fans, sets = single_rays(mesh, 512)
+    frame, domes, sets = single_rays(mesh, 512)
     corners = frame.to_local(mesh.positions)[mesh.faces]
     bands = [slice(k, k + 64) for k in range(0, 512, 64)]
-    found = [nearest_of_all(corners, fans.points[b], sets[b, 0].astype(float)) for b in bands]
+    found = [nearest_of_all(corners, domes.points[b], sets[b, 0].astype(float)) for b in bands]
     nearest, sure = (np.concatenate(column) for column in zip(*found, strict=True))
     scene = RayScene.build(mesh, frame, compact=compact)
     assert sure.mean() > 0.6
     for length in (0.3, 3.0):
-        met = scene.cast_fans(fans, sets, OcclusionRange(0.0, length, length))
+        met = scene.cast_hemispheres(domes, sets, OcclusionRange(0.0, length, length))
         # Inner rays go the other way.
-        back = scene.cast_fans(fans, -sets, OcclusionRange(0.0, length, length))
+        back = scene.cast_hemispheres(domes, -sets, OcclusionRange(0.0, length, length))
         is_open = nearest > length
         np.testing.assert_array_equal(met[sure, OPEN] == 1.0, is_open[sure])
         expected = np.minimum(nearest, length)[sure]
@@ -117,13 +117,15 @@ def test_hits_are_as_with_each_triangle_tested(name, compact):
 @pytest.mark.parametrize("name", MESHES)
 def test_neither_the_tree_nor_the_neighbors_of_a_ray_change_what_it_hits(name):
     mesh = MESHES[name]()
-    frame, fans, sets = single_rays(mesh, 4096, seed=3)
+    frame, domes, sets = single_rays(mesh, 4096, seed=3)
     reach = OcclusionRange(1e-7, 1.0, np.sqrt(3.0))
-    plain = RayScene.build(mesh, frame).cast_fans(fans, sets, reach)
+    plain = RayScene.build(mesh, frame).cast_hemispheres(domes, sets, reach)
     scene = RayScene.build(mesh, frame, compact=True, threads=2)
-    assert scene.cast_fans(fans, sets, reach).tobytes() == plain.tobytes()
-    order = np.random.default_rng(0).permutation(len(fans))
-    assert scene.cast_fans(fans.where(order), sets, reach).tobytes() == plain[order].tobytes()
+    assert scene.cast_hemispheres(domes, sets, reach).tobytes() == plain.tobytes()
+    order = np.random.default_rng(0).permutation(len(domes))
+    assert (
+        scene.cast_hemispheres(domes.where(order), sets, reach).tobytes() == plain[order].tobytes()
+    )
 
 
 @pytest.mark.parametrize("level", [1, 4])
@@ -141,9 +143,9 @@ def test_no_ray_leaves_a_closed_mesh_through_a_vertex(level):
     directions = (targets - middle).astype(np.float32)
     points = targets - directions.astype(float)
     axes = np.tile(np.float32([0, 0, 1]), (n, 1))
-    fans = Fans(points, axes, np.zeros_like(axes), np.arange(n, dtype=np.uint32))
+    domes = Hemispheres(points, axes, np.zeros_like(axes), np.arange(n, dtype=np.uint32))
     scene = RayScene.build(mesh, frame, compact=True)
-    met = scene.cast_fans(fans, directions[:, np.newaxis], OcclusionRange(0.0, 4.0, 0.0))
+    met = scene.cast_hemispheres(domes, directions[:, np.newaxis], OcclusionRange(0.0, 4.0, 0.0))
     assert (met[:, OPEN] == 0.0).all()
 
 
@@ -168,13 +170,13 @@ def test_a_compact_tree_holds_the_same_triangles_in_smaller_boxes():
 
 
 def checksum():
-    """Checksum of the hits of rays in all meshes, and of the positions of the fans of a bake."""
+    """Checksum of what rays in all meshes hit, and of the hemispheres of a bake."""
     digest = hashlib.sha256()
     for name in MESHES:
         mesh = MESHES[name]()
-        frame, fans, sets = single_rays(mesh, 1024)
+        frame, domes, sets = single_rays(mesh, 1024)
         scene = RayScene.build(mesh, frame, compact=True)
-        digest.update(scene.cast_fans(fans, sets, OcclusionRange(1e-7, 0.5, 2.0)).tobytes())
+        digest.update(scene.cast_hemispheres(domes, sets, OcclusionRange(1e-7, 0.5, 2.0)).tobytes())
     return digest.hexdigest()
 
 

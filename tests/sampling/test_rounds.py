@@ -10,7 +10,7 @@ from texbake.sampling.time_budget import BudgetClock
 class Work:
     """Something whose error falls with the samples that are spent on it, at known costs.
 
-    Implements `texbake.sampling.rounds.Refining`.
+    Implements `texbake.sampling.rounds.Refinable`.
     """
 
     def __init__(self, budget, *, unit=4e-5, growth=1.0, overhead=0.05, seed=0):
@@ -23,14 +23,14 @@ class Work:
         clock = BudgetClock(start=0.0, now=lambda: self.now, warn=self.warnings.append)
         self.rounds = Rounds(budget, "the work", clock, (1.0, 1.0))
 
-    def spend(self):
+    def run(self):
         """Spend the time; return the report."""
         rounds = self.rounds
         self.now += self.unit * len(self.errors)
         rounds.unit, rounds.total = self.unit, float(len(self.errors))
         rounds.overhead, rounds.after = self.overhead, 0.2
         rounds.expect_at_least(self.now + rounds.overhead + rounds.after)
-        report = rounds.spend(self)
+        report = rounds.run(self)
         self.now += rounds.after
         return report
 
@@ -51,10 +51,10 @@ class Work:
         self.now += self.overhead
         self.errors[refined] = self.kept = 0.0
 
-    def outlook(self):
+    def predicted_errors(self):
         return self.errors, np.full(len(self.errors), 4.0, dtype=np.float32)
 
-    def taken(self):
+    def work_done(self):
         return self.work, self.sampling
 
 
@@ -64,7 +64,7 @@ class Work:
 def test_the_time_is_spent_and_not_exceeded(budget, overhead, growth):
     """Also where rounds cost half or twice of what is expected at first."""
     work = Work(budget, growth=growth, overhead=overhead)
-    report = work.spend()
+    report = work.run()
     assert not work.warnings
     assert work.now <= budget
     assert work.now > 0.85 * budget or report.max_error == "1"
@@ -72,7 +72,7 @@ def test_the_time_is_spent_and_not_exceeded(budget, overhead, growth):
 
 def test_a_time_below_the_least_takes_the_least():
     work = Work(1.0)
-    report = work.spend()
+    report = work.run()
     assert [one.is_complete for one in report.rounds] == [True]
     assert float(report.max_error) > 1000.0 and report.why == "the fewest samples"
     assert work.now == pytest.approx(2.55, abs=0.1)
@@ -81,19 +81,19 @@ def test_a_time_below_the_least_takes_the_least():
 
 @pytest.mark.parametrize("budget", [1e-300, 0.01, 1e9, 1e300])
 def test_extreme_times_end(budget):
-    report = Work(budget).spend()
+    report = Work(budget).run()
     assert len(report.rounds) == 1
     assert (float(report.max_error) == 1.0) == (budget > 1.0)
 
 
 def test_ample_time_gets_the_closest_bound_in_one_round():
-    report = Work(1000.0).spend()
+    report = Work(1000.0).run()
     assert report.max_error == "1" and len(report.rounds) == 1
     assert report.why == "the closest bound that is wanted"
 
 
 def test_bounds_become_closer_from_round_to_round():
-    report = Work(6.0).spend()
+    report = Work(6.0).run()
     complete = [float(one.max_error) for one in report.rounds if one.is_complete]
     assert len(complete) > 1 and report.why == "the closest bound that fits"
     assert complete == sorted(complete, reverse=True)
@@ -103,7 +103,7 @@ def test_bounds_become_closer_from_round_to_round():
 def test_nothing_above_the_closest_bound_is_done_in_a_round():
     work = Work(1000.0)
     work.errors[:] = 0.5
-    report = work.spend()
+    report = work.run()
     assert report.max_error == "1" and work.work == 0.0
 
 
@@ -116,7 +116,7 @@ def test_a_round_that_takes_too_long_is_given_up_and_a_wider_one_follows():
         work.growth = 2.5
 
     work.refine = slower
-    report = work.spend()
+    report = work.run()
     given_up = [float(one.max_error) for one in report.rounds if not one.is_complete]
     assert given_up and float(report.max_error) > min(given_up)
     assert work.now <= 5.0 + 0.1 * 2.5
@@ -125,14 +125,14 @@ def test_a_round_that_takes_too_long_is_given_up_and_a_wider_one_follows():
 def test_the_least_round_is_never_given_up():
     work = Work(0.5)
     work.rounds.check(100.0)
-    report = work.spend()
+    report = work.run()
     assert [one.is_complete for one in report.rounds] == [True]
     work.rounds.check()
 
 
 def test_a_first_round_that_takes_too_long_is_given_up_as_well():
     work = Work(4.0, growth=5.0)
-    report = work.spend()
+    report = work.run()
     assert not report.rounds[0].is_complete
     assert report.max_error == report.rounds[-1].max_error
     assert report.why == "the closest bound that fits"
@@ -159,8 +159,7 @@ def test_more_time_never_gives_a_wider_bound(growth, overhead):
     """Not by the last percent, which depends on where rounds happen to end."""
     budgets = 2.5 * 1.2 ** np.arange(14)
     bounds = [
-        float(Work(budget, growth=growth, overhead=overhead).spend().max_error)
-        for budget in budgets
+        float(Work(budget, growth=growth, overhead=overhead).run().max_error) for budget in budgets
     ]
     assert bounds == sorted(bounds, reverse=True)
     assert bounds[0] > 1000.0 and bounds[-1] == 1.0

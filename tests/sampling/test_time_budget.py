@@ -4,7 +4,7 @@ import subprocess
 import sys
 import time
 
-from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget, finished
+from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget, with_actual_time
 
 
 def test_the_clock_of_the_process_began_before_python_did_anything():
@@ -25,7 +25,7 @@ def test_a_clock_that_can_be_set_is_read_for_the_report():
     clock = BudgetClock(start=2.0, now=lambda: now)
     assert clock.spent == 3.0
     now = 6.5
-    assert finished(budget(0.0), clock).actual_seconds == 4.5
+    assert with_actual_time(budget(0.0), clock).actual_seconds == 4.5
 
 
 def budget(actual, rounds=()):

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.facing import face_outwards
-from texbake.baking.finished_maps import finished_maps, texel_charts_of
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import ADAPTIVE, BakeOptions
+from texbake.baking.padding import finished_maps, texel_charts_of
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult, unseen_faces
@@ -29,9 +29,9 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
-from texbake.raycast.orient import OrientationReport
+from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
+from texbake.sampling.time_budget import BudgetClock, TimeBudget, with_actual_time
 
 
 def bake(
@@ -230,7 +230,9 @@ def _traced(
         result = _result(kinds, sums, trace, inputs, stages, None, distances, sampling)
         if budget is None:
             return result
-        return replace(result, report=replace(result.report, budget=finished(budget, clock)))
+        return replace(
+            result, report=replace(result.report, budget=with_actual_time(budget, clock))
+        )
     for hits in trace.hits():
         with stages.part("make maps"):
             sums.add(hits)

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.scenes import BakeScenes, look_both_ways
+from texbake.baking.scenes import BakeScenes, probe_both_ways
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Stages
-from texbake.raycast.orient import OrientationReport, oriented_in
+from texbake.raycast.orientation import OrientationReport, oriented_in
 from texbake.raycast.rays import NO_HIT
 
 _POINTS = 4096
@@ -59,7 +59,7 @@ def face_outwards(
 
 def _share_against(scenes: BakeScenes, low: Mesh, kind: str, threads: int | None) -> float:
     """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
-    look = look_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
+    look = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
     out, into = look.out, look.into
     distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
     # A ray that goes out meets a surface from behind, one that goes in from the front.

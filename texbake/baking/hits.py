@@ -33,7 +33,7 @@ class Hits(Rows):
         From the sample on the low-poly mesh to the point hit, in model units; 0 for a miss.
     secondary : (n, S) float32, optional
         What rays from the point hit have met, where a map needs it; 0 for a miss. The columns are
-        those of `texbake.raycast.fans`, lengths in model units.
+        those of `texbake.raycast.hemispheres`, lengths in model units.
     """
 
     texel_ids: npt.NDArray[np.int32]

@@ -1,4 +1,4 @@
-"""Every option of `bake`, with its default."""
+"""Every option of `bake`, with its default, without loading NumPy."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from texbake.baking.memory import (
     parse_bytes,
     streamed_chunk_faces,
 )
-from texbake.baking.secondary.options import SecondaryOptions
 from texbake.durations import parse_seconds
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.texture import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
-from texbake.schema import Option
+from texbake.schema import CheckedOptions, Option
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -51,7 +50,64 @@ PADDING_OPTION = Option(
 CONVENTION_OPTION = Option(
     "Green channel of normal maps: +Y up (opengl) or +Y down (directx).", choices=CONVENTIONS
 )
+MAX_RAYS = 4096  # secondary rays per texel
 MEASURED = "fitted at each vertex"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondaryOptions(CheckedOptions):
+    """How ambient occlusion, bent normals and thickness are sampled.
+
+    Noise falls with about the 3/4th power of the number of rays.
+    """
+
+    secondary_rays: Annotated[
+        int,
+        Option(
+            f"Rays per texel for ao, bent-normal and thickness, a power of two up to {MAX_RAYS}. "
+            "They are spread over the samples of the texel, at least one for each.",
+            metavar="N",
+            low=1,
+            high=MAX_RAYS,
+        ),
+    ] = 64
+    denoise: Annotated[
+        bool,
+        Option(
+            "Average each texel of ao and thickness with neighbors in its chart that differ by no "
+            "more than the noise of their rays, or keep the raw values.",
+            flag="--denoise/--no-denoise",
+        ),
+    ] = True
+    occluder_distance: Annotated[
+        float | None,
+        Option(
+            "Distance beyond which surfaces no longer occlude, for ao and bent-normal.",
+            metavar="D",
+            above=0,
+            unit="model units",
+            default="unlimited",
+        ),
+    ] = None
+    thickness_distance: Annotated[
+        float | None,
+        Option(
+            "Thickness that becomes white in integer files, and length of the rays that measure "
+            "it.",
+            metavar="D",
+            above=0,
+            unit="model units",
+            default="the greatest of the map",
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = self.secondary_rays
+        if n & (n - 1) != 0:
+            raise OptionError(
+                f"secondary_rays: {quoted(n)} is not a power of two; use 64, or 256 for less noise"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

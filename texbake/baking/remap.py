@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from texbake.baking.bake import check_maps
-from texbake.baking.finished_maps import finished_maps, texel_charts_of
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.options import BakeOptions
+from texbake.baking.padding import finished_maps, texel_charts_of
 from texbake.baking.result import BakeResult
 from texbake.baking.sums import TexelSums
 from texbake.errors import OptionError

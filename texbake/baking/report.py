@@ -17,7 +17,7 @@ from texbake.baking.trace import TraceCounts
 from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
-from texbake.raycast.orient import OrientationReport
+from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_formats import holds_floats
+from texbake.texture.value_range import channel_ranges
 
 # Colors of the miss map: not covered, covered and hit, covered and missed.
 _MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
@@ -213,3 +215,39 @@ def check_texels(low: Mesh, baked: BakeResult) -> None:
             f"the area, own no texel at {options.width_px} x {options.height_px} with a padding of "
             f"{options.padding}; use a larger `size`{less}"
         )
+
+
+# Values that a surface has without the map, by its name.
+_PLAIN = {
+    "normal": (0.0, 0.0, 1.0),
+    "bent-normal": (0.0, 0.0, 1.0),
+    "displacement": (0.0,),
+    "vector-displacement": (0.0, 0.0, 0.0),
+    "ao": (1.0,),
+    "opacity": (1.0,),
+}
+_IN_TANGENT_SPACE = ("normal", "bent-normal")
+# Half a step of 16 bits, of which normals and shares have about as many as that.
+_ROUNDING = 0.5 / 65535.0
+
+
+def redundant_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
+    """Yield a sentence for each map that changes nothing or could be a factor."""
+    for name, item in maps.items():
+        ranges = channel_ranges(item.values, item.has_data, threads=item.options.threads)
+        if not np.isfinite(ranges).all():  # no texel has data
+            continue
+        rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
+        plain = _PLAIN.get(name)
+        if name in _IN_TANGENT_SPACE and item.options.space != "tangent":
+            plain = None
+        if plain is not None and float(np.abs(ranges.T - plain).max()) <= rounding:
+            yield f"{name}: it is the same as no map at every texel; it can be left out"
+        elif item.kind.coding in ("color", "mask") and plain is None and _are_constant(ranges):
+            first = np.unravel_index(int(item.has_data.argmax()), item.has_data.shape)
+            shown = ", ".join(f"{value:.4g}" for value in item.values[first])
+            yield f"{name}: every texel is {shown}; a factor of the material says the same"
+
+
+def _are_constant(ranges: npt.NDArray[np.float32]) -> bool:
+    return bool((ranges[:, 1] - ranges[:, 0]).max() <= _ROUNDING)

@@ -14,9 +14,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from texbake.baking.clearance import ClearRays
-from texbake.baking.rays import RayField
-from texbake.baking.reach import LEAST_EXTENT, MARGIN, CornerReach, Look, measure_reach
+from texbake.baking.ray_distances import (
+    LEAST_EXTENT,
+    MARGIN,
+    CornerRayDistances,
+    RayProbe,
+    measure_ray_distances,
+)
+from texbake.baking.rays import RayField, UnobstructedRays
 from texbake.baking.texels import Samples
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -75,8 +80,8 @@ class BakeScenes:
     occluders: RayScene | None = None
     n_points: int = _LOW_POINTS
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
-    _looks: dict[str, Look] = field(default_factory=dict, init=False, repr=False)
-    _reaches: dict[str, CornerReach] = field(default_factory=dict, init=False, repr=False)
+    _looks: dict[str, RayProbe] = field(default_factory=dict, init=False, repr=False)
+    _reaches: dict[str, CornerRayDistances] = field(default_factory=dict, init=False, repr=False)
     _tree: TriangleTree | None = field(default=None, init=False, repr=False)
     _low_scene: RayScene | None = field(default=None, init=False, repr=False)
 
@@ -123,7 +128,7 @@ class BakeScenes:
             )
         return self._extents[key]
 
-    def reach(self, kind: str, threads: int | None) -> CornerReach:
+    def reach(self, kind: str, threads: int | None) -> CornerRayDistances:
         """How far rays of a kind reach at each vertex of the low-poly mesh; measured once."""
         if kind not in self._reaches:
             extent = self.extent(self.low, (kind,), threads)
@@ -132,8 +137,8 @@ class BakeScenes:
             if look is None or n_points > len(look.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
                 n_points = max(n_points, self.n_points)
-                look = look_both_ways(self.high, self.low, kind, n_points, limit, threads)
-            self._reaches[kind] = measure_reach(
+                look = probe_both_ways(self.high, self.low, kind, n_points, limit, threads)
+            self._reaches[kind] = measure_ray_distances(
                 self.high.source, self.low, self.frame, look, threads=threads
             )
         return self._reaches[kind]
@@ -143,13 +148,13 @@ class BakeScenes:
         reach = self.reach(kind, threads).at(low)
         return field.with_reaches(np.minimum(reach, (field.front, field.back)))
 
-    def clear(self, field: RayField, threads: int | None) -> ClearRays:
+    def clear(self, field: RayField, threads: int | None) -> UnobstructedRays:
         """Return the rays of a field, not through other parts of the low-poly mesh."""
         if self._low_scene is None:
             scene = RayScene.build(self.low, self.frame, threads=threads)
             object.__setattr__(self, "_low_scene", scene)
         assert self._low_scene is not None
-        return ClearRays(field, self._low_scene)
+        return UnobstructedRays(field, self._low_scene)
 
     def closest_tree(self, threads: int | None) -> TriangleTree:
         """Return a tree for the closest points of the high-poly mesh; it is built only once."""
@@ -195,11 +200,11 @@ def measure_extent(
 
 def _measured(
     scene: RayScene, low: Mesh, kind: str, n_points: int, threads: int | None
-) -> tuple[RayExtent, Look]:
+) -> tuple[RayExtent, RayProbe]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
     out_high, in_high = _from_high(scene, low, _spread_points(scene.source), threads)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-    look = look_both_ways(scene, low, kind, n_points, limit, threads)
+    look = probe_both_ways(scene, low, kind, n_points, limit, threads)
     if ((look.out.faces == NO_HIT) & (look.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
@@ -207,7 +212,7 @@ def _measured(
         if max(out_mid, in_mid) > max(out_high, in_high):
             out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
             limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-            look = look_both_ways(scene, low, kind, n_points, limit, threads)
+            look = probe_both_ways(scene, low, kind, n_points, limit, threads)
     out_low, in_low = _from_low(look)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(
@@ -254,7 +259,7 @@ def _middles(high: Mesh | StreamedMesh) -> FloatArray:
     return np.concatenate([*edges, (first + second + third) / 3.0])
 
 
-def _from_low(look: Look) -> tuple[float, float]:
+def _from_low(look: RayProbe) -> tuple[float, float]:
     """Greatest distance out and in along rays to the nearer high-poly surface."""
     hits = look.out, look.into
     out, into = (np.where(found.faces == NO_HIT, np.inf, found.distances) for found in hits)
@@ -264,9 +269,9 @@ def _from_low(look: Look) -> tuple[float, float]:
     )
 
 
-def look_both_ways(
+def probe_both_ways(
     scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float, threads: int | None
-) -> Look:
+) -> RayProbe:
     """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
 
     `limit`: length of the rays, in the frame of the scene.
@@ -286,7 +291,7 @@ def look_both_ways(
     # On its way out a ray hits the high-poly surface from behind.
     found = scene.cast(rays, cull_back_faces=False)
     n = len(inward)
-    return Look(faces, found.where(slice(n)), found.where(slice(n, None)))
+    return RayProbe(faces, found.where(slice(n)), found.where(slice(n, None)))
 
 
 def _greatest(distances: FloatArray) -> float:

@@ -1,6 +1,6 @@
-"""Where a hit becomes a fan of rays, for ambient occlusion, bent normals and thickness.
+"""Where a hit becomes a hemisphere of rays, for ambient occlusion, bent normals and thickness.
 
-The fans start at the points hit, on the high-poly surface. They are cast once, however many maps
+The rays start at the points hit, on the high-poly surface. They are cast once, however many maps
 need them, and what they meet is kept in the columns of `Hits.secondary`.
 """
 
@@ -21,7 +21,15 @@ from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
-from texbake.raycast.fans import DEPTH, N_COLUMNS, OPEN, Fans, OcclusionRange, direction_sets, mixed
+from texbake.raycast.hemispheres import (
+    DEPTH,
+    N_COLUMNS,
+    OPEN,
+    Hemispheres,
+    OcclusionRange,
+    direction_sets,
+    mixed,
+)
 from texbake.raycast.rays import NO_HIT
 
 Float32Array = npt.NDArray[np.float32]
@@ -73,7 +81,7 @@ class SecondaryRays:
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
         is_hit = hits.high_faces != NO_HIT
         found = hits if is_hit.all() else hits.where(is_hit)
-        fans = fans_of(
+        hemispheres = hemispheres_of(
             found,
             self.inputs.high,
             self.inputs.high_surface.normals,
@@ -83,23 +91,23 @@ class SecondaryRays:
             threads=options.threads,
         )
         n_rays = max(1, options.secondary_rays // n_samples)
-        has_axis = np.asarray(fans.axes.any(axis=1))
+        has_axis = np.asarray(hemispheres.axes.any(axis=1))
         if not has_axis.all():
-            fans = fans.where(has_axis)
+            hemispheres = hemispheres.where(has_axis)
             # A point without a normal counts as open, without depth, and has no direction.
             met[is_hit, OPEN] = 1.0
             is_hit[is_hit] = has_axis
-        if len(fans):
+        if len(hemispheres):
             scene, sets = (
                 scenes.occluders or scenes.high,
                 direction_sets(n_rays, n_samples * _BLOCK**2),
             )
-            met[is_hit] = scene.cast_fans(fans, sets, occlusion_range)
+            met[is_hit] = scene.cast_hemispheres(hemispheres, sets, occlusion_range)
         met[:, DEPTH] /= np.float32(frame.scale)
-        return replace(hits, secondary=met), len(fans) * n_rays * len(self.needs)
+        return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
 
 
-def met_by(hits: Hits, columns: int | slice, name: str) -> Float32Array:
+def secondary_values(hits: Hits, columns: int | slice, name: str) -> Float32Array:
     """Return columns of what secondary rays met, for the map of that name."""
     met = None if hits.secondary is None else hits.secondary[:, columns]
     if met is None or (len(met) and np.isnan(met).any()):
@@ -109,7 +117,7 @@ def met_by(hits: Hits, columns: int | slice, name: str) -> Float32Array:
     return met
 
 
-def fans_of(
+def hemispheres_of(
     hits: Hits,
     high: Mesh,
     normals: tuple[npt.NDArray[np.float32], IntArray],
@@ -118,13 +126,13 @@ def fans_of(
     width: int,
     n_samples: int = 1,
     threads: int | None = None,
-) -> Fans:
-    """Fans from hits, none of which is a miss. Kernel: `core/ray_fans.c`.
+) -> Hemispheres:
+    """Hemispheres from hits, none of which is a miss. Kernel: `core/hemisphere_rays.c`.
 
     `width`: texels in a row; `n_samples`: samples of a texel, which share its part of the net.
     """
     n = len(hits)
-    fans = Fans(
+    hemispheres = Hemispheres(
         np.empty((n, 3)),
         np.empty((n, 3), dtype=np.float32),
         np.empty((n, 3), dtype=np.float32),
@@ -133,7 +141,7 @@ def fans_of(
 
     def fill(start: int, stop: int) -> None:
         band = slice(start, stop)
-        core.place_fans(
+        core.place_hemispheres(
             hits.high_faces[band],
             hits.high_barycentrics[band],
             high.positions,
@@ -141,14 +149,14 @@ def fans_of(
             frame.center,
             frame.scale,
             *normals,
-            fans.points[band],
-            fans.axes[band],
-            fans.planes[band],
+            hemispheres.points[band],
+            hemispheres.axes[band],
+            hemispheres.planes[band],
         )
 
-    fans.set_ids[:] = _shared_set_ids(hits.texel_ids, width, n_samples)
+    hemispheres.set_ids[:] = _shared_set_ids(hits.texel_ids, width, n_samples)
     run_bands(fill, n, band=_BAND, threads=threads)
-    return fans
+    return hemispheres
 
 
 def _shared_set_ids(texel_ids: IntArray, width: int, n_samples: int) -> npt.NDArray[np.uint32]:

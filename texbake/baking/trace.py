@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from texbake.baking.clearance import ClearRays
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
-from texbake.baking.rays import RayField, RayMaps
+from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.texels import (
@@ -28,7 +27,7 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import run_bands
 from texbake.progress import Stages
-from texbake.raycast.fans import OcclusionRange
+from texbake.raycast.hemispheres import OcclusionRange
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayPlaces
 
@@ -107,7 +106,7 @@ class Trace:
             in_chunks = rays.scenes.high.in_chunks
             at_once = _SAMPLES_IN_CHUNKS if in_chunks else _SAMPLES_AT_ONCE
             if self.secondary is not None:
-                at_once = _SAMPLES_WITH_FANS
+                at_once = _SAMPLES_WITH_SECONDARY
             for band in owned_bands(
                 faces, grid, self.stages, samples_at_once=at_once, threads=options.threads
             ):
@@ -167,7 +166,7 @@ class Trace:
             threads=self.options.threads,
         )
 
-    def _fields(self, scenes: BakeScenes) -> tuple[RayField, ClearRays | None]:
+    def _fields(self, scenes: BakeScenes) -> tuple[RayField, UnobstructedRays | None]:
         """Make the rays, and those for what they do not find, which reach as far as any.
 
         Distances that were not given are measured first: at each vertex, where neither is given.
@@ -217,7 +216,7 @@ class Trace:
 _SAMPLES_AT_ONCE = 1 << 20
 _SAMPLES_IN_CHUNKS = 1 << 22
 # Fewer where each sample has many secondary rays, so that progress is seen.
-_SAMPLES_WITH_FANS = 1 << 16
+_SAMPLES_WITH_SECONDARY = 1 << 16
 # Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
 _SAMPLES_PER_BAND = 1 << 14
 
@@ -228,7 +227,7 @@ class SampleCaster:
 
     Attributes
     ----------
-    longest : ClearRays, optional
+    longest : UnobstructedRays, optional
         Rays for the samples whose own miss, or meet a surface from behind; None: they are cast
         once.
     occlusion_range : OcclusionRange, optional
@@ -238,7 +237,7 @@ class SampleCaster:
     trace: Trace
     scenes: BakeScenes
     field: RayField
-    longest: ClearRays | None
+    longest: UnobstructedRays | None
     occlusion_range: OcclusionRange | None
 
     def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
@@ -290,7 +289,7 @@ class SampleCaster:
         """Cast all samples into one chunk of the high-poly mesh after another."""
         scene, options = self.scenes.high, self.trace.options
 
-        def cast_all(some: Samples, rays_of: RayField | ClearRays) -> tuple[Hits, RayHits]:
+        def cast_all(some: Samples, rays_of: RayField | UnobstructedRays) -> tuple[Hits, RayHits]:
             def make(band: slice) -> tuple[Rays, RayPlaces]:
                 of_band = some.where(band)
                 return rays_of.rays(of_band, threads=1), self.field.places(of_band, grid)
@@ -317,7 +316,7 @@ class SampleCaster:
         hits = Hits.empty(samples)
         counted: list[tuple[int, int, int]] = []
 
-        def cast_some(some: Samples, rays_of: RayField | ClearRays) -> tuple[Hits, RayHits]:
+        def cast_some(some: Samples, rays_of: RayField | UnobstructedRays) -> tuple[Hits, RayHits]:
             rays = rays_of.rays(some, threads=1)
             places = self.field.places(some, grid)
             found = scene.cast_band(rays, places, cull_back_faces=options.cull_back_faces)
@@ -339,7 +338,7 @@ class SampleCaster:
         samples: Samples,
         hits: Hits,
         found: RayHits,
-        cast: Callable[[Samples, RayField | ClearRays], tuple[Hits, RayHits]],
+        cast: Callable[[Samples, RayField | UnobstructedRays], tuple[Hits, RayHits]],
     ) -> tuple[int, int, int]:
         """Cast the longest rays for what was not found, and change the hits in place.
 

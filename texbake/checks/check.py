@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.checks import coordinates, orientation, surface
+from texbake.checks.alignment import misalignment
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
 from texbake.checks.finding import FACES, Finding
 from texbake.checks.kinds import KINDS
-from texbake.checks.misfit import misfit
 from texbake.checks.options import SEVERITIES, CheckOptions
 from texbake.checks.pair import (
     MeshPair,
@@ -156,7 +156,7 @@ def _check(
 
 def _pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding | None]:
     """All findings about a pair; some of them only where the meshes fit together."""
-    results = [high_is_coarser(pair), *misfit(pair)]
+    results = [high_is_coarser(pair), *misalignment(pair)]
     if not any(finding and finding.severity == "error" for finding in results):
         results += [*distances(pair), opposite_sides(pair)]
     if owners is not None:

@@ -1,7 +1,7 @@
 """Checks of a low-poly mesh against the high-poly mesh that it is baked from.
 
 Distances are from the centers of faces to the closest point of the other mesh. Where half of the
-low-poly mesh lies away from the high-poly mesh, `texbake.checks.misfit` searches for the cause.
+low-poly mesh lies away from the high-poly mesh, `texbake.checks.alignment` searches for the cause.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
    A face encloses a point behind its plane, which is linear in the distance of each corner: each
    bound has a closed form.
 
-   Called from texbake/baking/cage/fit.py. */
+   Called from texbake/baking/cage.py. */
 
 #include <math.h>
 

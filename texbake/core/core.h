@@ -906,15 +906,15 @@ void color_ids_u16(
     int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
     uint16_t codes[n][3], int64_t start, int64_t stop);
 
-/* ray_fans.c */
-void cast_fans(
+/* hemisphere_rays.c */
+void cast_hemispheres(
     int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double points[n][3], const float axes[n][3], const float planes[n][3],
     const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
     double outer, double inner, const double leaves[n_leaves][9][8],
     const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
     float results[n][5]);
-void place_fans(
+void place_hemispheres(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double positions[n_vertices][3],
     const int32_t corners[n_faces][3], const double center[3], double scale,

@@ -3,7 +3,7 @@
    Newton's method solves position(b, c) + height * normal(b, c) = point for the barycentrics (b, c)
    and the height above a face. A solution outside the face continues on the neighbor across the edge.
 
-   Called from texbake/baking/cage/points.py. */
+   Called from texbake/baking/cage.py. */
 
 #include <math.h>
 

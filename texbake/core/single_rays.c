@@ -8,7 +8,7 @@
    Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
    using Multi-branching BVHs", 2008.
 
-   Called from ray_fans.c. */
+   Called from hemisphere_rays.c. */
 
 #include "single_rays.h"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.baking.cage.fit import Cage, fit_cage
+from texbake.baking.cage import Cage, fit_cage
 from texbake.baking.parts.high_parts import HighMeshes, match_objects
 from texbake.baking.parts.options import PartsOptions
 from texbake.files import PathLike, appearing_together

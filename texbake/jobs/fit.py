@@ -30,9 +30,9 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
     if (np.abs(high.bounds - low.bounds) <= limit).all():
         return
     # Loaded only here, because most pairs need none of it.
-    from texbake.checks.misfit import stop_at_misfit
+    from texbake.checks.alignment import require_alignment
 
-    stop_at_misfit(high, low, threads=threads)
+    require_alignment(high, low, threads=threads)
 
 
 def why_rays_would_miss(
@@ -42,14 +42,14 @@ def why_rays_would_miss(
 
     Parts of the high-poly mesh that face inwards count as flipped, if `orientation` is auto.
     """
-    from texbake.checks.misfit import why_rays_pass
+    from texbake.checks.alignment import explain_opposite_sides
 
-    return why_rays_pass(_flipped_pair(high, low, orientation, threads))
+    return explain_opposite_sides(_flipped_pair(high, low, orientation, threads))
 
 
 def _flipped_pair(high: Mesh, low: Mesh, orientation: str, threads: int | None) -> MeshPair:
     from texbake.checks.pair import MeshPair
-    from texbake.raycast.orient import oriented
+    from texbake.raycast.orientation import oriented
 
     high, _ = oriented(high, orientation, threads=threads)
     return MeshPair.of(high, low, threads=threads)
@@ -66,14 +66,14 @@ def why_missed(
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()
-    from texbake.checks.misfit import why_apart, why_rays_pass
+    from texbake.checks.alignment import explain_misalignment, explain_opposite_sides
 
     orientation = report.options.orientation
     pair = _flipped_pair(high, low, orientation, report.options.threads)
-    why = why_rays_pass(pair)
+    why = explain_opposite_sides(pair)
     if why and orientation != "keep" and report.miss_percent > _MOST_MISSED:
         raise MeshError(f"{why[0]} `orientation` keep bakes it as it is")
-    if why or (why := why_apart(pair)):
+    if why or (why := explain_misalignment(pair)):
         return why
     if report.cage is not None:
         return (

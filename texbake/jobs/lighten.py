@@ -54,7 +54,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, without_borders
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import ProgressSink, StageRecord, Stages
-from texbake.raycast.orient import oriented
+from texbake.raycast.orientation import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
 from texbake.texture.model_materials import model_materials
 

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from texbake.baking.codings import file_bits
-from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
+from texbake.baking.map_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.maps import MAPS
-from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
-from texbake.baking.result import BakedMap, BakeResult, WrittenMap
+from texbake.baking.result import BakedMap, BakeResult, WrittenMap, redundant_maps
 from texbake.errors import OptionError
 from texbake.files import (
     PathLike,
@@ -45,7 +44,7 @@ from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
-from texbake.sampling.time_budget import BudgetClock, finished
+from texbake.sampling.time_budget import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
 
 DEFAULT_FORMAT = "png"
@@ -182,11 +181,11 @@ def bake_files(
             write_hits(result, hits)
     figures = result.report
     if figures.budget is not None:
-        figures = replace(figures, budget=finished(figures.budget, clock))
+        figures = replace(figures, budget=with_actual_time(figures.budget, clock))
     done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
-    needless = needless_maps({name: result.maps[name] for name in files}, size)
-    done = replace(done, warnings=(*done.warnings, *needless))
+    redundant = redundant_maps({name: result.maps[name] for name in files}, size)
+    done = replace(done, warnings=(*done.warnings, *redundant))
     if report is not None:
         write_report(report, done.to_json())
     if html is not None and isinstance(high_mesh, Mesh):

@@ -12,15 +12,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
+from texbake.baking.map_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts
 from texbake.baking.parts.high_parts import match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, Tiles
 from texbake.baking.parts.matching import Match, Matching
 from texbake.baking.parts.options import PartsOptions
-from texbake.baking.parts.report import PartsReport
-from texbake.baking.parts.result import PartsResult
+from texbake.baking.parts.result import PartsReport, PartsResult
 from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError, quoted

@@ -37,7 +37,7 @@ from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.scene import Scene, turntable_cameras
-from texbake.sampling.time_budget import BudgetClock, finished
+from texbake.sampling.time_budget import BudgetClock, with_actual_time
 from texbake.texture.image import FloatImage, write_image
 
 
@@ -242,7 +242,7 @@ def _write_picture(
         )
         frame.write(output, threads=threads)
         if frame.budget is not None:
-            frame = replace(frame, budget=finished(frame.budget, clock))
+            frame = replace(frame, budget=with_actual_time(frame.budget, clock))
         return frame
     color, frames = render_side_by_side(
         view.scene, variants, camera=view.camera, threads=threads, progress=progress

@@ -54,7 +54,7 @@ from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import ProgressSink, StageRecord, Stages
-from texbake.raycast.orient import OrientationReport, oriented
+from texbake.raycast.orientation import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image

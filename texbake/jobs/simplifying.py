@@ -137,7 +137,7 @@ def simplify_levels(
     threads, progress
         As for `simplify_file`.
     """
-    from texbake.raycast.orient import oriented
+    from texbake.raycast.orientation import oriented
 
     for n_faces, output in levels:
         check_target(n_faces, error)

@@ -4,8 +4,8 @@ Rays that start side by side and are nearly parallel go through the tree in bund
 no ray passes between two triangles that share an edge, and a hit does not depend on the number of
 threads, on the other rays of a call, or on whether the mesh is traced in chunks.
 
-Fans of secondary rays, whose directions differ, are cast one by one into the same tree, with the
-same exact test.
+Secondary rays, which spread over hemispheres, are cast one by one into the same tree, with the same
+exact test.
 
 Kernels: `core/tile_bundles.c`, `core/single_rays.c`.
 """
@@ -25,7 +25,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
-from texbake.raycast.fans import N_COLUMNS, Fans, OcclusionRange
+from texbake.raycast.hemispheres import N_COLUMNS, Hemispheres, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.rays import RayHits, Rays
 
@@ -33,7 +33,7 @@ Float32Array = npt.NDArray[np.float32]
 
 BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
-_FANS_PER_BAND = 1 << 10  # a multiple of the number of fans that the kernel casts together
+_HEMISPHERES_PER_BAND = 1 << 10  # a multiple of the number that the kernel casts together
 # Rays without places: bundles are the smaller the fewer rays there are for each triangle, so that a
 # bundle of rays that are far apart does not visit many triangles for nothing.
 _MOST_TOGETHER = 64
@@ -97,7 +97,7 @@ class RayScene:
     in_chunks : bool
         Whether each call builds the trees of chunks anew.
     compact : bool
-        Whether the tree was built for fans.
+        Whether the tree was built for hemispheres.
     caster : str
         Name of the ray caster, for reports.
     """
@@ -259,15 +259,15 @@ class RayScene:
             faces = range(first, min(first + self._chunk_faces, n))
             yield MortonTree.build(self.mesh, self.frame, faces, threads=self.threads)
 
-    def cast_fans(
-        self, fans: Fans, sets: Float32Array, occlusion_range: OcclusionRange
+    def cast_hemispheres(
+        self, hemispheres: Hemispheres, sets: Float32Array, occlusion_range: OcclusionRange
     ) -> Float32Array:
-        """Cast all rays of the fans.
+        """Cast all rays of the hemispheres.
 
-        Kernel: `core/ray_fans.c`.
+        Kernel: `core/hemisphere_rays.c`.
 
         `sets` (S, n_rays, 3) float32. Returns (n, N_COLUMNS) float32: the columns of
-        `texbake.raycast.fans`, lengths in local units.
+        `texbake.raycast.hemispheres`, lengths in local units.
         """
         tree = self._tree
         if tree is None:
@@ -275,15 +275,15 @@ class RayScene:
                 f"max_memory: {self.source.name} is traced in chunks, and ambient occlusion, bent "
                 "normals and thickness need all of it at once; bake them without max_memory"
             )
-        results = np.full((len(fans), N_COLUMNS), np.nan, dtype=np.float32)
-        set_ids = fans.set_ids & np.uint32(len(sets) - 1)
+        results = np.full((len(hemispheres), N_COLUMNS), np.nan, dtype=np.float32)
+        set_ids = hemispheres.set_ids & np.uint32(len(sets) - 1)
 
         def cast(start: int, stop: int) -> None:
             band = slice(start, stop)
-            core.cast_fans(
-                fans.points[band],
-                fans.axes[band],
-                fans.planes[band],
+            core.cast_hemispheres(
+                hemispheres.points[band],
+                hemispheres.axes[band],
+                hemispheres.planes[band],
                 set_ids[band],
                 sets.reshape(-1, 3),
                 sets.shape[1],
@@ -297,7 +297,7 @@ class RayScene:
                 results[band],
             )
 
-        run_bands(cast, len(fans), band=_FANS_PER_BAND, threads=self.threads)
+        run_bands(cast, len(hemispheres), band=_HEMISPHERES_PER_BAND, threads=self.threads)
         return results
 
 

@@ -130,10 +130,10 @@ def parse_picture_bound(value: str | float) -> float:
     return error
 
 
-def in_codes(error: float) -> str:
+def format_codes(error: float) -> str:
     """Write an error of a picture as a fraction of 255 steps.
 
-    >>> in_codes(0.01), in_codes(1 / 255)
+    >>> format_codes(0.01), format_codes(1 / 255)
     ('2.55/255', '1/255')
     """
     return f"{CODES * error:.3g}/{CODES}"

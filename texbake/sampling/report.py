@@ -19,7 +19,7 @@ _PERCENTILES = (50, 99, 100)
 _REPORTED_PERCENT = 1.0  # fewer texels or pixels above the bound are not warned of
 
 
-def generator() -> np.random.Generator:
+def check_random() -> np.random.Generator:
     """Return the random numbers of a check."""
     return np.random.default_rng(_SEED)
 
@@ -63,8 +63,8 @@ class ErrorSummary:
             within = f", {self.measured_within_percent:.2f} % of them within {self.bound:.4g}"
         return (
             f"error of {self.name}",
-            f"estimated {_joined(self.estimated)} {self.unit}, checked on {n_checked:,} {element}s "
-            f"{_joined(self.measured)}{within}",
+            f"estimated {_format_percentiles(self.estimated)} {self.unit}, "
+            f"checked on {n_checked:,} {element}s {_format_percentiles(self.measured)}{within}",
         )
 
 
@@ -128,12 +128,12 @@ class SamplingReport:
         return [item.row(self.n_checked, self.element) for item in self.errors]
 
 
-def listed(percents: dict[int, float]) -> str:
+def format_percents(percents: dict[int, float]) -> str:
     """Write percents as `1: 93.0 %, 4: 7.0 %`."""
     return ", ".join(f"{n}: {percent:.1f} %" for n, percent in percents.items())
 
 
-def _joined(percentiles: dict[int, float]) -> str:
+def _format_percentiles(percentiles: dict[int, float]) -> str:
     if not percentiles:
         return "nothing"
     return " / ".join(f"{value:.3g}" for value in percentiles.values()) + " (median, p99, greatest)"

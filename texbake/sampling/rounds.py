@@ -57,7 +57,7 @@ class OutOfTimeError(Exception):
     """The time of a round is over."""
 
 
-class Refining(Protocol):
+class Refinable(Protocol):
     """What is refined in rounds: the texels of a bake, or the pixels of a picture.
 
     Bounds are counted in the closest bound that is wanted: 1 is that bound, 2 is twice as wide.
@@ -69,13 +69,13 @@ class Refining(Protocol):
     def refine(self, bound: float) -> None:
         """Take the samples of a bound; `OutOfTimeError` leaves the result of the round before."""
 
-    def outlook(self) -> tuple[FloatArray32, FloatArray32]:
+    def predicted_errors(self) -> tuple[FloatArray32, FloatArray32]:
         """Return estimated errors, and the work that each costs in a round to a bound below it.
 
         The errors are counted in closest bounds.
         """
 
-    def taken(self) -> tuple[float, float]:
+    def work_done(self) -> tuple[float, float]:
         """Return the work so far, and the seconds that it took itself, without any overhead."""
 
 
@@ -141,25 +141,25 @@ class Rounds:
         if not self._is_least and self.clock.spent + needed > _LIMIT * self.seconds:
             raise OutOfTimeError
 
-    def spend(self, refining: Refining) -> TimeBudget:
+    def run(self, refining: Refinable) -> TimeBudget:
         """Refine until the time is spent; return the report, still without the actual time."""
-        errors, costs = refining.outlook()
+        errors, costs = refining.predicted_errors()
         while (choice := self._next(_work_above(errors, costs))) is not None:
             bound, known, predicted = choice
             name, start = refining.name_of(bound), self.clock.spent
-            before = refining.taken()
+            before = refining.work_done()
             try:
                 refining.refine(bound)
                 is_complete = True
             except OutOfTimeError:
                 is_complete = False
             seconds = self.clock.spent - start
-            work, sampling = np.subtract(refining.taken(), before).tolist()
+            work, sampling = np.subtract(refining.work_done(), before).tolist()
             self._done.append(Round(name, predicted, seconds, is_complete))
             if is_complete:
                 self._learn(known, work, seconds, sampling)
                 self._reached, self._max_error, self._kept = bound, name, 0.0
-                errors, costs = refining.outlook()
+                errors, costs = refining.predicted_errors()
             else:
                 self._growth *= _GIVEN_UP
                 self._kept += work
@@ -239,12 +239,12 @@ def _work_above(errors: FloatArray32, costs: FloatArray32) -> npt.NDArray[np.flo
     return np.asarray(np.cumsum(sums[::-1])[::-1])
 
 
-def evenly_spread(n: int, n_chosen: int, n_runs: int) -> Sequence[range]:
+def spread_rows(n: int, n_chosen: int, n_runs: int) -> Sequence[range]:
     """Return runs that together have `n_chosen` of `n` rows, spread evenly; all of few rows.
 
-    >>> evenly_spread(100, 8, 2)
+    >>> spread_rows(100, 8, 2)
     [range(23, 27), range(73, 77)]
-    >>> evenly_spread(6, 8, 2)
+    >>> spread_rows(6, 8, 2)
     [range(0, 6)]
     """
     if n <= n_chosen:

@@ -144,6 +144,6 @@ class TimeBudget:
         ]
 
 
-def finished(budget: TimeBudget, clock: BudgetClock) -> TimeBudget:
+def with_actual_time(budget: TimeBudget, clock: BudgetClock) -> TimeBudget:
     """Return the report with the time that was spent up to now."""
     return replace(budget, actual_seconds=clock.spent)

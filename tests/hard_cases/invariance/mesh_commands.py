@@ -39,7 +39,7 @@ from invariance.quantities import (
 import texbake
 from texbake.jobs.export.levels import share_elsewhere
 from texbake.mesh.normals import face_normals, smooth_normals
-from texbake.raycast.orient import oriented
+from texbake.raycast.orientation import oriented
 
 Result = Mapping[str, Quantity]
 Command = Callable[[Side], Result]

@@ -18,7 +18,7 @@ from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
 from texbake.sampling.report import (
     ErrorSummary,
     SamplingReport,
-    listed,
+    format_percents,
     percent_within,
     percentiles_of,
 )
@@ -137,5 +137,7 @@ class BakeSampling(SamplingReport):
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, to print."""
-        samples = f"{listed(self.sample_percents)}; {self.rays_per_texel:.2f} rays per texel"
+        samples = (
+            f"{format_percents(self.sample_percents)}; {self.rays_per_texel:.2f} rays per texel"
+        )
         return [("samples per texel", samples), *super().table()]

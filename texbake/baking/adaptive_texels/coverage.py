@@ -29,7 +29,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FaceBins:
-    """Faces of the low-poly mesh, listed for each square of texels that they overlap.
+    """Faces of the low-poly mesh, format_percents for each square of texels that they overlap.
 
     Attributes
     ----------

@@ -1,25 +1,42 @@
 """A bake with adaptive samples: one per texel, and more where neighboring ones disagree.
 
 Samples are added until the errors are within a bound, or while there is time for a tighter one.
+
+At the end some texels are baked a second time, with 13 samples each on a Fibonacci lattice, to see
+whether the estimated errors can be trusted. Where values jump these are worth 12 samples on a grid,
+where they bend 6, so the check has an error of its own.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.bounded_maps import BakeSampling, BoundedMap, bounded_maps
 from texbake.baking.adaptive_texels.cells import LAST_LEVEL, NO_CHART, BoolArray, FloatArray32
-from texbake.baking.adaptive_texels.recheck import Recheck
+from texbake.baking.adaptive_texels.coverage import (
+    N_CHECK_SAMPLES,
+    CellSamples,
+    FaceBins,
+    check_samples,
+)
 from texbake.baking.adaptive_texels.refinement import Refinement, estimate_for, refine
 from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
+from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
-from texbake.baking.trace import Trace
+from texbake.baking.texels import SampleGrid
+from texbake.baking.trace import SampleCaster, Trace
+from texbake.core import portable_math as pm
+from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
-from texbake.sampling.report import percent_within
+from texbake.raycast.rays import NO_HIT
+from texbake.sampling.report import check_random, n_to_check, percent_within
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
 
@@ -42,7 +59,7 @@ def cast_adaptively(
             sampler.cast_texels()
             refined = refine(sampler, bounded, str(options.error_bounds))
         else:
-            refined, budget = TexelRounds(sampler, options, clock or BudgetClock()).spend()
+            refined, budget = TexelRounds(sampler, options, clock or BudgetClock()).run()
         has_data = sampler.cells.charts[: len(refined.means)] != NO_CHART
         with stages.part("make maps"):
             has_data |= refined.add_means(sampler)
@@ -67,7 +84,7 @@ def _report(
     n_covered = max(int(np.count_nonzero(has_data)), 1)
     n_rays = counts.rays_cast
     finest = np.bincount(refined.finest[has_data], minlength=LAST_LEVEL + 1)
-    recheck = Recheck(sampler.bins, sampler.inputs, sampler.caster, has_data)
+    recheck = ValidationBake(sampler.bins, sampler.inputs, sampler.caster, has_data)
     errors = tuple(
         item.summary(
             _errors_of(item, sampler, refined)[has_data],
@@ -94,3 +111,76 @@ def _errors_of(item: BoundedMap, sampler: TexelSampler, refined: Refinement) -> 
     if len(refined.bounded) == 1:
         return refined.errors
     return estimate_for(sampler, [item]).of_divided()
+
+
+IdArray = npt.NDArray[np.int64]
+
+_CHECKS_PER_SIDE = 4  # of a texel: a grid of about as many cells as there are samples
+
+
+class ValidationBake:
+    """A second bake of one texel in a hundred.
+
+    `has_data` (height * width,) bool: texels to choose from.
+
+    Attributes
+    ----------
+    texels : (n,) int64
+        Row times width plus column, in order.
+    n_samples : int
+        Number of samples of each.
+    """
+
+    n_samples = N_CHECK_SAMPLES
+
+    def __init__(
+        self, bins: FaceBins, inputs: BakeInputs, caster: SampleCaster, has_data: BoolArray
+    ) -> None:
+        self._inputs = inputs
+        self.texels = _chosen(np.flatnonzero(has_data))
+        samples = check_samples(bins, inputs.options.width_px, self.texels)
+        caster = replace(caster, occlusion_range=None)  # no map with a bound needs secondary rays
+        size = inputs.options.width_px, inputs.options.height_px
+        self._hits, places = _cast(caster, samples, SampleGrid(*size, _CHECKS_PER_SIDE))
+        self._ranks = places // self.n_samples
+
+    def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+        """Return how far the means (height * width, C) of a map are from those of the second bake.
+
+        Returns (n,) float64: lengths of the differences, for each texel where the second bake hit
+        anything.
+        """
+        values = kind.values(self._hits, self._inputs)
+        n = len(self.texels)
+        counts = np.bincount(self._ranks, minlength=n)
+        sums = np.stack(
+            [np.bincount(self._ranks, values[:, c], minlength=n) for c in range(kind.channels)],
+            axis=1,
+        )
+        has_hit = counts > 0
+        second = sums[has_hit] / counts[has_hit, np.newaxis]
+        first = means[self.texels[has_hit]].astype(np.float64)
+        if kind.combine == "unit mean":
+            second, first = _units(second), _units(first)
+        return np.asarray(pm.norm(second - first, axis=1))
+
+
+def _cast(caster: SampleCaster, samples: CellSamples, grid: SampleGrid) -> tuple[Hits, IntArray]:
+    """Cast samples; return the hits, and the places of their samples."""
+    hits = caster.cast(samples.samples, grid)
+    is_hit = hits.high_faces != NO_HIT
+    return hits.where(is_hit), samples.places[is_hit]
+
+
+def _chosen(candidates: IdArray) -> IdArray:
+    """Draw texels at random."""
+    # Several times faster than drawing without repetition; a few texels fewer are drawn.
+    n = len(candidates)
+    places = np.unique(check_random().integers(0, max(n, 1), n_to_check(n)))
+    chosen: IdArray = candidates[places]
+    return chosen
+
+
+def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    lengths = pm.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)

@@ -18,14 +18,14 @@ from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES
 from texbake.baking.adaptive_texels.refinement import Refinement, estimate_for, refine
 from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
-from texbake.baking.finished_maps import finished_maps, texel_charts_of
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
+from texbake.baking.padding import finished_maps, texel_charts_of
 from texbake.baking.sums import TexelSums
 from texbake.progress import Stages
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
 from texbake.sampling.report import CHECKED_SHARE
-from texbake.sampling.rounds import OutOfTimeError, Rounds, evenly_spread
+from texbake.sampling.rounds import OutOfTimeError, Rounds, spread_rows
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
 # The closest bounds where none is given: about what 16-bit maps round off.
@@ -58,12 +58,12 @@ class TexelRounds:
         self._divisions: list[Division] = []  # the last that is complete, and those given up since
         self._level_start = self._sampling = 0.0
 
-    def spend(self) -> tuple[Refinement, TimeBudget]:
+    def run(self) -> tuple[Refinement, TimeBudget]:
         """Take all samples; return what they have given."""
         self._take_first()
         self._predict_least()
         self._sampler.watch = self._watch
-        report = self._rounds.spend(self)
+        report = self._rounds.run(self)
         self._sampler.watch = None
         if len(self._divisions) > 1:
             self._sampler.cells.restore(self._divisions[0])
@@ -86,13 +86,13 @@ class TexelRounds:
             raise
         self._bound, self._divisions = bound, [sampler.cells.division]
 
-    def outlook(self) -> tuple[FloatArray32, FloatArray32]:
+    def predicted_errors(self) -> tuple[FloatArray32, FloatArray32]:
         """Return estimated errors in closest bounds, and the samples that each costs."""
         if self._refined is None:
-            return self._first_outlook
+            return self._first_errors
         return _further(self._refined, self._bound)
 
-    def taken(self) -> tuple[float, float]:
+    def work_done(self) -> tuple[float, float]:
         """Return the number of rays, and the seconds of levels that were cast whole."""
         return self._sampler.trace.counts.rays_cast, self._sampling
 
@@ -128,7 +128,7 @@ class TexelRounds:
         with sampler.stages.part("estimate errors"):
             bounded = bounded_maps(sampler.kinds, sampler.inputs, self._closest)
             _, steps = estimate_for(sampler, bounded).of_samples()
-            self._first_outlook = errors, costs = _of_first_samples(steps)
+            self._first_errors = errors, costs = _of_first_samples(steps)
         estimate = self._clock.spent - start
         n_covered = int(np.count_nonzero(sampler.cells.charts[: len(steps)] != NO_CHART))
         check = rounds.unit * _CHECK_COST * CHECKED_SHARE * n_covered * N_CHECK_SAMPLES
@@ -151,7 +151,7 @@ class TexelRounds:
         """Make maps of some rows from the first samples; return how many rows they are."""
         sampler, options = self._sampler, self._options
         height, width = sampler.shape
-        rows = np.concatenate(evenly_spread(height, n_rows, _TIMED_RUNS))
+        rows = np.concatenate(spread_rows(height, n_rows, _TIMED_RUNS))
         texels = (rows[:, np.newaxis] * width + np.arange(width)).reshape(-1)
         inputs = sampler.inputs.with_options(replace(options, size=(width, len(rows))))
         has_data = sampler.cells.charts[texels] != NO_CHART

@@ -13,8 +13,7 @@ import numpy as np
 from texbake.baking.channel_images import MaterialPoints
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.interpolation import interpolated
-from texbake.baking.maps.kind import Float32Array, MapKind
+from texbake.baking.maps.kind import Float32Array, MapKind, interpolated
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError
 from texbake.mesh.materials import CHANNELS, Channel, ChannelSource

@@ -1,4 +1,7 @@
-"""What defines a map: the value of a hit, how the values of a texel are combined, its encoding."""
+"""What defines a map: the value of a hit, how the values of a texel are combined, its encoding.
+
+Kernel: `core/barycentric.c`.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,9 @@ import numpy.typing as npt
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.options import BakeOptions
-from texbake.mesh.mesh import FloatArray
+from texbake.core import core
+from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.parallel import run_bands
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -75,3 +80,25 @@ class MapKind:
     bounds: Callable[[BakeInputs], FloatArray] | None = None
     legend: Callable[[BakeInputs], tuple[str, ...]] | None = None
     require: Callable[[BakeInputs], None] | None = None
+
+
+_BAND = 1 << 15
+
+
+def interpolated(
+    hits: Hits, values: Float32Array, corners: IntArray, threads: int | None
+) -> Float32Array:
+    """Values of corners, interpolated linearly at the hits: (n, C) float32.
+
+    `values` (N, C) float32; `corners` (F, 3) int32.
+    """
+    found = np.empty((len(hits), values.shape[1]), dtype=np.float32)
+
+    def work(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        core.interpolate_corners(
+            hits.high_faces[band], hits.high_barycentrics[band], values, corners, found[band]
+        )
+
+    run_bands(work, len(hits), band=_BAND, threads=threads)
+    return found

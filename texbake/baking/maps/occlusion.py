@@ -12,9 +12,9 @@ from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.maps.normals import flat_normal, to_tangent_space
-from texbake.baking.secondary_rays import INNER, OUTER, met_by
+from texbake.baking.secondary_rays import INNER, OUTER, secondary_values
 from texbake.core import portable_math as pm
-from texbake.raycast.fans import DEPTH, OPEN, OPEN_DIRECTION
+from texbake.raycast.hemispheres import DEPTH, OPEN, OPEN_DIRECTION
 
 # Measured with 64 rays: 0.057 sqrt(v (1 - v)) of ao, for all v; 1.7 % of thickness.
 _NOISE_OF_SHARES, _RELATIVE_NOISE = 1.3, 0.4
@@ -26,7 +26,7 @@ def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     Weighted by the cosine of the angle to the normal: 1 for a convex surface, 1/2 everywhere in a
     hemispherical bowl.
     """
-    return np.ascontiguousarray(met_by(hits, OPEN, "ao")[:, np.newaxis])
+    return np.ascontiguousarray(secondary_values(hits, OPEN, "ao")[:, np.newaxis])
 
 
 def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -36,7 +36,7 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     the options specify. It is the high-poly normal where no direction is open, and flat, (0, 0, 1),
     where the tangent frame is singular.
     """
-    values = met_by(hits, OPEN_DIRECTION, "bent-normal")
+    values = secondary_values(hits, OPEN_DIRECTION, "bent-normal")
     if inputs.options.space == "tangent":
         values = np.ascontiguousarray(values)
         to_tangent_space(hits, inputs, values, normalize=True)
@@ -53,7 +53,7 @@ def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     convex body is 4 times its volume divided by its surface area (Cauchy's mean chord theorem). A
     ray that meets no far side counts with its full length.
     """
-    return np.ascontiguousarray(met_by(hits, DEPTH, "thickness")[:, np.newaxis])
+    return np.ascontiguousarray(secondary_values(hits, DEPTH, "thickness")[:, np.newaxis])
 
 
 AMBIENT_OCCLUSION = MapKind(

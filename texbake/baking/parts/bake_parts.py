@@ -24,8 +24,7 @@ from texbake.baking.parts.high_parts import HighMeshes, NamedPart, match_objects
 from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
 from texbake.baking.parts.matching import Matching
 from texbake.baking.parts.options import PartsOptions
-from texbake.baking.parts.report import PartFigures, PartsReport, target_name
-from texbake.baking.parts.result import PartsResult
+from texbake.baking.parts.result import PartFigures, PartsReport, PartsResult, target_name
 from texbake.baking.parts.target_maps import TargetMaps
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import DistanceSummary
@@ -39,7 +38,7 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
-from texbake.raycast.orient import OrientationReport
+from texbake.raycast.orientation import OrientationReport
 from texbake.raycast.scene import RayScene
 from texbake.sampling.time_budget import BudgetClock
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.finished_maps import finished_maps
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import MapKind
 from texbake.baking.options import BakeOptions
+from texbake.baking.padding import finished_maps
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult
 from texbake.baking.texels import NO_FACE

@@ -16,8 +16,8 @@ from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.recheck import SIDE, chosen_pixels
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.rendering.options import RenderOptions
-from texbake.sampling.bounds import CODES, in_codes, parse_picture_bound
-from texbake.sampling.rounds import Rounds, evenly_spread
+from texbake.sampling.bounds import CODES, format_codes, parse_picture_bound
+from texbake.sampling.rounds import Rounds, spread_rows
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
 if TYPE_CHECKING:
@@ -60,31 +60,31 @@ class PictureRounds:
         self._before = 0.0, 0.0  # what was taken before the round
         self._predict_least(first_seconds)
 
-    def spend(self) -> tuple[float, TimeBudget]:
+    def run(self) -> tuple[float, TimeBudget]:
         """Refine the picture; return the bound that was reached, and the report."""
         sampler = self._adaptive.sampler
         sampler.watch, sampler.now = self._watch, self._clock.now
-        report = self._rounds.spend(self)
+        report = self._rounds.run(self)
         sampler.watch = None
         self._adaptive.restore(self._state)
         return parse_picture_bound(report.max_error), report
 
     def name_of(self, bound: float) -> str:
         """Return a bound as the value of `max_error`."""
-        return in_codes(min(bound * self._closest, _WIDEST))
+        return format_codes(min(bound * self._closest, _WIDEST))
 
     def refine(self, bound: float) -> None:
         """Refine again from the first samples, with all that were taken since."""
         self._adaptive.restart()
-        self._before = self.taken()
+        self._before = self.work_done()
         self._adaptive.refine(parse_picture_bound(self.name_of(bound)))
         self._state = self._adaptive.state
 
-    def outlook(self) -> tuple[Float32Array, Float32Array]:
+    def predicted_errors(self) -> tuple[Float32Array, Float32Array]:
         """Return estimated errors in closest bounds, and the work that each costs."""
         return _further(self._adaptive, self._closest)
 
-    def taken(self) -> tuple[float, float]:
+    def work_done(self) -> tuple[float, float]:
         """Return the work so far, and the seconds that pixels took without windows."""
         sampler = self._adaptive.sampler
         seconds = sampler.seconds - self._window * sampler.n_windows
@@ -93,7 +93,7 @@ class PictureRounds:
     def _watch(self, n_pixels: int, sides: Sides) -> None:
         """Give a round up if its next window would take too long, as slow as those before it."""
         work = n_pixels * (sides.shaded**2 + float(_SEEN_COST) * sides.seen**2)
-        done, seconds = np.subtract(self.taken(), self._before).tolist()
+        done, seconds = np.subtract(self.work_done(), self._before).tolist()
         unit = max(self._rounds.unit, seconds / done if done > 0.0 else 0.0)
         self._rounds.check(self._window + unit * work)
 
@@ -103,7 +103,7 @@ class PictureRounds:
         n_covered = int(np.count_nonzero(adaptive.sums.covered > 0.0))
         rounds.unit = first_seconds / max((1.0 + 16.0 * float(_SEEN_COST)) * n_covered, 1.0)
         start = clock.spent
-        self.outlook()
+        self.predicted_errors()
         estimate = clock.spent - start
         self._window, check = _time_check(adaptive, clock)
         rounds.overhead = _ESTIMATES * estimate + _WINDOWS * self._window
@@ -141,7 +141,7 @@ def _time_check(adaptive: AdaptivePicture, clock: BudgetClock) -> tuple[float, f
         return 0.0, 0.0
     # The fixed cost of a window, with one pixel in each; the first time loads what is needed.
     height, width = shows.shape
-    rows = np.concatenate(evenly_spread(height, _TIMED_RUNS, _TIMED_RUNS))
+    rows = np.concatenate(spread_rows(height, _TIMED_RUNS, _TIMED_RUNS))
     shown = np.flatnonzero(shows)
     some = shown[np.isin(shown // width, rows)]
     some = shown[:1] if len(some) == 0 else some

@@ -15,12 +15,12 @@ import numpy.typing as npt
 from texbake.rendering.adaptive_pixels.pixel_error import code_means
 from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
-from texbake.sampling.bounds import CODES, in_codes
+from texbake.sampling.bounds import CODES, format_codes
 from texbake.sampling.report import (
     ErrorSummary,
     SamplingReport,
-    generator,
-    listed,
+    check_random,
+    format_percents,
     n_to_check,
     percent_within,
     percentiles_of,
@@ -58,10 +58,10 @@ class PictureSampling(SamplingReport):
 
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a value, for display."""
-        shadings = f"{listed(self.shaded_percents)}; {self.shadings_per_pixel:.2f} taken on average"
+        shadings = format_percents(self.shaded_percents)
         return [
-            ("shadings per pixel", shadings),
-            ("samples per pixel", listed(self.sample_percents)),
+            ("shadings per pixel", f"{shadings}; {self.shadings_per_pixel:.2f} taken on average"),
+            ("samples per pixel", format_percents(self.sample_percents)),
             *super().table(),
         ]
 
@@ -92,7 +92,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
         measured_within_percent=percent_within(apart, bound),
     )
     return PictureSampling(
-        max_error=None if bound is None else in_codes(bound),
+        max_error=None if bound is None else format_codes(bound),
         sample_percents=_percents(sums.counts[shows]),
         within_percent=percent_within(errors[shows], bound),
         n_checked=len(apart),
@@ -105,7 +105,7 @@ def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
 
 def chosen_pixels(shows: BoolArray) -> BoolArray:
     """(H, W) bool: pixels chosen at random within randomly chosen runs of rows."""
-    rng = generator()
+    rng = check_random()
     by_row = np.count_nonzero(shows, axis=1)
     runs = np.add.reduceat(by_row, np.arange(0, len(by_row), RUN))
     n_wanted = n_to_check(int(by_row.sum()))

@@ -31,7 +31,7 @@ from texbake.rendering.draw import Prepared, laid_out, shaded_sums
 from texbake.rendering.effect import RenderState
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import parse_picture_bound
-from texbake.sampling.time_budget import BudgetClock, TimeBudget, finished
+from texbake.sampling.time_budget import BudgetClock, TimeBudget, with_actual_time
 from texbake.texture.image import FloatImage
 
 FIRST = Sides(seen=4, shaded=1)
@@ -211,7 +211,7 @@ def draw_adaptively(
     with stages.stage("refine"):
         if options.time_budget is not None:
             seconds = clock.spent - start
-            bound, budget = PictureRounds(adaptive, options, clock, seconds).spend()
+            bound, budget = PictureRounds(adaptive, options, clock, seconds).run()
         else:
             assert options.max_error is not None
             bound = parse_picture_bound(options.max_error)
@@ -219,7 +219,7 @@ def draw_adaptively(
     with stages.stage("check errors"):
         sampling = recheck(adaptive, bound)
     if budget is not None:
-        budget = finished(budget, clock)
+        budget = with_actual_time(budget, clock)
     return Frame(
         color=adaptive.color,
         coverage=adaptive.sums.coverage if coverage is None else coverage,

@@ -28,7 +28,7 @@ _INFLATED = 2.2
 _BESIDE = 0.5
 
 
-def misfit(pair: MeshPair) -> list[Finding | None]:
+def misalignment(pair: MeshPair) -> list[Finding | None]:
     """Why two meshes do not fit: their scale, then their axes, then their place."""
     if not pair.apart:
         return []
@@ -53,7 +53,7 @@ def misfit(pair: MeshPair) -> list[Finding | None]:
     ]
 
 
-def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
+def require_alignment(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
     """Raise where a low-poly mesh fits the high-poly mesh only once it is scaled, rotated or moved.
 
     Other pairs that lie apart may be meant so: a plane and what stands before it, or a low-poly
@@ -74,12 +74,12 @@ def stop_at_misfit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None
         "differing-scale": 1.0 / _INFLATED <= ratio <= _INFLATED,
         "differing-place": moved < _BESIDE,
     }
-    for finding in misfit(pair):
+    for finding in misalignment(pair):
         if finding is not None and not harmless.get(finding.name):
             raise MeshError(_worded(pair, finding))
 
 
-def why_rays_pass(pair: MeshPair) -> tuple[str, ...]:
+def explain_opposite_sides(pair: MeshPair) -> tuple[str, ...]:
     """Say in the words of `check` that two meshes face against each other; nothing if they do not.
 
     For bakes of which most rays missed.
@@ -88,9 +88,9 @@ def why_rays_pass(pair: MeshPair) -> tuple[str, ...]:
     return () if found is None else (_worded(pair, found),)
 
 
-def why_apart(pair: MeshPair) -> tuple[str, ...]:
+def explain_misalignment(pair: MeshPair) -> tuple[str, ...]:
     """Say in the words of `check` whether two meshes are apart, or only some low-poly faces."""
-    found = tuple(_worded(pair, finding) for finding in misfit(pair) if finding is not None)
+    found = tuple(_worded(pair, finding) for finding in misalignment(pair) if finding is not None)
     if not found and (far := distances(pair)[0]) is not None:
         return (
             f"{pair.low.mesh.name}: {far.count:,} {far.kind.title}. {far.problem} {far.remedy}",

@@ -1,15 +1,15 @@
-"""Fans of rays that start on a surface: how open its surroundings are, and how thick it is.
+"""Hemispheres of rays on a surface: how open its surroundings are, and how thick it is.
 
 From a point of the surface, the outer rays spread over the hemisphere of the shading normal, and
 the inner rays go the opposite way. Directions that would point below the plane of the face are
 mirrored at it, so that no ray enters the face it starts on, and a convex surface is fully open
 however few faces it has.
 
-What the rays of a fan hit is summed up in these columns:
+What the rays of a hemisphere hit is summed up in these columns:
 
 - `OPEN`: the share of the outer rays that hit nothing, 0 to 1;
-- `OPEN_DIRECTION`: the mean of their directions, not normalized; the axis of the fan where all
-  outer rays hit something;
+- `OPEN_DIRECTION`: the mean of their directions, not normalized; the axis of the hemisphere where
+  all outer rays hit something;
 - `DEPTH`: the mean distance that the inner rays go.
 
 A column whose rays are not cast holds NaN.
@@ -41,19 +41,19 @@ _BITS = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Fans(Rows):
-    """Fans of rays in the local frame, each from one point.
+class Hemispheres(Rows):
+    """Hemispheres of rays in the local frame, each around one point.
 
     Attributes
     ----------
     points : (n, 3) float64
         On the surface.
     axes : (n, 3) float32
-        Unit shading normals; zero where there is none, and then the fan hits nothing.
+        Unit shading normals; zero where there is none, and then the hemisphere hits nothing.
     planes : (n, 3) float32
         Unit normals of the faces, on the side of the axis; the axis where a face has no area.
     set_ids : (n,) uint32
-        Hashes that select a set of directions for each fan.
+        Hashes that select a set of directions for each hemisphere.
     """
 
     points: FloatArray
@@ -63,7 +63,7 @@ class Fans(Rows):
 
 
 class OcclusionRange(NamedTuple):
-    """How far the rays of fans go, in local units.
+    """How far the rays of hemispheres go, in local units.
 
     Attributes
     ----------

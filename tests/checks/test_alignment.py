@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from texbake.baking.options import BakeOptions
+from texbake.checks.alignment import require_alignment
 from texbake.checks.check import check
-from texbake.checks.misfit import stop_at_misfit
 from texbake.errors import MeshError
 from texbake.jobs.cages import cage_file
 from texbake.jobs.maps import bake_files
@@ -46,7 +46,7 @@ UPRIGHT = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     found = {one.name: one for one in check(high(), low(**changes)).findings}
     with pytest.raises(MeshError) as stop:
-        stop_at_misfit(high(), low(**changes))
+        require_alignment(high(), low(**changes))
     assert f"{found[finding].problem} {found[finding].remedy}" in str(stop.value)
 
 
@@ -66,7 +66,7 @@ def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     ],
 )
 def test_pairs_that_may_be_meant_so(pair):
-    assert stop_at_misfit(*pair) is None  # it raises otherwise
+    assert require_alignment(*pair) is None  # it raises otherwise
 
 
 def test_files(tmp_path):

@@ -7,7 +7,7 @@ from tests.models import joined
 from texbake.mesh.compose import turned_over
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
-from texbake.raycast.orient import oriented
+from texbake.raycast.orientation import oriented
 
 
 def placed(mesh, scale=1.0, move=(0.0, 0.0, 0.0)):

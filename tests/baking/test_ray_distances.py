@@ -5,7 +5,7 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.reach import MARGIN
+from texbake.baking.ray_distances import MARGIN
 from texbake.baking.scenes import BakeScenes
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes

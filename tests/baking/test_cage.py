@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.cage.fit import fit_cage
+from texbake.baking.cage import fit_cage
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mesh.mesh import Mesh

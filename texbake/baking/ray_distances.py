@@ -46,7 +46,7 @@ _EDGE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class RayProbe:
     """What rays met that were cast out and in from points of a low-poly mesh.
 
     Attributes
@@ -61,7 +61,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class CornerReach:
+class CornerRayDistances:
     """How far rays start in front of each corner of each face, and how far behind it they end.
 
     Attributes
@@ -85,14 +85,14 @@ class CornerReach:
         return np.asarray(self.distances[np.minimum(rows, len(known) - 1)])
 
 
-def measure_reach(
+def measure_ray_distances(
     high: Mesh | StreamedMesh,
     low: Mesh,
     frame: LocalFrame,
-    look: Look,
+    look: RayProbe,
     *,
     threads: int | None = None,
-) -> CornerReach:
+) -> CornerRayDistances:
     """Measure how far rays must reach at each vertex of a low-poly mesh."""
     of_faces = np.zeros((low.n_faces, 2))
     _add_high(of_faces, high, low, frame, threads)
@@ -105,7 +105,7 @@ def measure_reach(
         of_faces = distances[sides].max(axis=1)
     floor = np.quantile(distances, _FLOOR, axis=0)
     distances = np.maximum(distances, floor) * MARGIN + LEAST_EXTENT
-    return CornerReach(low, distances[sides])
+    return CornerRayDistances(low, distances[sides])
 
 
 def _sides(low: Mesh) -> npt.NDArray[np.intp]:
@@ -159,7 +159,7 @@ def _normals(triangles: FloatArray) -> FloatArray:
     return np.cross(second - first, third - first)
 
 
-def _add_low(of_faces: FloatArray, look: Look) -> None:
+def _add_low(of_faces: FloatArray, look: RayProbe) -> None:
     """Raise the distances of faces to what the rays of their points met first."""
     # On its way out a ray meets the surface from behind, on its way in from the front.
     distances = [

@@ -1,6 +1,6 @@
-/* Fans of rays from points of a surface, cast one direction at a time for 16 fans.
+/* Hemispheres of rays from points of a surface, cast one direction at a time for 16 hemispheres.
 
-   The fans of neighboring texels follow each other, and so do their rays in one direction: a
+   The hemispheres of neighboring texels follow each other, and so do their rays in one direction: a
    triangle that blocks one ray often blocks the next.
 
    Based on: Duff et al., "Building an Orthonormal Basis, Revisited", 2017, for the frames.
@@ -11,37 +11,37 @@
 #include "numbers.h"
 #include "single_rays.h"
 
-#define TOGETHER 16 /* fans whose rays are cast in turn */
+#define TOGETHER 16 /* hemispheres whose rays are cast in turn */
 
-/* Columns of the results: texbake/raycast/fans.py. */
+/* Columns of the results: texbake/raycast/hemispheres.py. */
 enum { OPEN, OPEN_DIRECTION, DEPTH = OPEN_DIRECTION + 3, N_COLUMNS };
 
-/* Two tangents and the axis of a fan, and the normal of the plane that its rays stay above. */
-struct fan {
+/* Two tangents and the axis of a hemisphere, and the normal of the plane its rays stay above. */
+struct hemisphere {
     double frame[3][3], plane[3];
 };
 
-static struct fan frame_fan(const float axis[3], const float plane[3])
+static struct hemisphere frame_hemisphere(const float axis[3], const float plane[3])
 {
     const double x = axis[0], y = axis[1], z = axis[2], sign = z >= 0.0 ? 1.0 : -1.0;
     const double a = -1.0 / (sign + z), b = x * y * a;
-    return (struct fan){
+    return (struct hemisphere){
         {{1.0 + sign * x * x * a, sign * b, -sign * x}, {b, sign + y * y * a, -y}, {x, y, z}},
         {plane[0], plane[1], plane[2]}};
 }
 
-/* Turn a direction into the frame of a fan, mirrored at the plane if it points below. */
-static void turn_direction(const struct fan *fan, const float local[3], double direction[3])
+/* Turn a direction into the frame of a hemisphere, mirrored at the plane if it points below. */
+static void turn_direction(const struct hemisphere *at, const float local[3], double direction[3])
 {
     double height = 0.0;
     for (int k = 0; k < 3; k++) {
-        direction[k] = local[0] * fan->frame[0][k] + local[1] * fan->frame[1][k] +
-                       local[2] * fan->frame[2][k];
-        height += direction[k] * fan->plane[k];
+        direction[k] = local[0] * at->frame[0][k] + local[1] * at->frame[1][k] +
+                       local[2] * at->frame[2][k];
+        height += direction[k] * at->plane[k];
     }
     const double below = 2.0 * min_f64(height, 0.0);
     for (int k = 0; k < 3; k++)
-        direction[k] -= below * fan->plane[k];
+        direction[k] -= below * at->plane[k];
 }
 
 /* A ray that starts an offset above a plane (side 1) or below it (-1) and goes to that side. */
@@ -57,9 +57,9 @@ static struct single_ray ray_from(
     return ray;
 }
 
-/* Cast fans, and write what their rays meet; `sets` are sets of n_rays directions. Rays of length 0
-   are not cast. */
-void cast_fans(
+/* Cast hemispheres, and write what their rays meet; `sets` are sets of n_rays directions. Rays of
+   length 0 are not cast. */
+void cast_hemispheres(
     int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double points[n][3], const float axes[n][3], const float planes[n][3],
     const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
@@ -69,17 +69,17 @@ void cast_fans(
 {
     const struct ray_tree tree = ray_tree_of(leaves, nodes, n_levels, starts, box);
     for (int64_t first = 0; first < n; first += TOGETHER) {
-        const int64_t n_fans = min_i64(n - first, TOGETHER);
-        struct fan fans[TOGETHER];
+        const int64_t n_hemispheres = min_i64(n - first, TOGETHER);
+        struct hemisphere hemispheres[TOGETHER];
         double sums[TOGETHER][N_COLUMNS] = {{0}};
-        for (int64_t i = 0; i < n_fans; i++)
-            fans[i] = frame_fan(axes[first + i], planes[first + i]);
+        for (int64_t i = 0; i < n_hemispheres; i++)
+            hemispheres[i] = frame_hemisphere(axes[first + i], planes[first + i]);
         for (int64_t j = 0; j < n_rays; j++) {
             int64_t blocker = -1;
-            for (int64_t i = 0; i < n_fans; i++) {
-                const double *point = points[first + i], *plane = fans[i].plane;
+            for (int64_t i = 0; i < n_hemispheres; i++) {
+                const double *point = points[first + i], *plane = hemispheres[i].plane;
                 double direction[3], *sum = sums[i];
-                turn_direction(&fans[i], sets[set_ids[first + i] * n_rays + j], direction);
+                turn_direction(&hemispheres[i], sets[set_ids[first + i] * n_rays + j], direction);
                 if (outer > 0.0) {
                     const struct single_ray ray =
                         ray_from(point, plane, offset, direction, 1.0, outer);
@@ -96,7 +96,7 @@ void cast_fans(
                 }
             }
         }
-        for (int64_t i = 0; i < n_fans; i++) {
+        for (int64_t i = 0; i < n_hemispheres; i++) {
             float *result = results[first + i];
             const double *sum = sums[i];
             if (outer > 0.0) {
@@ -120,7 +120,7 @@ static double inverse_length(const double vector[3])
 }
 
 /* Write the point, the shading normal and the face normal of each hit, in the local frame. */
-void place_fans(
+void place_hemispheres(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double positions[n_vertices][3],
     const int32_t corners[n_faces][3], const double center[3], double scale,

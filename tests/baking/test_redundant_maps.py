@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.needless_maps import needless_maps
 from texbake.baking.options import BakeOptions
+from texbake.baking.result import redundant_maps
 from texbake.jobs.maps import bake_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
@@ -21,7 +21,7 @@ BALL = uv_sphere(16, 32)
 def sentences(high: Mesh, *maps: str, materials: Materials | None = None, **given: object) -> dict:
     options = BakeOptions(maps=maps, size=32, secondary_rays=16, **given)  # type: ignore[arg-type]
     found = bake(high, BALL, options, materials=materials).maps
-    told = dict(line.split(": ", 1) for line in needless_maps(found, 2.0))
+    told = dict(line.split(": ", 1) for line in redundant_maps(found, 2.0))
     return {name: words.split(" at ")[0].split(";")[0] for name, words in told.items()}
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.raycast.fans import (
+from texbake.raycast.hemispheres import (
     concentric_disk,
     direction_sets,
     mixed,
