@@ -1,8 +1,8 @@
 """A group of commands that imports each command only when it is used.
 
-Each command is in a module of the same name, under the same name, with `_` for `-`. These modules
-import only click and the dataclasses of options. Everything heavy is imported when the command
-runs, so that `texbake --help` answers at once.
+A command is made from the verb of its name, or stands in a module of `commands`, under the same
+name, with `_` for `-`. These modules import only click and the dataclasses of options. Everything
+heavy is imported when the command runs, so that `texbake --help` answers at once.
 """
 
 from __future__ import annotations
@@ -82,6 +82,11 @@ class LazyGroup(click.Group):
         """Import the module of a command and return the command, or None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
+        from .verbs import command_of, find_verb
+
+        verb = find_verb(cmd_name)
+        if verb is not None:
+            return command_of(verb)
         name = cmd_name.replace("-", "_")
         command = getattr(import_module(f".commands.{name}", __package__), name)
         assert isinstance(command, click.Command)

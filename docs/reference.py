@@ -282,6 +282,7 @@ _ROOM_TITLES = {
     "checks": "Checks",
     "pages": "Pages",
     "jobs": "Jobs: from files to files",
+    "verbs": "Verbs: from files to files",
     "building": "Builds",
     "study": "The study and the bench",
 }

@@ -81,10 +81,7 @@ from .jobs.comparison import (
     compare_files as compare_files,
     comparison_table as comparison_table,
 )
-from .jobs.convert import (
-    repair_file as repair_file,
-    transform_file as transform_file,
-)
+from .jobs.convert import transform_file as transform_file
 from .jobs.demo import demo as demo
 from .jobs.export.export import (
     ExportResult as ExportResult,
@@ -341,5 +338,6 @@ from .texture.pack import (
     pack_textures as pack_textures,
 )
 from .texture.sample import sample_texture as sample_texture
+from .verbs.repair import repair_file as repair_file
 
 __version__: str

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from texbake.building.step import Job, steady
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
@@ -16,6 +15,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
+from texbake.verbs.step import Job, steady
 
 Do = Callable[..., tuple[dict[str, Path], dict[str, Any]]]
 

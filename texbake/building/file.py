@@ -8,14 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
 
 from texbake.building.locate import line_of
-from texbake.building.step import References, Settings, StepKind
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
@@ -29,14 +35,26 @@ from texbake.rendering.scene.file.faults import (
     place_of,
     shown,
 )
-from texbake.rendering.scene.file.tables import (
-    Table,
-    described,
-    list_of,
-)
+from texbake.rendering.scene.file.tables import Table, described, list_of, table
 from texbake.rendering.scene.file.values import Text
+from texbake.verbs.step import Settings, StepKind
 
 FOLDER = "build"
+
+
+def _references(value: Any) -> Any:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise fault(f"{shown(value)} is neither a name in quotes nor a list of some")
+    return names
+
+
+_NAME = {"type": "string"}
+References = Annotated[
+    list[str],
+    BeforeValidator(_references),
+    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +168,7 @@ class Pipeline:
         shared = self.checks if kind.name == "check" else {}
         given = {**shared, **self.steps[name], **own}
         try:
-            checked = kind.model.model_validate(given)
+            checked = model_of(kind).model_validate(given)
             values = checked.given()
             settings = kind.settings(values)
         except (ValidationError, OptionError) as error:
@@ -306,3 +324,29 @@ PipelineTable: type[Table] = create_model(
         Field(default=...),
     ),
 )
+
+
+@cache
+def model_of(kind: StepKind) -> type[Table]:
+    """Return the model of the tables of a kind of step."""
+    roles = {
+        role.name: described(
+            References if role.many else Text,
+            "Inputs of the asset, or outputs of other steps."
+            if role.many
+            else "An input of the asset, or an output of another step.",
+        )
+        for role in kind.inputs
+    }
+    common = {
+        "do": described(Text, "What the step does."),
+        "after": described(References, "Steps that must have succeeded before."),
+        "output": described(Text, "Names of the files that are published, as a pattern."),
+    }
+    return table(
+        kind.options,
+        name=kind.name,
+        without=kind.without,
+        required=(*kind.required, *(role.name for role in kind.inputs if role.required)),
+        more={**common, **roles},
+    )

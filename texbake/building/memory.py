@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 from texbake.baking.memory import MB, PROCESS, TEXEL, bake_memory
-from texbake.building.step import InputSize, Settings, Sizes
+from texbake.verbs.step import InputSize, Settings, Sizes
 
 # Bytes of a worker that has loaded everything, with what it keeps between steps.
 IDLE_WORKER = PROCESS

@@ -21,7 +21,6 @@ from texbake.building.graph import (
 from texbake.building.locations import is_url
 from texbake.building.memory import size_by_length, size_of
 from texbake.building.progress import WAITING
-from texbake.building.step import InputSize, Settings, StepKind
 from texbake.building.store import (
     DamagedError,
     Ingredients,
@@ -33,6 +32,7 @@ from texbake.building.store import (
 from texbake.building.task import Task
 from texbake.errors import FileError
 from texbake.files import replacing
+from texbake.verbs.step import InputSize, Settings, StepKind
 
 
 @dataclass(eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from texbake.building.file import PipelineTable
+from texbake.building.file import PipelineTable, model_of
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_writable, replacing
@@ -29,7 +29,7 @@ def pipeline_schema() -> JsonSchema:
     schema = file_schema(PipelineTable, "texbake pipeline")
     kinds = []
     for kind in STEP_KINDS.values():
-        step = kind.model.model_json_schema(schema_generator=FileSchema)
+        step = model_of(kind).model_json_schema(schema_generator=FileSchema)
         step["description"] = f"{kind.does[:1].upper()}{kind.does[1:]}."
         step["properties"]["do"] = {"const": kind.name, "description": step["description"]}
         step["required"] = sorted({"do", *step.get("required", ())})

@@ -16,12 +16,12 @@ from typing import Any
 from texbake import __version__
 from texbake.building.fetching import DamagedInputError, TaskInput, fetched
 from texbake.building.locations import file_signature, is_url
-from texbake.building.step import Job
 from texbake.building.steps import STEP_KINDS
 from texbake.building.store import DamagedError, Manifest, Store
 from texbake.errors import FileError, TexbakeError, heard_warnings, is_out_of_memory
 from texbake.files import scratch_folder
 from texbake.progress import peak_memory_bytes
+from texbake.verbs.step import Job
 
 DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
 

@@ -1,4 +1,4 @@
-"""Mesh files written again: in another format, moved or repaired, with their materials.
+"""Mesh files written again: in another format, moved, with their materials.
 
 GLB files keep materials whole, OBJ files what .mtl files have of them.
 """
@@ -11,47 +11,9 @@ from texbake.jobs.written import MaterialBorders, SourceMaterials, write_with_ma
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import RepairOptions, TransformOptions
-from texbake.mesh.repair import RepairReport, repair
+from texbake.mesh.options import TransformOptions
 from texbake.mesh.transform import transform
 from texbake.progress import ProgressSink
-
-
-@appearing_together()
-def repair_file(
-    mesh: PathLike,
-    output: PathLike,
-    options: RepairOptions | None = None,
-    *,
-    mtl: bool = True,
-    progress: ProgressSink | None = None,
-) -> JobResult[RepairReport]:
-    """Repair a mesh file without moving its surface, and write the result.
-
-    Parameters
-    ----------
-    mesh
-    output
-        It may replace `mesh`.
-    options
-        Which repairs; None for all of them.
-    mtl
-        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    JobResult of RepairReport
-        A warning names what the output cannot hold. Materials are lost if faces were removed.
-    """
-    check_mesh(output)
-    with parsed_once():
-        read = read_mesh(mesh, progress=progress)
-        materials = SourceMaterials.read(mesh, read)
-    repaired, report = repair(read, options)
-    files, warnings = write_with_materials(repaired, output, materials, mtl=mtl)
-    return JobResult(files=files, report=report, warnings=warnings)
 
 
 @appearing_together()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -46,6 +46,10 @@ class JobResult(Generic[Report]):
     files: tuple[Path, ...]
     report: Report
     warnings: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures as plain values."""
+        return self.report.to_json()  # type: ignore[attr-defined, no-any-return]
 
 
 def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
@@ -113,6 +117,18 @@ def check_page(path: PathLike | None) -> None:
             )
         check_writable(path)
 
+
+def check_drawing(path: PathLike) -> None:
+    """Raise if a layout could not be written to a path."""
+    from texbake.jobs.uv_pictures import check_layout
+
+    check_layout(path)
+
+
+# By the kinds of `texbake.verbs.verb.Writes`.
+OUTPUT_CHECKS: dict[str, Callable[..., None]] = {
+    "mesh": check_mesh, "picture": check_picture, "page": check_page, "drawing": check_drawing,
+}  # fmt: skip
 
 SUFFIXES_OF_UV_SETS = (".glb", ".obj")
 

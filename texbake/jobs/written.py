@@ -16,16 +16,19 @@ from texbake.files import PathLike
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
     SUFFIXES_OF_UV_SETS,
+    JobResult,
+    Report,
     given,
     triangle_notes,
     uv_set_files,
 )
-from texbake.mesh.files import write_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl_write import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.progress import ProgressSink
 from texbake.texture.gltf_images import gltf_images
 from texbake.texture.model_materials import without_damaged_images
 from texbake.texture.mtl_images import mtl_images
@@ -143,6 +146,23 @@ class MaterialBorders:
         items = tuple(item.on_uv_sets((0,)) for item in materials.materials)
         kept = replace(materials, face_materials=of_faces, materials=items, uv_sets={})
         return made, replace(self.source, materials=kept, lost=lost)
+
+
+def read_with_materials(
+    path: PathLike, progress: ProgressSink | None
+) -> tuple[Mesh, SourceMaterials]:
+    """Read a mesh file with its materials, parsing it once."""
+    with parsed_once():
+        mesh = read_mesh(path, progress=progress)
+        return mesh, SourceMaterials.read(path, mesh)
+
+
+def written(
+    mesh: Mesh, output: PathLike, source: SourceMaterials, report: Report, *, mtl: bool
+) -> JobResult[Report]:
+    """Write a mesh with materials; warnings name what the output cannot hold."""
+    files, warnings = write_with_materials(mesh, output, source, mtl=mtl)
+    return JobResult(files=files, report=report, warnings=warnings)
 
 
 def write_with_materials(

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from texbake.building.step import StepKind
 from texbake.building.steps.channels import PACK_CHANNELS, SPLIT_CHANNELS
 from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
-from texbake.building.steps.meshes import MAKE, REMESH, REPAIR, SIMPLIFY, TRANSFORM, UNWRAP
+from texbake.building.steps.meshes import MAKE, REMESH, SIMPLIFY, TRANSFORM, UNWRAP
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
+from texbake.verbs.step import StepKind, find_step
 
 # In the order in which a pipeline usually has them.
 STEP_KINDS: dict[str, StepKind] = {
     kind.name: kind
     for kind in (
         MAKE,
-        REPAIR,
+        find_step("repair"),
         TRANSFORM,
         REMESH,
         SIMPLIFY,

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from texbake.building.memory import channels_memory
-from texbake.building.step import FORMAT_OF_IMAGE, InputRole, Job, Settings, StepKind
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, Option
+from texbake.verbs.step import FORMAT_OF_IMAGE, Job, Settings, StepKind
+from texbake.verbs.verb import Reads
 
 _COLORS = ("red", "green", "blue", "alpha")
 
@@ -52,7 +53,7 @@ PACK_CHANNELS = StepKind(
     name="pack-channels",
     does="packs gray maps as the channels of one image",
     options=PackChannelsStep,
-    inputs=tuple(InputRole(name=color, required=False) for color in _COLORS),
+    inputs=tuple(Reads(color, required=False) for color in _COLORS),
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
     run=_pack_channels,
     memory=channels_memory,
@@ -95,7 +96,7 @@ SPLIT_CHANNELS = StepKind(
     name="split-channels",
     does="splits an image into a gray map for each channel",
     options=SplitChannelsStep,
-    inputs=(InputRole(name="image"),),
+    inputs=(Reads("image"),),
     outputs=lambda settings: {
         name: f"{name}.{settings['format']}" for name in settings["names"] if name
     },

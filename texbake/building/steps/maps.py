@@ -8,11 +8,13 @@ from typing import Annotated, Any
 from texbake.baking.options import BITS_OPTION, BakeOptions
 from texbake.baking.texture.options import SolidOptions
 from texbake.building.memory import maps_memory, mipmap_memory, pack_memory, texture_memory
-from texbake.building.step import (
+from texbake.errors import OptionError, quoted
+from texbake.schema import Option
+from texbake.texture.options import MipOptions, PackOptions
+from texbake.verbs.step import (
     FORMAT_OF_IMAGE,
     FORMAT_OF_MESH,
     IMAGE_FORMATS,
-    InputRole,
     Job,
     Settings,
     StepKind,
@@ -20,9 +22,7 @@ from texbake.building.step import (
     stage_seconds,
     steady,
 )
-from texbake.errors import OptionError, quoted
-from texbake.schema import Option
-from texbake.texture.options import MipOptions, PackOptions
+from texbake.verbs.verb import Reads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,10 +98,10 @@ BAKE = StepKind(
     # What a time budget allows depends on the machine; the same inputs must give the same bytes.
     without=("threads", "max_memory", "keep_hits", "time_budget"),
     inputs=(
-        InputRole(name="high"),
-        InputRole(name="low"),
-        InputRole(name="cage", required=False),
-        InputRole(name="high_texture", required=False),
+        Reads("high"),
+        Reads("low"),
+        Reads("cage", required=False),
+        Reads("high_texture", required=False),
     ),
     outputs=_map_files,
     run=_bake,
@@ -135,7 +135,7 @@ BAKE_TEXTURE = StepKind(
     name="bake-texture",
     does="bakes a procedure, such as marble, into a texture",
     options=BakeTextureStep,
-    inputs=(InputRole(name="mesh"),),
+    inputs=(Reads("mesh"),),
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
     run=_bake_texture,
     memory=texture_memory,
@@ -189,7 +189,7 @@ PACK_TEXTURES = StepKind(
     name="pack-textures",
     does="packs several images into one, and moves their meshes' texture coordinates",
     options=PackTexturesStep,
-    inputs=(InputRole(name="images", many=True), InputRole(name="mesh", required=False, many=True)),
+    inputs=(Reads("images", many=True), Reads("mesh", required=False, many=True)),
     outputs=_packed_files,
     run=_pack_textures,
     memory=pack_memory,
@@ -211,7 +211,7 @@ MIPMAP = StepKind(
     does="makes the mip levels of an image",
     options=MipOptions,
     without=(),
-    inputs=(InputRole(name="image"),),
+    inputs=(Reads("image"),),
     outputs=lambda settings: {"levels": "levels"},
     run=_mipmap,
     memory=mipmap_memory,

@@ -13,20 +13,10 @@ from texbake.building.memory import (
     simplify_memory,
     unwrap_memory,
 )
-from texbake.building.step import (
-    FORMAT_OF_MESH,
-    InputRole,
-    Job,
-    Settings,
-    StepKind,
-    stage_seconds,
-    tupled,
-)
 from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.options import (
     DEFAULT_ORIENTATION,
-    RepairOptions,
     TransformOptions,
     check_angle,
 )
@@ -42,6 +32,15 @@ from texbake.mesh.simplify_options import (
 )
 from texbake.schema import CheckedOptions, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES
+from texbake.verbs.step import (
+    FORMAT_OF_MESH,
+    Job,
+    Settings,
+    StepKind,
+    stage_seconds,
+    tupled,
+)
+from texbake.verbs.verb import Reads
 
 _ORANGE = "orange"
 _FILES = ("profile", "patches", "image")
@@ -115,41 +114,11 @@ MAKE = StepKind(
     options=MakeStep,
     without=_FILES,
     required=("shape",),
-    inputs=tuple(InputRole(name=name, required=False) for name in _FILES),
+    inputs=tuple(Reads(name, required=False) for name in _FILES),
     outputs=lambda settings: {"mesh": f"{settings['shape']}.{settings['format']}"},
     run=_make,
     memory=make_memory,
     check=_check_shape,
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RepairStep(RepairOptions):
-    """How a mesh is repaired; further options are those of `RepairOptions`."""
-
-    format: Annotated[str, FORMAT_OF_MESH] = "ply"
-
-
-def _repair(job: Job) -> dict[str, Any]:
-    from texbake.jobs.convert import repair_file
-
-    done = repair_file(job.file("mesh"), job.outputs["mesh"], REPAIR.made(job.settings), mtl=False)
-    return {
-        "faces": done.report.n_faces,
-        "repairs": dict(done.report.counts),
-        "notes": list(done.warnings),
-    }
-
-
-REPAIR = StepKind(
-    name="repair",
-    does="repairs a mesh without moving its surface",
-    options=RepairStep,
-    without=(),
-    inputs=(InputRole(name="mesh"),),
-    outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
-    run=_repair,
-    memory=repair_memory,
 )
 
 
@@ -173,7 +142,7 @@ TRANSFORM = StepKind(
     does="scales, turns and moves a mesh, or changes its format",
     options=TransformStep,
     without=(),
-    inputs=(InputRole(name="mesh"),),
+    inputs=(Reads("mesh"),),
     outputs=lambda settings: {"mesh": f"transformed.{settings['format']}"},
     run=_transform,
     memory=repair_memory,
@@ -204,7 +173,7 @@ REMESH = StepKind(
     does="wraps a mesh in a closed surface",
     options=RemeshStep,
     without=("n_faces", "quality"),
-    inputs=(InputRole(name="mesh"),),
+    inputs=(Reads("mesh"),),
     outputs=lambda settings: {"mesh": f"remeshed.{settings['format']}"},
     run=_remesh,
     memory=remesh_memory,
@@ -295,7 +264,7 @@ SIMPLIFY = StepKind(
     does="reduces a mesh to one or several levels of detail",
     options=SimplifyStep,
     without=(),
-    inputs=(InputRole(name="mesh"),),
+    inputs=(Reads("mesh"),),
     outputs=_levels,
     run=_simplify,
     memory=simplify_memory,
@@ -342,7 +311,7 @@ UNWRAP = StepKind(
     does="gives a mesh texture coordinates",
     options=UnwrapStep,
     without=("matrix",),
-    inputs=(InputRole(name="mesh"),),
+    inputs=(Reads("mesh"),),
     outputs=lambda settings: {"mesh": f"unwrapped.{settings['format']}"},
     run=_unwrap,
     memory=unwrap_memory,

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.building.memory import check_memory, export_memory, page_memory, preview_memory
-from texbake.building.step import InputRole, Job, StepKind, steady
 from texbake.checks.options import SEVERITIES, CheckOptions
 from texbake.errors import MeshError, OptionError, UvError, quoted
 from texbake.jobs.export.options import ExportOptions
 from texbake.rendering.options import RenderOptions
+from texbake.verbs.step import Job, StepKind, steady
+from texbake.verbs.verb import Reads
 
 if TYPE_CHECKING:
     from texbake.checks.report import CheckReport
@@ -114,7 +115,7 @@ CHECK = StepKind(
     name="check",
     does="fails if a mesh or a pair exceeds limits",
     options=CheckStep,
-    inputs=(InputRole(name="mesh"), InputRole(name="low", required=False)),
+    inputs=(Reads("mesh"), Reads("low", required=False)),
     outputs=lambda settings: {"report": "check.json"},
     run=_check,
     memory=check_memory,
@@ -142,8 +143,8 @@ PREVIEW = StepKind(
     options=RenderOptions,
     without=("time_budget",),
     inputs=(
-        InputRole(name="mesh"),
-        *(InputRole(name=name, required=False) for name in _SHOWN),
+        Reads("mesh"),
+        *(Reads(name, required=False) for name in _SHOWN),
     ),
     outputs=lambda settings: {"picture": "preview.png"},
     run=_preview,
@@ -203,9 +204,9 @@ PAGE = StepKind(
     options=PageStep,
     without=(),
     inputs=(
-        InputRole(name="high"),
-        InputRole(name="low"),
-        *(InputRole(name=role, required=False) for role in (*_SHOWN, "misses")),
+        Reads("high"),
+        Reads("low"),
+        *(Reads(role, required=False) for role in (*_SHOWN, "misses")),
     ),
     outputs=lambda settings: {"page": "page.html"},
     run=_page,
@@ -238,9 +239,9 @@ EXPORT = StepKind(
     does="writes an asset as another program reads it",
     options=ExportOptions,
     inputs=(
-        InputRole(name="mesh"),
-        InputRole(name="levels", required=False, many=True),
-        *(InputRole(name=name, required=False) for name in _EXPORTED),
+        Reads("mesh"),
+        Reads("levels", required=False, many=True),
+        *(Reads(name, required=False) for name in _EXPORTED),
     ),
     outputs=lambda settings: {"folder": "export"},
     run=_export,

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields, make_dataclass, replace
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator, WithJsonSchema
+from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError, quoted
 from texbake.progress import StageRecord
-from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.tables import Table, described, table
-from texbake.rendering.scene.file.values import Text
 from texbake.schema import Option
+from texbake.verbs.verb import Options, Reads, Verb
+
+if TYPE_CHECKING:
+    from texbake.jobs.outputs import JobResult
 
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
@@ -42,23 +42,6 @@ class InputSize:
 
     n_bytes: int
     n_faces: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class InputRole:
-    """A file that a step takes.
-
-    Attributes
-    ----------
-    name : str
-        Its key in the pipeline file.
-    many : bool
-        Whether it is a list of one or more.
-    """
-
-    name: str
-    required: bool = True
-    many: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +82,7 @@ class Job:
         return self.inputs[role][0]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class StepKind:
     """A kind of step.
 
@@ -135,7 +118,7 @@ class StepKind:
     name: str
     does: str
     options: type
-    inputs: tuple[InputRole, ...]
+    inputs: tuple[Reads, ...]
     outputs: Callable[[Settings], dict[str, str]]
     run: Callable[[Job], dict[str, Any]]
     memory: Callable[[Settings, Sizes], int]
@@ -144,31 +127,6 @@ class StepKind:
     check: Callable[[Settings, frozenset[str]], None] | None = None
     revision: int = 1
     names_asset: bool = False
-    model: type[Table] = field(init=False)
-
-    def __post_init__(self) -> None:
-        roles = {
-            role.name: described(
-                References if role.many else Text,
-                "Inputs of the asset, or outputs of other steps."
-                if role.many
-                else "An input of the asset, or an output of another step.",
-            )
-            for role in self.inputs
-        }
-        common = {
-            "do": described(Text, "What the step does."),
-            "after": described(References, "Steps that must have succeeded before."),
-            "output": described(Text, "Names of the files that are published, as a pattern."),
-        }
-        model = table(
-            self.options,
-            name=self.name,
-            without=self.without,
-            required=(*self.required, *(role.name for role in self.inputs if role.required)),
-            more={**common, **roles},
-        )
-        object.__setattr__(self, "model", model)
 
     @property
     def choices(self) -> list[str]:
@@ -190,6 +148,69 @@ class StepKind:
         return self.options(**{name: tupled(settings[name]) for name in self.choices}, **more)
 
 
+def step_of(
+    function: Callable[..., JobResult[Any]],
+    *,
+    does: str,
+    outputs: Callable[[Settings], dict[str, str]],
+    memory: Callable[[Settings, Sizes], int],
+    figures: Callable[[Any], dict[str, Any]] | None = None,
+    options: type | None = None,
+    format: tuple[Option, str] | None = None,  # noqa: A002
+    **more: Any,
+) -> StepKind:
+    """Return the kind of step of a verb.
+
+    It runs the function of the verb and takes `figures` of its result, unless `run` is given. Its
+    options are those of the verb and, if `format` is given, a format with a default. `more` are
+    further fields of `StepKind`.
+    """
+    verb: Verb = function.verb  # type: ignore[attr-defined]
+    base = options or next(part.kind for part in verb.of_kind(Options) if not part.apart)
+    if format is not None:
+        base = make_dataclass(
+            base.__name__, [("format", Annotated[str, format[0]], format[1])], bases=(base,),
+            frozen=True, kw_only=True, namespace={"__doc__": base.__doc__},
+        )  # fmt: skip
+    parts = {part.role or part.name: part for part in verb.of_kind(Reads) if part.role is not None}
+
+    def run(job: Job) -> dict[str, Any]:
+        given: dict[str, Any] = {
+            part.name: job.inputs[role] if part.many else job.file(role)
+            for role, part in parts.items()
+            if role in job.inputs
+        }
+        alone = {"threads": job.threads, "mtl": False}
+        given |= {name: value for name, value in alone.items() if name in verb.parameters}
+        (output,) = job.outputs.values()
+        done = function(**given, output=output, options=kind.made(job.settings))
+        assert figures is not None
+        return figures(done)
+
+    more.setdefault("inputs", tuple(replace(part, name=role) for role, part in parts.items()))
+    kind = StepKind(
+        name=verb.name, does=does, options=base, outputs=outputs, memory=memory,
+        **{"run": run, **more},
+    )  # fmt: skip
+    return kind
+
+
+def find_step(name: str) -> StepKind:
+    """Return a kind of step by its name, importing only the module of its verb."""
+    step: StepKind = import_module(f"texbake.verbs.{name.replace('-', '_')}").STEP
+    return step
+
+
+def n_faces(sizes: Sizes, *roles: str) -> int:
+    """About how many triangles the inputs of some roles have."""
+    return sum(size.n_faces for role in roles for size in sizes.get(role, ()))
+
+
+def n_bytes(sizes: Sizes, *roles: str) -> int:
+    """How long the files of some roles are."""
+    return sum(size.n_bytes for role in roles for size in sizes.get(role, ()))
+
+
 def plain(value: Any) -> Any:
     """Return a value as JSON has it: tuples become lists."""
     if isinstance(value, Mapping):
@@ -204,21 +225,6 @@ def tupled(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: tupled(item) for key, item in value.items()}
     return tuple(map(tupled, value)) if isinstance(value, list) else value
-
-
-def _references(value: Any) -> Any:
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise fault(f"{shown(value)} is neither a name in quotes nor a list of some")
-    return names
-
-
-_NAME = {"type": "string"}
-References = Annotated[
-    list[str],
-    BeforeValidator(_references),
-    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
-]
 
 
 def check_format(value: object, known: tuple[str, ...]) -> None:

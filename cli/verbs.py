@@ -1,0 +1,116 @@
+"""Commands made from the verbs of the library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import cleandoc
+from pathlib import Path
+from textwrap import indent
+from typing import Any
+
+import click
+
+from texbake import option_fields
+from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes, find_verb as find_verb
+
+from .html import command_line
+from .options import (
+    IMAGE_SUFFIXES,
+    MESH_SUFFIXES,
+    SCENE_SUFFIXES,
+    WRITABLE_MESH_SUFFIXES,
+    Decorator,
+    options_of,
+    output_option,
+)
+from .sections import SectionedCommand
+from .terminal import Terminal, terminal_options
+from .types import FileOf
+
+_READ = {"mesh": MESH_SUFFIXES, "image": IMAGE_SUFFIXES, "scene": SCENE_SUFFIXES}
+# Suffixes and placeholder of each kind of file that is written.
+_WRITTEN = {
+    "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
+    "image": (IMAGE_SUFFIXES, "FILE"),
+    "picture": ((".png",), "FILE.png"),
+    "drawing": ((".png", ".svg"), "FILE"),
+    "report": ((".json",), "FILE.json"),
+    "page": ((".html",), "FILE.html"),
+}
+
+
+def command_of(verb: Verb) -> click.Command:
+    """Return the command of a verb."""
+
+    def command(terminal: Terminal, **values: Any) -> None:
+        with terminal.progress() as progress:
+            more = {"progress": progress, "command": command_line(), "clock": terminal.clock}
+            given = {name: value for name, value in more.items() if name in verb.parameters}
+            done = verb.run(**_arguments(verb, values), **given)
+        for warning in done.warnings:
+            terminal.warn(warning)
+        terminal.summary(verb.table(done))
+        terminal.wrote(done.files)
+
+    command.__doc__ = verb.help
+    add: Callable[..., Any] = terminal_options(command)
+    for part in reversed(verb.parts):
+        add = _parameter(verb, part)(add)
+    examples = indent(cleandoc(verb.examples), "      ")
+    return click.command(
+        verb.name,
+        cls=SectionedCommand,
+        sections=verb.sections,
+        epilog=f"\n    \b\n    Example:\n{examples}\n    ",
+    )(add)
+
+
+def _arguments(verb: Verb, values: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the function; fields of its options become one object."""
+    given = verb.prepare(values)
+    for kind in {part.kind for part in verb.of_kind(Options) if not part.apart}:
+        names = [item.name for item in option_fields(kind) if item.name in given]
+        given["options"] = kind(**{name: given.pop(name) for name in names})
+    return given
+
+
+def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
+    """Return the argument or the options of a part."""
+    if isinstance(part, Options):
+        return options_of(part.kind, *part.names, **part.more)
+    if isinstance(part, Extra):
+        more = dict(part.more)
+        if "choices" in more:
+            more["type"] = click.Choice(more.pop("choices"))
+        return click.option(*part.flag.split(), help=part.help, **more)
+    if isinstance(part, Reads):
+        return _input(part)
+    return _output(verb, part)
+
+
+def _input(part: Reads) -> Decorator[Any]:
+    kind = FileOf(part.suffixes or _READ[part.kind])
+    if part.required:
+        many: dict[str, Any] = {"nargs": -1, "required": True} if part.many else {}
+        return click.argument(part.name, type=kind, metavar=part.metavar, **many)
+    flags = part.flags or (f"--{part.name.replace('_', '-')}",)
+    metavar = part.metavar or part.kind.upper()
+    return click.option(
+        *flags, part.name, type=kind, metavar=metavar, help=part.help, multiple=part.many
+    )
+
+
+def _output(verb: Verb, part: Writes) -> Decorator[Any]:
+    suffixes, metavar = _WRITTEN.get(part.kind, ((), "DIR"))
+    kind: click.Path = FileOf(part.suffixes or suffixes)
+    if part.kind == "folder":
+        kind = click.Path(path_type=Path, file_okay=False)
+    elif part.like:
+        kind, metavar = click.Path(path_type=Path), "FILE|DIR"
+    metavar = part.metavar or metavar
+    if part.name != "output":
+        flag = f"--{part.name.replace('_', '-')}"
+        return click.option(flag, part.name, type=kind, metavar=metavar, help=part.help)
+    many = [item.name for item in verb.of_kind(Reads) if item.many and item.required]
+    after = many[0] if many else None
+    return output_option(kind, metavar, part.help, after=after, required=True)

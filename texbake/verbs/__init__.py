@@ -1,0 +1,1 @@
+"""Verbs: one module each, which declares a command and a step around the function that does it."""

@@ -1,0 +1,248 @@
+"""The declaration of a verb: its files and options, around the function that does it.
+
+The function takes paths and options and returns a `JobResult`. From its declaration come the checks
+of its outputs, its report, the command (`texbake_cli.verbs`), the kind of step
+(`texbake.verbs.step`) and the reference pages. This module and those of the verbs import nothing
+heavy: what a verb needs is imported when it runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import wraps
+from importlib import import_module
+from importlib.util import find_spec
+from inspect import Parameter, cleandoc, signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from texbake.baking.options import BakeOptions
+from texbake.files import appearing_together, check_folder, check_writable
+
+if TYPE_CHECKING:
+    from texbake.jobs.outputs import JobResult
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Rows = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Reads:
+    """A file that a verb reads: an argument of the command, or an option if it is not required.
+
+    Attributes
+    ----------
+    name : str
+        Parameter of the function.
+    kind : str
+        `mesh`, `image`, `scene`, or another with `suffixes` of its own.
+    role : str, optional
+        Its key in a pipeline file; "" for `name`, None where a step does not take it.
+    """
+
+    name: str
+    kind: str = "mesh"
+    help: str = ""
+    _: KW_ONLY
+    required: bool = True
+    many: bool = False
+    role: str | None = ""
+    suffixes: tuple[str, ...] = ()
+    metavar: str | None = None
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Writes:
+    """A file that a verb writes; the one called `output` is required.
+
+    Attributes
+    ----------
+    name : str
+        Parameter of the function.
+    kind : str
+        `mesh`, `picture`, `drawing`, `page`, `report`, `image` or `folder`; the function checks the
+        format of an `image`.
+    over : str
+        The input that it may replace.
+    like : str
+        The inputs whose names it takes where they are several; then it is a folder.
+    """
+
+    name: str
+    kind: str
+    help: str
+    _: KW_ONLY
+    over: str = ""
+    like: str = ""
+    suffixes: tuple[str, ...] = ()
+    metavar: str | None = None
+
+
+class Options:
+    """Fields of a class of options, at this place of the help page; all of them, or some by name.
+
+    The function takes the instance as `options`; fields that stand `apart` are parameters of its
+    own. `more` is what the flags take: `without`, `unset`, `defaults`.
+    """
+
+    def __init__(self, kind: type, *names: str, apart: bool = False, **more: Any) -> None:
+        self.kind, self.names, self.apart, self.more = kind, names, apart, more
+
+
+class Extra:
+    """A parameter of the function that is in no class of options.
+
+    `more` is what `click.option` takes, and `choices`.
+    """
+
+    def __init__(self, flag: str, help: str, **more: Any) -> None:  # noqa: A002
+        self.flag, self.help, self.more = flag, help, more
+
+
+THREADS = Options(BakeOptions, "threads", apart=True)
+BITS = Options(BakeOptions, "bits", apart=True)
+REPORT = Writes("report", "report", "Also write every setting and figure as JSON.")
+PAGE = Writes(
+    "html", "page", "Also write an HTML page with the meshes, their maps, errors and times."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verb:
+    """A declaration.
+
+    Attributes
+    ----------
+    run : callable
+        The public function.
+    parts : tuple
+        Files and options, in the order of the help page.
+    table : callable
+        Makes rows of a label and a figure from the result.
+    prepare : callable
+        Turns values of the command into parameters of the function.
+    """
+
+    name: str
+    run: Callable[..., JobResult[Any]]
+    parts: tuple[Any, ...]
+    examples: str
+    sections: Mapping[str, Sequence[str]]
+    table: Callable[[Any], Rows]
+    prepare: Callable[[dict[str, Any]], dict[str, Any]]
+
+    @property
+    def help(self) -> str:
+        """Help of the command: the docstring, but for its sections."""
+        return cleandoc(self.run.__doc__ or "").partition("\n\nParameters\n")[0]
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Parameters of the function."""
+        return signature(self.run).parameters
+
+    def of_kind(self, kind: type) -> list[Any]:
+        """Return the parts of a kind, such as `Reads`."""
+        return [part for part in self.parts if isinstance(part, kind)]
+
+
+def _table(done: JobResult[Any]) -> Rows:
+    return done.report.table()  # type: ignore[no-any-return]
+
+
+def verb(
+    *parts: Any,
+    examples: str,
+    sections: Mapping[str, Sequence[str]] | None = None,
+    table: Callable[[Any], Rows] = _table,
+    prepare: Callable[[dict[str, Any]], dict[str, Any]] = dict,
+) -> Callable[[Function], Function]:
+    """Declare a verb around its function, whose docstring is the help of the command.
+
+    The function keeps its signature. Its outputs are checked before it runs and appear together;
+    its report is written where it is asked for. The other parameters are those of `Verb`.
+    """
+
+    def declare(run: Function) -> Function:
+        names = signature(run)
+
+        @wraps(run)
+        def whole(*args: Any, **more: Any) -> Any:
+            given = names.bind(*args, **more).arguments
+            _check_files(made, given)
+            with appearing_together():
+                return _reported(run(*args, **more), given.get("report"))
+
+        made = Verb(
+            name=run.__module__.rpartition(".")[2].replace("_", "-"), run=whole, parts=parts,
+            examples=examples, sections=sections or {}, table=table, prepare=prepare,
+        )  # fmt: skip
+        whole.verb = made  # type: ignore[attr-defined]
+        return cast(Function, whole)
+
+    return declare
+
+
+def find_verb(name: str) -> Verb | None:
+    """Return a verb by its name, importing only its module; None where there is none."""
+    module = f"texbake.verbs.{name.replace('-', '_')}"
+    if find_spec(module) is None:
+        return None
+    values = vars(import_module(module)).values()
+    found = (value.verb for value in values if hasattr(value, "verb"))
+    return next((each for each in found if each.name == name), None)
+
+
+def paths_of(value: Any) -> list[Path]:
+    """Return the paths in a parameter: one, several, or those of a mapping."""
+    if isinstance(value, str | os.PathLike):
+        return [Path(value)]
+    if isinstance(value, Mapping):
+        return paths_of(list(value.values()))
+    if isinstance(value, list | tuple):
+        return [path for item in value for path in paths_of(item)]
+    return []
+
+
+def outputs_like(inputs: Any, output: Any) -> list[Path]:
+    """Return the output itself for one input, and files with the names of several in a folder."""
+    sources = paths_of(inputs)
+    if len(sources) == 1:
+        return paths_of(output)
+    return [Path(output) / path.name for path in sources]
+
+
+def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
+    """Raise where an output cannot be written, or is an input or another output as well."""
+    from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct
+
+    inputs = {part.name: paths_of(given.get(part.name)) for part in made.of_kind(Reads)}
+    outputs: dict[Writes, list[Path]] = {}
+    for part in made.of_kind(Writes):
+        output = given.get(part.name)
+        outputs[part] = outputs_like(given[part.like], output) if part.like else paths_of(output)
+    check_distinct([path for paths in outputs.values() for path in paths])
+    for part, paths in outputs.items():
+        kept = [path for name, read in inputs.items() if name != part.over for path in read]
+        check_distinct(paths, kept)
+        in_folder = len(paths) > 1
+        if in_folder and part.like:
+            check_folder(given[part.name])
+        for path in paths:
+            if part.kind == "mesh":
+                OUTPUT_CHECKS["mesh"](path, folder_is_made=in_folder)
+            elif part.kind != "folder":
+                OUTPUT_CHECKS.get(part.kind, check_writable)(path)
+
+
+def _reported(done: JobResult[Any], report: Any) -> JobResult[Any]:
+    """Write the report of a result, if a file for it is given."""
+    if report is None:
+        return done
+    from texbake.jobs.outputs import write_report
+
+    write_report(report, done.to_json())
+    return replace(done, files=(*done.files, Path(report)))
