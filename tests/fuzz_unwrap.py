@@ -18,7 +18,7 @@ import numpy as np
 from broken_meshes import broken_mesh
 
 from texbake.errors import UnwrapError
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options.atlas import QUALITIES
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap

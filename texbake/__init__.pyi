@@ -309,7 +309,6 @@ from .texture.cube_lookup import (
     to_latitude_longitude as to_latitude_longitude,
 )
 from .texture.cube_map import CubeMap as CubeMap
-from .texture.cube_options import CubeOptions as CubeOptions
 from .texture.encoding import decode_srgb as decode_srgb
 from .texture.gltf_images import gltf_images as gltf_images
 from .texture.height_options import (
@@ -332,7 +331,11 @@ from .texture.mipmaps import (
     mip_chain as mip_chain,
 )
 from .texture.model_materials import read_materials as read_materials
-from .texture.options import MipOptions as MipOptions, PackOptions as PackOptions
+from .texture.options import (
+    CubeOptions as CubeOptions,
+    MipOptions as MipOptions,
+    PackOptions as PackOptions,
+)
 from .texture.pack import (
     PackedTextures as PackedTextures,
     pack_textures as pack_textures,

@@ -11,7 +11,6 @@ from texbake.texture.cube_files import (
     in_convention,
     read_faces,
 )
-from texbake.texture.cube_options import CONVENTIONS
 from texbake.texture.encoding import (
     decode_heights,
     decode_normals,
@@ -19,6 +18,7 @@ from texbake.texture.encoding import (
     encode_normals,
     quantize_unsigned,
 )
+from texbake.texture.options import CONVENTIONS
 from texbake.texture.padding import nearest_owner, push_pull, spread
 from texbake.texture.value_range import height_range
 

@@ -6,8 +6,8 @@ import pytest
 import texbake
 from texbake.baking import texels
 from texbake.core import core
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
 from texbake.mesh.copies import later_copies, without_copies

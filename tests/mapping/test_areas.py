@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from texbake.errors import UvError
-from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mapping.classical.axis_center import center_about_axis
+from texbake.mapping.classical.cylindrical import center_about_axis
 from texbake.mapping.classical.frames import center_of, frame_about
 from texbake.mapping.unwrap import UnwrapOptions, unwrap
 from texbake.mesh.mesh import Mesh

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten
 from texbake.mapping.atlas.joining.bound import bound_charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh

@@ -5,9 +5,8 @@ import pytest
 
 from texbake import unwrap, unwrap_with_report
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import existing_charts
-from texbake.mapping.corner_uvs import with_coordinates
+from texbake.mapping.corner_uvs import signed_areas, with_coordinates
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh

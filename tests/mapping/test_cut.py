@@ -9,10 +9,10 @@ import pytest
 
 from tests.models import BROKEN, model, real
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import cut, xatlas_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import chart_ids

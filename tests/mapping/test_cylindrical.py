@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.classical.cylindrical import cylindrical
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.flattening.flatten import flatten, measured
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlapping_faces
 
 

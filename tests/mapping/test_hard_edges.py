@@ -5,9 +5,8 @@ import pytest
 
 from texbake.checks.check import check
 from texbake.errors import OptionError
-from texbake.mapping.atlas.hard_edges import regions_between
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.seams import chart_ids
+from texbake.mapping.seams import chart_ids, regions_between
 from texbake.mapping.unwrap import unwrap, unwrap_with_report
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane

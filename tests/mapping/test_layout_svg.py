@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.seams import border_edges
 from texbake.mesh.mesh import Mesh

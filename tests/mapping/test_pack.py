@@ -9,11 +9,11 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bitmaps import Shapes
 from texbake.mapping.atlas.packing.pack import Packing, pack_charts
 from texbake.mapping.atlas.packing.poses import Outlines
 from texbake.mapping.atlas.packing.search import draft_layout
+from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.classical.planar import planar
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.models import model, real
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import snap_points
 from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
 from texbake.mapping.atlas.flattening.flatten import measured
 from texbake.mapping.atlas.flattening.relax import relax_charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
 
 

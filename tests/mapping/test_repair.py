@@ -5,9 +5,9 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import repair_charts
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane

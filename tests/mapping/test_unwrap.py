@@ -5,7 +5,7 @@ import pytest
 
 from tests.models import HAS_REAL, model, real
 from texbake.errors import MeshError, OptionError, UnwrapError
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces

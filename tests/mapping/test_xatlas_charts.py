@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere

@@ -6,7 +6,7 @@ import random
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.study.pareto import knee, pareto_front, payoff
+from texbake.study.result import knee, pareto_front, payoff
 
 times_and_errors = st.lists(
     st.tuples(st.floats(0.001, 1000.0), st.floats(0.0, 1000.0)), max_size=30

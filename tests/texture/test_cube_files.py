@@ -11,8 +11,8 @@ from texbake.texture.cube_files import (
 )
 from texbake.texture.cube_lookup import from_latitude_longitude
 from texbake.texture.cube_map import CubeMap, cube_face_axes, texel_directions
-from texbake.texture.cube_options import CONVENTIONS, CubeOptions
 from texbake.texture.image import read_image, write_image
+from texbake.texture.options import CONVENTIONS, CubeOptions
 
 
 @pytest.fixture

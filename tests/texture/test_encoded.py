@@ -5,8 +5,8 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mesh.files.conversion import media_type
-from texbake.texture.encoded import ENCODINGS, encode_image
 from texbake.texture.image import decode_image
+from texbake.texture.image_files import ENCODINGS, encode_image
 
 RAMP = np.linspace(0, 255, 64)
 SMOOTH = np.stack(np.broadcast_arrays(RAMP[:, None], RAMP, 255.0 - RAMP, RAMP[:, None]), axis=2)

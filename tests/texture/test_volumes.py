@@ -17,8 +17,8 @@ from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 from texbake.rendering.scene.textures import VolumeTexture
 from texbake.texture.image import read_image, write_image
+from texbake.texture.image_files import read_volume
 from texbake.texture.lookup import ramp_lookup, volume_lookup
-from texbake.texture.volumes import read_volume
 
 SCAN = np.random.default_rng(6).integers(0, 65536, (5, 6, 7)).astype(np.uint16)
 LEGEND = ((0.0, 0.0, 0.5), (0.0, 0.5, 0.0), (1.0, 0.2, 0.0))

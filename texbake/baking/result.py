@@ -18,7 +18,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.report import BakeReport
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, make_folder
-from texbake.mapping.areas import surface_areas
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.texture.image import read_image, write_image

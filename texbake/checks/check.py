@@ -25,7 +25,7 @@ from texbake.checks.report import CheckReport
 from texbake.checks.walls import wall_findings
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
-from texbake.mapping.areas import has_measurable_uvs
+from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh

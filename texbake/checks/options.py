@@ -9,7 +9,7 @@ from typing import Annotated
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
 from texbake.checks.kinds import KINDS
 from texbake.errors import OptionError, quoted
-from texbake.mapping.options.texture import TextureOptions
+from texbake.mapping.options.shared import TextureOptions
 from texbake.schema import Option
 
 # The worst first.

@@ -20,7 +20,7 @@ from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
 from texbake.checks.options import CheckOptions
 from texbake.core import portable_math as pm
-from texbake.mapping.options.texture import MAX_SIZE
+from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree

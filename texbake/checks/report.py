@@ -11,7 +11,7 @@ import numpy.typing as npt
 from texbake.checks.finding import Finding
 from texbake.checks.options import SEVERITIES, CheckOptions
 from texbake.errors import OptionError
-from texbake.mapping.areas import has_measurable_uvs
+from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.mesh import Mesh
 from texbake.progress import StageRecord
 

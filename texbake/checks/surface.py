@@ -26,7 +26,7 @@ import numpy.typing as npt
 from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
 from texbake.checks.finding import Finding
 from texbake.core import core, portable_math as pm
-from texbake.mapping.areas import unmeasurable_size
+from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.half_edges import next_half_edges

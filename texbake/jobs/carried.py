@@ -32,8 +32,8 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
-from texbake.texture.encoded import ENCODINGS, encode_image, encoding_of
 from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_unsigned
+from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 
 Float32Array = npt.NDArray[np.float32]
 

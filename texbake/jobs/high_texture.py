@@ -11,7 +11,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
-from texbake.texture.gray import check_gray
+from texbake.texture.channel_codes import check_gray
 from texbake.texture.image import read_image
 from texbake.texture.model_materials import read_materials
 

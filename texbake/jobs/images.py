@@ -12,7 +12,6 @@ from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.progress import ProgressSink
 from texbake.texture.cube_files import CubeConversion, convert_cube
-from texbake.texture.cube_options import CubeOptions
 from texbake.texture.height_options import HeightToNormalOptions, NormalToHeightOptions
 from texbake.texture.heights_and_normals import (
     HeightField,
@@ -24,7 +23,7 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import bits_for, write_heights, write_normals
 from texbake.texture.image_formats import check_image_format
 from texbake.texture.mip_files import write_mip_levels
-from texbake.texture.options import MipOptions, PackOptions
+from texbake.texture.options import CubeOptions, MipOptions, PackOptions
 from texbake.texture.pack import PackedTextures, pack_textures
 
 

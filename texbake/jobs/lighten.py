@@ -43,7 +43,7 @@ from texbake.jobs.outputs import (
     write_report,
 )
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.texture import Size
+from texbake.mapping.options.shared import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb

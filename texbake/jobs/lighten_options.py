@@ -7,7 +7,7 @@ from typing import Annotated
 
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
-from texbake.mapping.options.texture import Size
+from texbake.mapping.options.shared import Size
 from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,

@@ -17,7 +17,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
-from texbake.mapping.areas import check_measurable
+from texbake.mapping.corner_uvs import check_measurable
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import read_mesh, write_mesh

@@ -14,7 +14,7 @@ from texbake.baking.options import (
 )
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import PADDING_DEFAULT
-from texbake.mapping.options.texture import Size
+from texbake.mapping.options.shared import Size
 from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike, check_writable, replacing
-from texbake.mapping.areas import measurable_uvs, signed_areas
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas
 from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mesh.interchange import MeshLike, as_mesh

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mapping.areas import check_measurable
+from texbake.mapping.corner_uvs import check_measurable
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids, seam_length
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group

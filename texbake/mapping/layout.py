@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mapping.areas import measurable_uvs
+from texbake.mapping.corner_uvs import measurable_uvs
 from texbake.mapping.layout_view import (
     BACKGROUND,
     EDGE_PX,

@@ -11,7 +11,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
-from texbake.mapping.areas import signed_areas, unmeasurable_size
+from texbake.mapping.corner_uvs import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.oklch import diverging

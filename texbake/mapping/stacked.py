@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, quoted
-from texbake.mapping.areas import signed_areas
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh

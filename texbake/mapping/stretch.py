@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import UvError
-from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
-from texbake.mapping.areas import signed_areas, surface_areas
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.transform import WARPS, WarpFunction
 from texbake.mesh.mesh import FloatArray, Mesh

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import OptionError, UvError
-from texbake.mapping.areas import check_measurable
 from texbake.mapping.corner_uvs import (
     Projected,
+    check_measurable,
     faces_of_group,
     selected,
     with_coordinates,

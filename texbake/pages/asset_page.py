@@ -35,8 +35,8 @@ from texbake.rendering.maps import heights_from
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG
 from texbake.rendering.render import render as render_mesh
-from texbake.texture.encoded import encode_image
 from texbake.texture.image import Image
+from texbake.texture.image_files import encode_image
 
 Rows = Sequence[tuple[str, str]]
 

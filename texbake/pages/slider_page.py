@@ -9,7 +9,7 @@ from texbake.files import PathLike
 from texbake.pages.page import asset, page_html, render, write_page
 from texbake.pages.pictures import data_uri
 from texbake.rendering.compare_models import ModelComparison, Picture, decibels
-from texbake.texture.encoded import encode_image
+from texbake.texture.image_files import encode_image
 
 # Of the pictures on the page: no difference that JPEG makes is seen next to those of the models.
 _JPEG_QUALITY = 92

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from texbake.core import portable_math as pm
 from texbake.pages.figures import duration, number
-from texbake.study.pareto import pareto_front, payoff
-from texbake.study.result import KnobResult, Measurement
+from texbake.study.result import KnobResult, Measurement, pareto_front, payoff
 
 
 def amount(x: float, unit: str) -> str:

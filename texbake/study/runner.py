@@ -14,12 +14,14 @@ time", ISMM 2013 (order of runs).
 from __future__ import annotations
 
 import gc
+import os
+import platform
 import random
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from texbake.study.knob import Bench, Judgment, Setting
 
@@ -176,3 +178,32 @@ def _return_freed_memory() -> None:
 def _status_bytes(field: str) -> int:
     status = _STATUS.read_text(encoding="ascii", errors="replace")
     return int(status.split(f"{field}:")[1].split()[0]) * 1024
+
+
+_CPUS, _MEMORY = Path("/proc/cpuinfo"), Path("/proc/meminfo")
+
+
+def machine_figures() -> dict[str, Any]:
+    """Return system, processor, number of processors, memory and Python, as far as known."""
+    figures: dict[str, Any] = {
+        "system": platform.system(),
+        "processor": platform.machine(),
+        "processors": os.cpu_count() or 1,
+        "python": platform.python_version(),
+    }
+    model = _field(_CPUS, "model name")
+    if model:
+        figures["model"] = model
+    memory = _field(_MEMORY, "MemTotal")
+    if memory:
+        figures["memory_bytes"] = int(memory.split()[0]) * 1024
+    return figures
+
+
+def _field(path: Path, name: str) -> str:
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    found = (line.partition(":") for line in lines)
+    return next((value.strip() for key, _, value in found if key.strip() == name), "")

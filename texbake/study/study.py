@@ -16,10 +16,9 @@ from texbake.rendering.scene.scene import Scene
 from texbake.study.case import Case
 from texbake.study.knob import Unfit
 from texbake.study.knobs import knob_named
-from texbake.study.machine import machine_figures
 from texbake.study.options import StudyOptions
 from texbake.study.result import KnobResult, Measurement, StudyResult
-from texbake.study.runner import run_bench
+from texbake.study.runner import machine_figures, run_bench
 
 _QUICK_REPEATS = 2
 

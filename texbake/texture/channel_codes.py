@@ -6,10 +6,11 @@ from functools import partial
 
 import numpy as np
 
+from texbake.errors import OptionError
 from texbake.limits import require_few_pixels
 from texbake.mesh.materials import ChannelImage, Materials
 from texbake.texture.encoding import encode_srgb
-from texbake.texture.image import FloatImage, decode_image, image_shape
+from texbake.texture.image import FloatImage, Image, decode_image, image_shape
 
 _ALPHA = 3
 
@@ -61,3 +62,21 @@ def components_of(pixels: FloatImage, components: tuple[int, ...]) -> FloatImage
         else:
             columns.append(pixels[..., component if n > 2 else int(component == _ALPHA)])
     return np.stack(columns, axis=2)
+
+
+# Mean difference of red, green and blue, as a share of white, that JPEG leaves of a gray image.
+_ROUNDING = 0.01
+
+
+def check_gray(image: Image, what: str) -> None:
+    """Raise where the red, green and blue of an image differ, so that none of them is the map."""
+    colors = image.pixels[..., :3]
+    if image.pixels.shape[2] < 3:
+        return
+    with np.errstate(invalid="ignore"):
+        apart = colors.max(axis=2) - colors.min(axis=2)
+    if float(np.nan_to_num(apart).mean()) > _ROUNDING:
+        raise OptionError(
+            f"{image.name}: {what} is one number per texel, and red, green and blue of this image "
+            "differ; give a gray image, such as one that texbake split-channels makes of it"
+        )

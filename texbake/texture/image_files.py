@@ -1,20 +1,24 @@
-"""Write sets of images together, and normal and height maps with their metadata."""
+"""Write sets of images together, and normal and height maps with their metadata; read volumes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError
-from texbake.files import PathLike, appearing_together, make_folder
+from texbake.arrays import DAMAGE, read_array_file
+from texbake.errors import FileFormatError, OptionError, one_line, quoted
+from texbake.files import PathLike, appearing_together, make_folder, require_file
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import encode_heights, encode_normals
-from texbake.texture.image import Image, write_image
+from texbake.texture.image import Image, read_image, write_image
 from texbake.texture.image_formats import check_image_format, holds_floats
+from texbake.texture.png_files import png_parts
 from texbake.texture.value_range import height_range
 
 _GREATEST_HALF = 65504.0
@@ -115,3 +119,82 @@ def write_heights(
     metadata = {DISPLACEMENT_MID: mid, DISPLACEMENT_SCALE: scale}
     write_image(pixels, path, bits=bits, metadata=metadata, threads=threads)
     return mid, scale
+
+
+# Names of the formats, with the suffixes of their files.
+ENCODINGS = {"webp": ".webp", "jpeg": ".jpg", "png": ".png"}
+# How long WebP looks for fewer bytes: from 4 on, twice the time saves less than a tenth.
+_WEBP_METHOD = 4
+
+
+def encode_image(
+    codes: npt.NDArray[np.uint8],
+    encoding: str,
+    *,
+    quality: int = 90,
+    is_color: bool = False,
+    threads: int | None = 1,
+) -> bytes:
+    r"""Encode an image as the bytes of a file.
+
+    `codes` (H, W, 3) or (H, W, 4) uint8; `is_color`: whether a PNG file is marked as sRGB.
+
+    Examples
+    --------
+    >>> encode_image(np.zeros((8, 8, 3), np.uint8), "jpeg")[:2]
+    b'\xff\xd8'
+    """
+    if encoding not in ENCODINGS:
+        raise OptionError(f"encoding: {quoted(encoding)} is not known; use {', '.join(ENCODINGS)}")
+    encoding = encoding_of(codes, encoding)
+    if encoding == "png":
+        return b"".join(png_parts(codes, srgb=is_color, threads=threads))
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    options: dict[str, Any] = {"quality": quality, "subsampling": "4:4:4"}
+    if encoding == "webp":
+        options = {"quality": quality, "method": _WEBP_METHOD, "exact": True}
+    Image.fromarray(codes).save(buffer, encoding.upper(), **options)
+    return buffer.getvalue()
+
+
+def encoding_of(codes: npt.NDArray[np.uint8], encoding: str) -> str:
+    """Return the encoding that an image gets: PNG in place of JPEG where it has alpha."""
+    return "png" if encoding == "jpeg" and codes.shape[2] == 4 else encoding
+
+
+def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32]:
+    """Read a volume.
+
+    Returns (D, H, W, 1 or 3) float32.
+    """
+    if not isinstance(source, str | os.PathLike):
+        slices = [read_image(path, color=False).pixels[:, :, :1] for path in source]
+        for path, layer in zip(source, slices, strict=True):
+            if layer.shape != slices[0].shape:
+                height, width = slices[0].shape[:2]
+                raise FileFormatError(
+                    f"{path}: it is {layer.shape[1]} x {layer.shape[0]} texels, and the first "
+                    f"slice {width} x {height}"
+                )
+        return np.stack(slices).astype(np.float32)
+    require_file(source)
+    try:
+        array = read_array_file(source)
+    except (OSError, *DAMAGE) as error:
+        raise FileFormatError(f"{source}: it is not a .npy file: {one_line(error, 120)}") from error
+    if array.dtype.kind not in "uif":
+        raise FileFormatError(f"{source}: it is not one array of numbers")
+    if array.ndim == 3:
+        array = array[..., None]
+    if array.ndim != 4 or array.shape[3] not in (1, 3) or array.size == 0:
+        raise FileFormatError(
+            f"{source}: the shape {array.shape} is not (depth, height, width), nor that with 3 "
+            "channels"
+        )
+    divisor = np.iinfo(array.dtype).max if array.dtype.kind in "ui" else 1
+    volume: npt.NDArray[np.float32] = (array / divisor).astype(np.float32)
+    if not np.isfinite(volume).all():
+        raise FileFormatError(f"{source}: a value is not finite")
+    return volume

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError, UvError
-from texbake.mapping.options.texture import MAX_SIZE
+from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.mesh import Mesh
 from texbake.texture.options import PackOptions
 

@@ -8,9 +8,8 @@ from texbake.mapping.distortion import distortion
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.study.bench.cases import made_case
+from texbake.study.bench.cases import made_case, own_case
 from texbake.study.bench.options import CASE_NAMES
-from texbake.study.bench.own_case import own_case
 from texbake.study.truth.implicit import ImplicitSurface
 
 

@@ -6,8 +6,8 @@ import io
 import pytest
 
 from texbake.study.bench.options import BenchOptions
+from texbake.study.bench.page import markdown
 from texbake.study.bench.result import BenchResult, Contest, Failure
-from texbake.study.bench.table import markdown
 from texbake.study.bench.tasks import TASKS
 from texbake.study.knob import Judgment, Setting
 from texbake.study.result import Measurement

@@ -16,7 +16,7 @@ from texbake.baking.options import (
 )
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import DEFAULT_PADDING
-from texbake.mapping.options.texture import TextureOptions
+from texbake.mapping.options.shared import TextureOptions
 from texbake.schema import Option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
 

@@ -23,7 +23,7 @@ from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import toml_content
 from texbake.mapping.classical.projector import read_matrix
-from texbake.mapping.options.checks import Matrix, Vector, check_direction, check_numbers
+from texbake.mapping.options.shared import Matrix, Vector, check_direction, check_numbers
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.texture.image import Image, read_image

@@ -22,8 +22,8 @@ from texbake.baking.texture.coverage import sample_steps
 from texbake.baking.texture.options import PhotoOptions
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
-from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.classical.projector import seen_from_of
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals

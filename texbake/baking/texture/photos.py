@@ -23,7 +23,7 @@ from texbake.baking.texture.result import PhotoShare, TextureBake, finish_textur
 from texbake.errors import OptionError
 from texbake.mapping.classical.projector import projector_matrix
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.checks import Matrix
+from texbake.mapping.options.shared import Matrix
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh

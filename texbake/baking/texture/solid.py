@@ -17,10 +17,10 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink, Stages
+from texbake.texture.image_files import read_volume
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.options import COLORED_PROCEDURES, MEASURING_PROCEDURES
-from texbake.texture.volumes import read_volume
 
 _LEAST_SIZE = 2.0**-1022  # in model units; what float64 can divide 2 by
 

@@ -23,8 +23,8 @@ from texbake.jobs.export.sources import (
     heights_of,
     normal_vectors,
 )
+from texbake.texture.channel_codes import check_gray
 from texbake.texture.dds import write_dds
-from texbake.texture.gray import check_gray
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
 

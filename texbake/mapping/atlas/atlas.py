@@ -13,13 +13,13 @@ from texbake.errors import UnwrapError, UvError
 from texbake.mapping.atlas.charts import Charts, existing_charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.flattening.relax import relax_charts
-from texbake.mapping.atlas.hard_edges import regions_between
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import fitting_padding
+from texbake.mapping.seams import regions_between
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped

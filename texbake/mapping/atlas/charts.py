@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import UvError
-from texbake.mapping.areas import measurable_uvs, signed_areas, surface_areas
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import laid_flat
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows

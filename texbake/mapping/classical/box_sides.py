@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.areas import surface_areas
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.half_edges import edge_ids

@@ -26,8 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.options.checks import Vector
 from texbake.mapping.options.projection import AXES
+from texbake.mapping.options.shared import Vector
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 

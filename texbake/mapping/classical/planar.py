@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.areas import surface_areas
 from texbake.mapping.classical.frames import LocalPoints, center_of, points_about, upright_frame
-from texbake.mapping.corner_uvs import Projected
+from texbake.mapping.corner_uvs import Projected, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
 from texbake.mesh.mesh import FloatArray, Mesh

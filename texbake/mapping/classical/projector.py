@@ -29,7 +29,7 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.checks import Matrix
+from texbake.mapping.options.shared import Matrix
 from texbake.mesh.files.source import parse_row, read_lines
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen

@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mapping.classical.axis_center import center_about_axis
+from texbake.mapping.classical.cylindrical import center_about_axis
 from texbake.mapping.classical.frames import (
     LocalPoints,
     center_of,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.errors import OptionError
-from texbake.mapping.options.texture import TextureOptions
+from texbake.mapping.options.shared import TextureOptions
 from texbake.schema import Option
 
 QUALITIES = ("fast", "good", "best")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.errors import OptionError
-from texbake.mapping.options.checks import (
+from texbake.mapping.options.shared import (
     Matrix,
     Vector,
     check_direction,

@@ -166,7 +166,7 @@ class VolumeTexture(ProcedureTexture):
     @cached_property
     def texels(self) -> npt.NDArray[np.float32]:
         """(D, H, W, C) values, read when they are first asked for."""
-        from texbake.texture.volumes import read_volume
+        from texbake.texture.image_files import read_volume
 
         is_array = hasattr(self.volume, "ndim")
         return self.volume if is_array else read_volume(self.volume)  # type: ignore

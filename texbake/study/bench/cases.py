@@ -1,7 +1,8 @@
 """Generated meshes whose surface has a closed form: high-poly ones of any size, and low-poly ones.
 
 The low-poly meshes have texture coordinates by construction, so that no program's own unwrapping or
-simplification comes between. No mesh stores normals: every program computes them itself.
+simplification comes between. No mesh stores normals: every program computes them itself. A user's
+pair is a case as well.
 """
 
 from __future__ import annotations
@@ -10,15 +11,23 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from texbake.baking.scenes import measure_extent
 from texbake.core import portable_math as pm
+from texbake.errors import MeshError
+from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes
+from texbake.mesh.files import write_mesh
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, split_quads
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
+from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
+from texbake.raycast.scene import RayScene
 from texbake.study.case import StudyPair
 from texbake.study.truth.implicit import ImplicitSurface
 from texbake.study.truth.surfaces import wave_heights
@@ -316,3 +325,61 @@ _MAKERS: dict[str, Callable[[int], BenchCase]] = {
     "beveled-box": _beveled_box,
     "two-parts": _two_parts,
 }
+
+
+def pair_files(case: BenchCase, folder: Path) -> dict[str, str]:
+    """Return the paths of the high-poly mesh (`high`) and the low-poly one (`low`), written once.
+
+    The high-poly mesh is binary PLY, the low-poly one OBJ with texture coordinates.
+    """
+    return {
+        "high": mesh_file(case.high, folder, f"{case.name} high"),
+        "low": _written(case.low, folder / f"{case.name} low.obj"),
+    }
+
+
+def mesh_file(mesh: Mesh, folder: Path, name: str) -> str:
+    """Return the path of a mesh as binary PLY, without texture coordinates, written once."""
+    return _written(mesh.replace(uvs=None, uv_faces=None), folder / f"{name}.ply")
+
+
+def _written(mesh: Mesh, path: Path) -> str:
+    if not path.exists():
+        positions = mesh.positions.astype(np.float32)
+        write_mesh(mesh.replace(positions=positions), path)
+    return str(path)
+
+
+_ATLAS_SIZE = 1024
+
+
+def own_case(high: Mesh, low: Mesh) -> BenchCase:
+    """Return a case of a user's pair, as all programs can read it.
+
+    Positions are rounded to float32 and normals are left out. The low-poly mesh is unwrapped if it
+    has no texture coordinates. Rays reach as far as texbake measures that they must.
+    """
+    for mesh in high, low:
+        if degenerate_faces(mesh).all():
+            raise MeshError(
+                f"{mesh.name}: none of its {mesh.n_faces} faces has an area, so there is nothing "
+                "to measure; give a mesh with a surface"
+            )
+    high, low = _bare(high), _bare(low)
+    if low.uvs is None:
+        low = unwrap(low, size=_ATLAS_SIZE)
+    frame = LocalFrame.around(high, low)
+    with RayScene.build(high, frame) as scene:
+        extent = measure_extent(scene, low, "smooth")
+    return BenchCase(name=high.name, high=high, low=low, reach=max(extent.front, extent.back))
+
+
+def _bare(mesh: Mesh) -> Mesh:
+    """Without normals, groups, materials and colors, with the positions that files hold."""
+    return Mesh(
+        positions=mesh.positions.astype(np.float32).astype(np.float64),
+        faces=mesh.faces,
+        uvs=mesh.uvs,
+        uv_faces=mesh.uv_faces,
+        name=mesh.name,
+    )

@@ -9,8 +9,7 @@ from typing import Any
 
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.task import BenchTask
-from texbake.study.pareto import pareto_front
-from texbake.study.result import Measurement, Ranked, settings_csv
+from texbake.study.result import Measurement, Ranked, pareto_front, settings_csv
 
 SCHEMA = "texbake-bench-1"
 OURS = "texbake"

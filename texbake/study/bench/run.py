@@ -19,18 +19,16 @@ from texbake.errors import MeshError, OptionError
 from texbake.files import scratch_folder
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.progress import ProgressSink, Stages
-from texbake.study.bench.cases import BenchCase, made_case
+from texbake.study.bench.cases import BenchCase, made_case, own_case
 from texbake.study.bench.options import BenchOptions
-from texbake.study.bench.own_case import own_case
 from texbake.study.bench.process import Finished, run_process
 from texbake.study.bench.programs import PROGRAMS, Product, Program
 from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.task import BenchTask, Prepared
 from texbake.study.bench.tasks import TASKS
 from texbake.study.knob import Bench, Judgment, Setting
-from texbake.study.machine import machine_figures
 from texbake.study.result import Measurement
-from texbake.study.runner import run_bench as run_settings
+from texbake.study.runner import machine_figures, run_bench as run_settings
 
 
 def run_bench(

@@ -7,10 +7,8 @@ from pathlib import Path
 
 from texbake.files import PathLike, write_files
 from texbake.progress import ProgressSink, Stages
-from texbake.study.bench.page import bench_page
-from texbake.study.bench.plots import contest_plot
+from texbake.study.bench.page import bench_page, contest_plot, markdown
 from texbake.study.bench.result import BenchResult
-from texbake.study.bench.table import markdown
 
 PAGE, JSON, CSV, TABLE = "bench.html", "bench.json", "bench.csv", "bench.md"
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.texture.procedures.default_ramps import DEFAULT_RAMPS
+from texbake.texture.procedures import DEFAULT_RAMPS
 
 # Number of values for the mean color; ramps have only a few stops.
 _N_VALUES = 1 << 12

@@ -14,7 +14,6 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts, gather_charts
 from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
 from texbake.mapping.atlas.cutting.parts import (
@@ -27,6 +26,7 @@ from texbake.mapping.atlas.cutting.parts import (
 )
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.half_edges import edge_ids

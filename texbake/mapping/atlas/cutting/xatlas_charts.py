@@ -22,10 +22,10 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import DependencyError
-from texbake.mapping.areas import surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows

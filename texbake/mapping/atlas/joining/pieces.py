@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.areas import signed_areas, surface_areas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import measured
 from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray

@@ -20,12 +20,12 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from texbake.errors import UnwrapError
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
 from texbake.mapping.atlas.packing.bitmaps import PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
 from texbake.mapping.atlas.packing.search import draft_layout, squeezed_layout
 from texbake.mapping.atlas.packing.settle import RoughLayout, Settled, settle_layout
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mapping.areas import signed_areas
 from texbake.mapping.atlas.packing.bitmaps import Bitmaps, rasterize_charts
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 
 _STEPS_A_FACE = 30  # steps of work to rasterize a face

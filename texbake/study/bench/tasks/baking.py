@@ -19,8 +19,7 @@ from texbake.baking.options import BakeOptions
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.normals import smooth_normals
-from texbake.study.bench.cases import BenchCase
-from texbake.study.bench.files import pair_files
+from texbake.study.bench.cases import BenchCase, pair_files
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product
 from texbake.study.bench.task import BenchTask, Prepared

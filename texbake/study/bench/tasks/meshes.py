@@ -11,8 +11,7 @@ from texbake.mapping.distortion import distortion
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.study.bench.cases import BenchCase
-from texbake.study.bench.files import mesh_file
+from texbake.study.bench.cases import BenchCase, mesh_file
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product
 from texbake.study.bench.task import BenchTask, Prepared

@@ -17,8 +17,7 @@ from texbake.raycast.scene import RayScene
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.picture_error import picture_error
-from texbake.study.bench.cases import BenchCase
-from texbake.study.bench.files import mesh_file
+from texbake.study.bench.cases import BenchCase, mesh_file
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product
 from texbake.study.bench.task import BenchTask, Prepared

@@ -1,12 +1,15 @@
-"""Checks of directions and ranges, and the types of vectors and matrices."""
+"""What several option classes share: the size of a texture, vectors, and checks of ranges."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from numbers import Real
+from typing import Annotated
 
 from texbake.errors import OptionError
+from texbake.schema import CheckedOptions, Option
 
 Vector = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]
@@ -37,3 +40,34 @@ def check_interval(name: str, values: Sequence[float]) -> None:
     # Below one rounding of its ends, a range has no points between them to tell apart.
     if not (length > 2.0**-52 * max(map(abs, values)) and 1e-300 < length < math.inf):
         raise OptionError(f"{name}: {values!r} is an empty range; give two numbers that differ")
+
+
+MAX_SIZE = 16384  # texels per side: 2^14, so that what a bake counts in stays within its integers
+
+Size = int | tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextureOptions(CheckedOptions):
+    """How large a texture is."""
+
+    size: Annotated[
+        Size,
+        Option(
+            "Width and height of the texture in texels; one number means both.",
+            metavar="PX|WxH",
+            low=1,
+            high=MAX_SIZE,
+            unit="texels",
+        ),
+    ] = 1024
+
+    @property
+    def width_px(self) -> int:
+        """Texels in a row."""
+        return self.size if isinstance(self.size, int) else self.size[0]
+
+    @property
+    def height_px(self) -> int:
+        """Number of rows."""
+        return self.size if isinstance(self.size, int) else self.size[1]
