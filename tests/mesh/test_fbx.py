@@ -275,15 +275,6 @@ def test_arrays_that_unpack_to_other_than_they_say(read):
         read(bomb(50_000_000, bytes(400_000_000)))
 
 
-def test_nodes_too_deep(read):
-    node = ("x", [], [])
-    for _ in range(100):
-        node = ("x", [], [node])
-    for form in ("binary", "ascii"):
-        with pytest.raises(FileFormatError, match="more than 64 levels deep"):
-            read([node], 7400, form)
-
-
 @pytest.mark.parametrize("length", [24, 100, 1000])
 def test_truncated_files_name_the_byte(read, length):
     with pytest.raises(FileFormatError, match=r"a\.fbx: byte \d+: "):

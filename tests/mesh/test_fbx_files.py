@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.hard_cases.fbx_writer import scene, shape, written
 from texbake.errors import TexbakeError
 from texbake.mesh.files import read_mesh
-from texbake.mesh.files.fbx_scene import read_scene
-from texbake.mesh.files.fbx_transforms import scene_axes
+from texbake.mesh.files.fbx_scene import read_scene, scene_axes
 
 ORDERS = ("xyz", "xzy", "yzx", "yxz", "zxy", "zyx")
 # A star of ten corners, which is not convex, a quad and a triangle below it.

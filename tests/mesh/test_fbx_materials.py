@@ -16,8 +16,8 @@ from texbake.errors import MeshError
 from texbake.limits import raised_limits
 from texbake.mesh.files import fbx_materials, fbx_scene, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
+from texbake.mesh.files.fbx_materials import has_alpha
 from texbake.mesh.files.fbx_nodes import Node
-from texbake.mesh.files.fbx_textures import has_alpha
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import (
     UNPLACED,

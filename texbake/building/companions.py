@@ -21,8 +21,8 @@ from texbake.building.locations import is_url
 from texbake.errors import TexbakeError
 from texbake.files import read_bytes, require_file
 from texbake.limits import allows_outside, is_within
+from texbake.mesh.files.fbx_materials import image_names
 from texbake.mesh.files.fbx_scene import read_scene
-from texbake.mesh.files.fbx_textures import image_names
 from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
 from texbake.mesh.files.obj_uv_sets import uv_sets_path
 from texbake.mesh.files.source import decode_name

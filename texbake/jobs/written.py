@@ -23,7 +23,7 @@ from texbake.jobs.outputs import (
     uv_set_files,
 )
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.files.mtl_write import write_obj_materials
+from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import Materials, read_materials

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from texbake.errors import FileFormatError
 from texbake.mesh.files.conversion import media_type
-from texbake.mesh.files.mtl_write import MTL_CHANNELS
+from texbake.mesh.files.mtl import MTL_CHANNELS
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,

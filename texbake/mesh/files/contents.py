@@ -16,8 +16,8 @@ from typing import Any
 from texbake.errors import FileError, TexbakeError
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
+from texbake.mesh.files.fbx_materials import base_layer, first_image
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
-from texbake.mesh.files.fbx_textures import base_layer, first_image
 from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import image_bytes, image_source, read_texture

@@ -17,7 +17,7 @@ import numpy as np
 
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_nodes import MAX_DEPTH, MAX_NODES, PASSED_OVER, Budget, Node
+from texbake.mesh.files.fbx_nodes import PASSED_OVER, Budget, Node
 from texbake.mesh.files.source import ByteArray, line_number, text_of
 from texbake.mesh.mesh import FloatArray
 
@@ -74,7 +74,6 @@ class _Reader:
         """Find all nodes."""
         root = Node("")
         open_nodes = [root]
-        n_nodes = 0
         while self._skip_blank():
             if self.text[self.at] == ord("}"):
                 self.at += 1
@@ -83,9 +82,6 @@ class _Reader:
                 open_nodes.pop()
                 continue
             node = self._node()
-            n_nodes += 1
-            if n_nodes > MAX_NODES:
-                self.fail(f"it has more than {MAX_NODES} nodes")
             open_nodes[-1].children.append(node)
             if not self._skip_blank() or self.text[self.at] != ord("{"):
                 continue
@@ -93,8 +89,6 @@ class _Reader:
             if node.name in PASSED_OVER:
                 self._pass_over()
                 continue
-            if len(open_nodes) > MAX_DEPTH:
-                self.fail(f"its nodes are more than {MAX_DEPTH} levels deep")
             open_nodes.append(node)
         if len(open_nodes) > 1:
             self.fail(f"it ends within {quoted(open_nodes[-1].name)}")

@@ -1,19 +1,25 @@
-"""The nodes that an FBX file is made of, whether it is binary or text: a name, values, children."""
+"""The nodes that an FBX file is made of, a name, values and children; binary files as such.
+
+A node of a binary file, version 5 to 7, little-endian or big-endian, is a header (where it ends,
+how many values it has, the bytes of these, its name), its values, and its children up to its end;
+from version 7.5 on, the header's numbers have 64 bits. `fbx_ascii` reads files of text.
+
+Based on: A. Gessler and C. Kerl, "FBX binary file format specification", Blender developers' blog,
+2013.
+"""
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.source import decode_name
-
-MAX_DEPTH = 64  # levels of nodes; programs write fewer than ten
-MAX_NODES = 2_000_000  # some 600 MB of Python objects
+from texbake.mesh.files.source import ByteArray, Cursor, decode_name
 
 # Nodes whose children nobody asks for: they are passed over, however many there are.
 PASSED_OVER = frozenset({
@@ -97,3 +103,155 @@ class Budget:
     def fail(self, what: str) -> NoReturn:
         """Raise `FileFormatError`."""
         raise FileFormatError(f"{self.path}: {what}")
+
+
+MAGIC = b"Kaydara FBX Binary  \0\x1a"
+# Kinds of single values, and of arrays, by their codes.
+_SINGLE = {"C": "i1", "B": "i1", "Z": "i1", "Y": "i2", "I": "i4", "F": "f4", "D": "f8", "L": "i8"}
+_MANY = {"f": "f4", "d": "f8", "i": "i4", "l": "i8", "b": "i1", "c": "i1"}
+_DEFLATE_RATIO = 1100  # deflate packs no better than 1,032 to 1
+_LONG_LIST = 8  # from this many values on, a list of one kind is read as an array
+
+
+def read_binary(path: PathLike, data: ByteArray) -> Node:
+    """Nodes of a binary FBX file, as children of a node without a name."""
+    return _Reader(path, data).read()
+
+
+def binary_version(path: PathLike, data: ByteArray) -> int:
+    """Return the version in the header of a binary FBX file, such as 7400."""
+    return _header(path, data)[1]
+
+
+def _header(path: PathLike, data: ByteArray) -> tuple[Cursor, int]:
+    """Return the place behind the header, and the version."""
+    cursor = Cursor(path, data)
+    if cursor.take(len(MAGIC) + 1)[-1] == 1:
+        cursor.order = ">"
+    (version,) = cursor.unpack("I")
+    return cursor, version
+
+
+class _Reader:
+    """Bytes of a file and how to read them."""
+
+    def __init__(self, path: PathLike, data: ByteArray) -> None:
+        self.cursor, version = _header(path, data)
+        # End, number of values, bytes of values, length of the name.
+        self.header = "QQQB" if version >= 7500 else "IIIB"
+        self.budget = Budget(path, len(data))
+
+    def read(self) -> Node:
+        """Find all nodes."""
+        root = Node("")
+        cursor = self.cursor
+        open_nodes = [(root, len(cursor.data))]
+        while open_nodes:
+            parent, cursor.stop = open_nodes[-1]
+            if cursor.at == cursor.stop and parent is not root:
+                open_nodes.pop()
+                continue
+            node, stop = self._node()
+            if node is None:  # the record of zeros that ends a list
+                cursor.at = cursor.stop
+                open_nodes.pop()
+                continue
+            parent.children.append(node)
+            if cursor.at < stop and node.name not in PASSED_OVER:
+                open_nodes.append((node, stop))
+            else:
+                cursor.at = stop
+        return root
+
+    def _node(self) -> tuple[Node | None, int]:
+        """Return the next node without its children, and where they end."""
+        cursor = self.cursor
+        stop, n_values, n_bytes, n_name = cursor.unpack(self.header)
+        if stop == 0:
+            return None, 0
+        name = decode_name(cursor.take(n_name).tobytes())
+        first = cursor.at
+        if not first <= first + n_bytes <= stop <= cursor.stop:
+            cursor.fail("a node has a wrong length")
+        node = Node(name)
+        if name not in PASSED_OVER or n_bytes < 1024:
+            cursor.stop = first + n_bytes
+            node.values = self._values(n_values)
+        cursor.at = first + n_bytes
+        return node, stop
+
+    def _values(self, n_values: int) -> list[Any]:
+        """Values of a node."""
+        if n_values > _LONG_LIST and (run := self._run(n_values)) is not None:
+            return [run]
+        return [self._value() for _ in range(n_values)]
+
+    def _run(self, n_values: int) -> _Run | None:
+        """Return a long list of numbers of one kind, as files before version 7 have it."""
+        rest = self.cursor.data[self.cursor.at : self.cursor.stop]
+        kind = _SINGLE.get(chr(rest[0])) if len(rest) else None
+        if kind is None:
+            return None
+        rows = np.dtype([("code", "u1"), ("value", f"{self.cursor.order}{kind}")])
+        if n_values * rows.itemsize != len(rest):
+            return None
+        values = rest.view(rows)
+        return _Run(values["value"]) if (values["code"] == rest[0]).all() else None
+
+    def _value(self) -> Any:
+        cursor = self.cursor
+        code = chr(cursor.take(1)[0])
+        if code in _SINGLE:
+            return cursor.array(_SINGLE[code], 1)[0].item()
+        if code in "SR":
+            return cursor.take(*cursor.unpack("I")).tobytes()
+        if code not in _MANY:
+            cursor.fail(f"a value has the unknown kind {quoted(code)}")
+        count, is_packed, n_bytes = cursor.unpack("III")
+        dtype = np.dtype(f"{cursor.order}{_MANY[code]}")
+        wanted = count * dtype.itemsize
+        content = cursor.take(n_bytes if is_packed else wanted)
+        if is_packed and wanted > _DEFLATE_RATIO * n_bytes:
+            cursor.fail(f"an array says {count} numbers, and {n_bytes} bytes cannot hold them")
+        return _Packed(self.budget, content, count, dtype, bool(is_packed))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """Numbers that stand one by one."""
+
+    values: npt.NDArray[Any]
+
+    def load(self) -> npt.NDArray[Any]:
+        """(n,) numbers."""
+        return self.values.astype(self.values.dtype.newbyteorder("="))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Packed:
+    """An array as bytes of the file, perhaps deflated."""
+
+    budget: Budget
+    content: ByteArray
+    count: int
+    dtype: np.dtype[Any]
+    is_packed: bool
+
+    def load(self) -> npt.NDArray[Any]:
+        """(n,) numbers."""
+        wanted = self.count * self.dtype.itemsize
+        self.budget.take(wanted)
+        content = self.content
+        if self.is_packed:
+            content = np.frombuffer(self._inflated(wanted), np.uint8)
+        return content.view(self.dtype).astype(self.dtype.newbyteorder("="), copy=False)
+
+    def _inflated(self, wanted: int) -> bytes:
+        try:
+            # One byte more, so that an array that is too long shows.
+            found = zlib.decompressobj().decompress(self.content.tobytes(), wanted + 1)
+        except zlib.error:
+            found = b""
+        if len(found) != wanted:
+            self.budget.fail(f"an array of {self.count} numbers is damaged; export it again")
+        return found

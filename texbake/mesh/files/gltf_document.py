@@ -24,7 +24,13 @@ from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view, most_decoded
-from texbake.mesh.files.source import ByteArray, parsed, read_array, without_cycle_search
+from texbake.mesh.files.source import (
+    ByteArray,
+    Cursor,
+    parsed,
+    read_array,
+    without_cycle_search,
+)
 
 _MAGIC = b"glTF"
 _JSON_CHUNK = 0x4E4F534A
@@ -351,9 +357,8 @@ def _read_document(path: PathLike) -> Document:
 
 def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:
     """JSON and binary chunk of a GLB file."""
-    if len(data) < 20:
-        raise FileFormatError(f"{path}: the GLB file is cut short; export it again")
-    _, version, n_bytes = data[:12].view("<u4").tolist()
+    cursor = Cursor(path, data)
+    _, version, n_bytes = cursor.unpack("4sII")
     if version != 2:
         raise FileFormatError(f"{path}: it is GLB version {version}; only 2 is read")
     if n_bytes > len(data):
@@ -361,13 +366,9 @@ def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:
             f"{path}: the GLB file is cut short, {len(data)} of {n_bytes} bytes; export it again"
         )
     found: dict[int, ByteArray] = {}
-    at = 12
-    while at + 8 <= n_bytes:
-        n_chunk, kind = np.frombuffer(data[at : at + 8].tobytes(), "<u4").tolist()
-        if at + 8 + n_chunk > n_bytes:
-            raise FileFormatError(f"{path}: a chunk of the GLB file is cut short; export it again")
-        found.setdefault(kind, data[at + 8 : at + 8 + n_chunk])
-        at += 8 + n_chunk
+    while cursor.at + 8 <= n_bytes:
+        n_chunk, kind = cursor.unpack("II")
+        found.setdefault(kind, cursor.take(n_chunk))
     if _JSON_CHUNK not in found:
         raise FileFormatError(f"{path}: the GLB file has no JSON chunk; export it again")
     return found[_JSON_CHUNK], found.get(_BINARY_CHUNK, data[:0])

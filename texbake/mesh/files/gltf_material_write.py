@@ -1,7 +1,9 @@
 """Materials as glTF files hold them: what `gltf_materials` reads, written back.
 
-A channel without an image whose texture has one keeps its factor: the image is taken to be 1 there,
-as `texbake.texture.gltf_images` makes it.
+glTF reads roughness from the green and metallic from the blue of one image, alpha from the image of
+the base color. Other formats have an image for each channel; `texbake.texture.gltf_images` puts
+these where glTF reads them. A channel without an image whose texture has one keeps its factor: the
+image is taken to be 1 there, as that module makes it.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
 extensions KHR_texture_transform and KHR_materials_emissive_strength.
@@ -9,22 +11,24 @@ extensions KHR_texture_transform and KHR_materials_emissive_strength.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.files.conversion import as_text
+from texbake.mesh.files.conversion import as_text, media_type
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS
+from texbake.mesh.files.gltf_channels import EMISSIVE_STRENGTH, GLTF_CHANNELS, GltfChannel
 from texbake.mesh.files.gltf_materials import FLIP
-from texbake.mesh.files.gltf_slots import SLOTS, Slot
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
     ChannelImage,
+    ChannelSource,
     Materials,
     MeshMaterial,
     Placing,
@@ -151,3 +155,78 @@ def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> 
     if angle:
         found["rotation"] = angle
     return found
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A texture of glTF materials.
+
+    Attributes
+    ----------
+    owner, texture : str
+        As in `GltfChannel`.
+    channels : tuple of GltfChannel
+        Those that it holds.
+    """
+
+    owner: str
+    texture: str
+    channels: tuple[GltfChannel, ...]
+
+    def sources(self, material: MeshMaterial) -> Iterator[tuple[GltfChannel, ChannelSource]]:
+        """Yield where each channel of it comes from; the default, where the material is silent."""
+        for where in self.channels:
+            if where.name == "alpha" and material.alpha_mode == "opaque":
+                continue
+            default = ChannelSource(CHANNELS[where.name].default)
+            yield where, material.channels.get(where.name, default)
+
+    def image(self, material: MeshMaterial) -> ChannelImage | None:
+        """Return the first image of its channels."""
+        images = (source.image for _, source in self.sources(material))
+        return next((image for image in images if image is not None), None)
+
+    def holds(self, material: MeshMaterial) -> bool:
+        """Whether glTF has the images of a material's channels, all in one and where it reads."""
+        first = self.image(material)
+        return first is None or (
+            media_type(first.data) is not None
+            and all(_is_read(where, source, first) for where, source in self.sources(material))
+        )
+
+    def fits(self, material: MeshMaterial) -> bool:
+        """Whether glTF also shows the channels that have no image as the material does.
+
+        It would multiply them by what stands in the image.
+        """
+        alone = (source for _, source in self.sources(material) if source.image is None)
+        has_image = self.image(material) is not None
+        return self.holds(material) and not (has_image and any(any(s.factor) for s in alone))
+
+
+def _is_read(where: GltfChannel, source: ChannelSource, first: ChannelImage) -> bool:
+    """Whether glTF reads the image of a channel, if it has one, as the material does."""
+    if source.image is None:
+        return True
+    if source.image.components != where.components or not same_place(source.image, first):
+        return False
+    return where.name != "normal" or is_scale(source.factor)
+
+
+def is_scale(factor: tuple[float, ...]) -> bool:
+    """Whether a factor of normals is a scale of glTF, which acts on x and y alike."""
+    return factor == (factor[0], factor[0], 1.0)
+
+
+def same_place(a: ChannelImage, b: ChannelImage) -> bool:
+    """Whether two channels read an image file at the same places."""
+    common = {"components": (), "name": ""}
+    return replace(a, **common) == replace(b, **common)  # type: ignore[arg-type]
+
+
+SLOTS = tuple(
+    Slot(owner, texture, tuple(channels))
+    for (owner, texture), channels in groupby(
+        GLTF_CHANNELS, key=lambda channel: (channel.owner, channel.texture)
+    )
+)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import gc
 import math
 import os
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,42 @@ def read_array(path: PathLike) -> ByteArray:
     it is not mapped, except by `texbake.mesh.streamed`.
     """
     return np.frombuffer(read_bytes(path), dtype=np.uint8)
+
+
+class Cursor:
+    """A place in the bytes of a binary file, of which nothing behind `stop` can be taken.
+
+    `order` is the sign of the byte order, as in `struct`.
+    """
+
+    def __init__(self, path: PathLike, data: ByteArray, *, order: str = "<") -> None:
+        self.path = path
+        self.data = data
+        self.order = order
+        self.at = 0
+        self.stop = len(data)
+
+    def fail(self, what: str) -> NoReturn:
+        """Raise `FileFormatError` that names the place."""
+        raise FileFormatError(f"{self.path}: byte {self.at}: {what}; export it again")
+
+    def take(self, n_bytes: int) -> ByteArray:
+        """Return the next bytes."""
+        start = self.at
+        if not 0 <= n_bytes <= self.stop - start:
+            self.fail(f"the file is cut short, or damaged: {n_bytes} bytes are missing here")
+        self.at += n_bytes
+        return self.data[start : self.at]
+
+    def unpack(self, kinds: str) -> tuple[Any, ...]:
+        """Return the next numbers, of the kinds that `struct` names."""
+        layout = struct.Struct(self.order + kinds)
+        return layout.unpack(self.take(layout.size).data)
+
+    def array(self, kind: str, count: int) -> npt.NDArray[Any]:
+        """(count,) next numbers of a kind that NumPy names."""
+        dtype = np.dtype(self.order + kind)
+        return self.take(count * dtype.itemsize).view(dtype)
 
 
 @contextmanager

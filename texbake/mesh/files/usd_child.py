@@ -28,7 +28,7 @@ from texbake.mesh.files.usd_stage import require_usd
 QUESTIONS = {
     "mesh": ("texbake.mesh.files.usd", "mesh_of_stage"),
     "materials": ("texbake.mesh.files.usd_materials", "materials_of_stage"),
-    "contents": ("texbake.mesh.files.usd_contents", "contents_of_stage"),
+    "contents": ("texbake.mesh.files.usd_materials", "contents_of_stage"),
     "files": (__name__, "files_of_stage"),
 }
 """Questions, and the module and function that answer each, given the path."""

@@ -1,4 +1,4 @@
-"""Materials of USD files: UsdPreviewSurface, with the images that its inputs read.
+"""Materials of USD files: UsdPreviewSurface, with the images that its inputs read; other contents.
 
 A material of another shader is read as one without channels, which is noted; so is an image that is
 missing, or lies on other texture coordinates than those of the mesh. Diffuse colors are read as
@@ -21,6 +21,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
+from texbake.mesh.files.contents import FileContents, MaterialContent
 from texbake.mesh.files.usd import UsdPart, read_parts
 from texbake.mesh.files.usd_limits import LIMITS
 from texbake.mesh.files.usd_process import ask_usd
@@ -330,3 +331,40 @@ def usd_channels(material: Any) -> dict[str, tuple[str, bytes | None] | None]:
         elif _value(source) is not None:
             channels[channel] = None
     return channels
+
+
+def contents_of_stage(path: PathLike) -> FileContents:
+    """Answer for `read_contents`."""
+    from pxr import UsdGeom, UsdShade
+
+    stage = open_stage(path)
+    materials = []
+    images: dict[str, bytes | None] = {}
+    uv_sets: dict[str, None] = {}
+    with reporting_damage(path):
+        for prim in stage.Traverse():
+            if prim.IsA(UsdShade.Material):
+                channels: dict[str, str | None] = {}
+                for channel, image in usd_channels(UsdShade.Material(prim)).items():
+                    channels[channel] = None if image is None else Path(image[0]).name
+                    if image is not None:
+                        images[Path(image[0]).name] = image[1]
+                name = str(prim.GetDisplayName() or prim.GetName())
+                materials.append(MaterialContent(name=name, channels=channels))
+            elif prim.IsA(UsdGeom.Mesh):
+                primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+                uv_sets |= {
+                    str(primvar.GetPrimvarName()): None
+                    for primvar in primvars
+                    if str(primvar.GetTypeName()).startswith("texCoord2")
+                }
+        has_unit = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
+        meters = float(UsdGeom.GetStageMetersPerUnit(stage)) if has_unit else 0.0
+        up = str(UsdGeom.GetStageUpAxis(stage))
+    return FileContents(
+        materials=tuple(materials),
+        images=images,
+        uv_sets=tuple(uv_sets),
+        meters_per_unit=meters if 0.0 < meters < math.inf else None,
+        up=f"+{up}",
+    )
