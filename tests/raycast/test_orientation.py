@@ -53,6 +53,10 @@ SOLIDS = {
     "cavity": joined(ball(), flipped(ball(0.5))),
     "solid in a cavity": joined(ball(), flipped(ball(0.6)), ball(0.3)),
     "hemisphere": hemisphere(),
+    "shells": joined(ball(), *(flipped(ball(0.8 - 0.2 * i)) for i in range(4))),
+    "two with cavities": joined(
+        ball(), flipped(ball(0.5)), ball(2.0, (4, 0, 0)), flipped(ball(0.8, (4.5, 0, 0)))
+    ),
 }
 
 
@@ -78,6 +82,15 @@ def test_one_of_several_parts_is_turned_over():
     mesh, report = oriented(flipped(right, chosen), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
     assert (report.n_parts, report.n_faces) == (1, chosen.sum())
+
+
+@pytest.mark.parametrize("hollow", [(0, 1), (2, 3)])
+def test_the_wall_of_a_cavity_goes_with_what_is_around_it(hollow):
+    right = SOLIDS["two with cavities"]
+    chosen = np.isin(np.arange(right.n_faces) // icosphere(3).n_faces, hollow)
+    mesh, report = oriented(flipped(right, chosen), "auto")
+    np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
+    assert (report.n_parts, report.n_faces, report.n_unclear) == (2, chosen.sum(), 0)
 
 
 def test_open_shells_stay_where_that_is_asked_for():

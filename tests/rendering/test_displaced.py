@@ -6,6 +6,9 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
+from texbake.rendering.camera import Camera
+from texbake.rendering.displaced import BaseSurface, EdgeView, displaced
+from texbake.rendering.options import RenderOptions
 from texbake.texture.lookup import lookup
 
 
@@ -173,3 +176,38 @@ def test_pieces_stay_within_their_bound():
         cut = displace(plane(), heights, max_triangles=bound)
         # An edge at the border has one triangle, so that nearly any number can be reached.
         assert max(2, bound - 1) <= cut.n_faces <= max(2, bound)
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.2])
+@pytest.mark.parametrize("edge_px", [3.0, 12.0])
+def test_no_edge_in_a_picture_is_longer_than_its_excess_says(edge_px, lift):
+    """Nor shorter than half of that where it lies across the view; one within a texel has none."""
+    mesh = icosphere(2)
+    options = RenderOptions(width=300, height=200, view=(30.0, 20.0))
+    camera = Camera.framing(mesh.replace(positions=1.3 * mesh.positions), options=options)
+    surface = BaseSurface(points=mesh.positions, faces=mesh.faces,
+                          normals=mesh.positions, linear=np.eye(3))  # fmt: skip
+    kept = []
+
+    def no_cuts(now):
+        kept.append(now)
+        return np.zeros(len(now.pieces.ends))
+
+    displaced(surface, lambda places, _: np.full((len(places.vertices), 1), lift), no_cuts,
+              max_triangles=10**6)  # fmt: skip
+    now, view = kept[-1], EdgeView(camera, options, edge_px, lift)
+    texels = 20.0 * np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (mesh.n_faces, 1, 1))
+    excess = view.excess(now, texels)
+    assert not view.excess(now, texels / 40.0).any()
+    np.testing.assert_allclose(
+        EdgeView(camera, options, 2.0 * edge_px, lift).excess(now, texels), excess / 2.0
+    )
+    for points in (now.points, now.positions):
+        homogeneous = np.column_stack([points, np.ones(len(points))])
+        clip = homogeneous @ np.array(camera.clip_from_world(1.5)).T
+        pixels = clip[:, :2] / clip[:, 3:] * (150.0, 100.0)
+        lengths = np.linalg.norm(np.diff(pixels[now.pieces.ends], axis=1)[:, 0], axis=1)
+        assert (lengths <= excess * edge_px * (1.0 + 1e-9)).all()
+    depths = (camera.eye - now.positions) @ camera.axes[2]
+    across = np.abs(np.diff(depths[now.pieces.ends], axis=1)[:, 0]) < 0.02
+    assert across.any() and (lengths[across] > 0.5 * excess[across] * edge_px).all()

@@ -88,6 +88,26 @@ def test_only_texels_at_an_edge_get_more_samples():
     np.testing.assert_allclose(tilt, 0.7 * slope, atol=slope / 16 + 0.05)
 
 
+@pytest.mark.parametrize("maps", [("normal",), ("displacement", "object-id", "position")])
+def test_where_no_error_exceeds_the_bound_it_is_the_bake_with_one_sample(maps):
+    """Also where rays miss: the high-poly mesh, which is tilted, covers 5/8 of the low-poly one."""
+    x, y, _ = flat().positions.T
+    high = flat().replace(positions=np.stack([0.625 * x - 0.375, y, 0.1 * x], axis=1))
+    one, adaptive = (
+        bake(high, flat(), options(maps=maps, **{"max_error": None, **more}))
+        for more in ({"samples": 1}, {"max_error": "90deg,100%"})
+    )
+    for name in maps:
+        found, wanted = adaptive.maps[name].values, one.maps[name].values
+        np.testing.assert_allclose(found, wanted, atol=1e-6)  # rounding counts as a curve
+    np.testing.assert_array_equal(adaptive.texel_faces, one.texel_faces)
+    np.testing.assert_array_equal(adaptive.missed, one.missed)
+    assert one.missed.mean() == 0.375
+    assert adaptive.report.distance_percentiles == one.report.distance_percentiles
+    assert adaptive.report.texels_missed == one.report.texels_missed
+    assert adaptive.report.sampling.sample_percents[1] == 100.0
+
+
 def test_a_smooth_surface_needs_one_sample_per_texel():
     mesh = uv_sphere(64, 128)
     result = bake(mesh, mesh, options(front=0.1, back=0.1, max_error="0.5deg"))
