@@ -1,6 +1,7 @@
 """The catalog of hard cases, given to tests by name: `mesh_case`, `image_case` and so on.
 
-A test that names such a fixture runs once for every case of it. The cases themselves are plain
+A test that names such a fixture runs once for every case of it; with the mark `pairwise` of other
+arguments, so often that every two of their values and cases meet. The cases themselves are plain
 modules in `catalog/`, which `table.py` reads as well.
 """
 
@@ -18,7 +19,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
 from catalog import cells  # noqa: E402
-from catalog.case import Case, only  # noqa: E402
+from catalog.case import Case, only, pairwise  # noqa: E402
 from catalog.contrasts import CONTRASTS  # noqa: E402
 from catalog.geometry import GEOMETRY  # noqa: E402
 from catalog.images import IMAGES  # noqa: E402
@@ -50,7 +51,11 @@ CASES: dict[str, tuple[Any, ...]] = {
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     for fixture, cases in CASES.items():
         if fixture in metafunc.fixturenames:
-            metafunc.parametrize(fixture, cases, ids=[case.name for case in cases])
+            mark = metafunc.definition.get_closest_marker("pairwise")
+            axes = {fixture: cases, **(mark.kwargs if mark else {})}
+            rows = pairwise(*axes.values()) if mark else [(case,) for case in cases]
+            ids = ["-".join(str(getattr(x, "name", x)) for x in row) for row in rows]
+            metafunc.parametrize(list(axes), rows, ids=ids)
     if "file_format" in metafunc.fixturenames:
         metafunc.parametrize("file_format", FORMATS)
 

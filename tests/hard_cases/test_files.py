@@ -16,7 +16,7 @@ from fuzz_formats import FORMATS
 import texbake
 
 # Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
-N_BYTES = 300_000
+N_BYTES = 100_000
 
 
 @pytest.fixture(scope="module")

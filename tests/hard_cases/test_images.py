@@ -37,9 +37,7 @@ def decoded(normals):
     return normals
 
 
-@pytest.mark.parametrize("kind", ["color", "data", "normal"])
-@pytest.mark.parametrize("mip_filter", ["box", "kaiser"])
-@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.pairwise(wrap=WRAPS, kind=("color", "data", "normal"), mip_filter=("box", "kaiser"))
 def test_mip_levels_go_down_to_one_texel(image_case, kind, mip_filter, wrap):
     image = image_case.make()
     chain = texbake.mip_chain(image, kind=kind, wrap=wrap, filter=mip_filter)
@@ -56,9 +54,8 @@ def test_mip_levels_go_down_to_one_texel(image_case, kind, mip_filter, wrap):
         np.testing.assert_allclose(last[0, 0], image.mean(axis=(0, 1), dtype=np.float64), rtol=1e-5)
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
-@pytest.mark.parametrize(
-    "image_filter", ["nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled"]
+@pytest.mark.pairwise(
+    image_filter=("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled"), wrap=WRAPS
 )
 def test_lookups_read_nothing_outside_the_image(image_case, image_filter, wrap):
     image = image_case.make()
@@ -79,8 +76,7 @@ def test_lookups_read_nothing_outside_the_image(image_case, image_filter, wrap):
         assert values.min() >= low and values.max() <= high
 
 
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
-@pytest.mark.parametrize("derivative", ["central", "sobel", "scharr"])
+@pytest.mark.pairwise(derivative=("central", "sobel", "scharr"), wrap=("repeat", "clamp"))
 def test_normals_of_heights_are_unit(image_case, wrap, derivative):
     heights = image_case.make()[..., 0]
     options = texbake.HeightToNormalOptions(scale=1.0, wrap=wrap, derivative=derivative)
@@ -94,8 +90,7 @@ def test_normals_of_heights_are_unit(image_case, wrap, derivative):
         np.testing.assert_allclose(turned, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
-@pytest.mark.parametrize("method", ["frankot-chellappa", "poisson"])
+@pytest.mark.pairwise(method=("frankot-chellappa", "poisson"), wrap=("repeat", "clamp"))
 def test_heights_of_normals_are_finite_and_of_mean_0(image_case, method, wrap):
     field = texbake.normal_to_height(
         image_case.make(), texbake.NormalToHeightOptions(method=method, wrap=wrap)
@@ -173,8 +168,7 @@ def test_codes_never_wrap_around(image_case, bits):
     np.testing.assert_array_equal(codes, expected)
 
 
-@pytest.mark.parametrize("convention", ["opengl", "directx"])
-@pytest.mark.parametrize("bits", [8, 16, 32])
+@pytest.mark.pairwise(bits=(8, 16, 32), convention=("opengl", "directx"))
 def test_codes_of_normals_come_back(image_case, bits, convention):
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         image = image_case.make().astype(np.float64)
@@ -234,8 +228,7 @@ def test_images_are_packed_as_they_are(image_case):
     assert packed.pixels.shape[2] == 3
 
 
-@pytest.mark.parametrize("layout", ["cross", "faces"])
-@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.pairwise(convention=CONVENTIONS, layout=("cross", "faces"))
 def test_cube_files_come_back_bit_for_bit(image_case, layout, convention, tmp_path):
     """Six different squares of the image's values, through float files of either form."""
     image = image_case.make()

