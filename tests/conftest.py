@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import gc
 import signal
 import sys
 from collections import Counter
@@ -41,6 +42,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     rooms = Path(__file__).parent
     order = dict(zip(_FIRST, range(len(_FIRST)), strict=True))
     items.sort(key=lambda item: order.get(item.path.relative_to(rooms).parts[0], len(order)))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector away from the many thousand tests: a study calls it each run."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)

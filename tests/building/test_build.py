@@ -657,13 +657,13 @@ def test_what_keeps_git_away_is_whole_or_not_there(
     assert (tmp_path / "build" / ".texbake" / ".gitignore").read_text() == "*\n"
 
 
-def test_ten_thousand_assets_are_planned_and_found_current(
+def test_a_thousand_assets_are_planned_and_found_current(
     write: Write, tmp_path: Path, inline: Any
 ) -> None:
     (tmp_path / "in").mkdir()
     write_mesh(uv_sphere(3, 4), tmp_path / "in" / "0.ply")
     data = (tmp_path / "in" / "0.ply").read_bytes()
-    for number in range(1, 10_000):
+    for number in range(1, 1000):
         (tmp_path / "in" / f"{number}.ply").write_bytes(data)
     steps = '[steps.r]\ndo = "repair"\nmesh = "high"\nformat = "stl"\n'
     path = write('[[assets]]\ninputs.high = "in/*.ply"\n', steps)
@@ -671,7 +671,7 @@ def test_ten_thousand_assets_are_planned_and_found_current(
     built = inline()
     assert build(path, BuildOptions(only=("77",)), workers=built).ok
     plan = plan_build(path)
-    assert len(plan) == 10_000
+    assert len(plan) == 1000
     assert [step.asset for step in plan if step.state == "current"] == ["77"]
 
 

@@ -61,8 +61,14 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("uri", ["gone.png", "../gone.png", "http://example.org/gone.png"])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    ("command", "uri"),
+    [
+        *((command, "gone.png") for command in COMMANDS),
+        ("convert", "../gone.png"),
+        ("convert", "http://example.org/gone.png"),
+    ],
+)
 def test_a_missing_image_is_one_warning_and_neutral(tmp_path, monkeypatch, command, uri):
     monkeypatch.chdir(tmp_path)
     model(tmp_path, uri)
@@ -92,11 +98,21 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize("data", DAMAGED.values(), ids=DAMAGED)
-@pytest.mark.parametrize("command", ["convert", "preview", "lighten", "bake"])
-@pytest.mark.parametrize("place", ["beside", "inside", "OBJ"])
-def test_a_damaged_image_is_treated_as_missing(tmp_path, monkeypatch, command, data, place):
+PLACES = ("beside", "inside", "OBJ")
+
+
+# All kinds of damage in all places, and each command with each of both.
+@pytest.mark.parametrize(
+    ("kind", "command", "place"),
+    [
+        (kind, command, PLACES[(i + j) % 3])
+        for i, kind in enumerate(DAMAGED)
+        for j, command in enumerate(["convert", "preview", "lighten", "bake"])
+    ],
+)
+def test_a_damaged_image_is_treated_as_missing(tmp_path, monkeypatch, command, kind, place):
     monkeypatch.chdir(tmp_path)
+    data = DAMAGED[kind]
     (tmp_path / "bad.png").write_bytes(data)
     inside = "data:image/png;base64," + base64.b64encode(data).decode()
     model(tmp_path, inside if place == "inside" else "bad.png")
