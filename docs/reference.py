@@ -74,7 +74,8 @@ def _page(parts: Iterable[str]) -> str:
 
 def commands_page() -> str:
     """Write every command with its options, as its help page has them."""
-    parts = ["# Commands", _MADE, "`texbake COMMAND --help` prints the same."]
+    parts = ["# Commands", _MADE]
+    parts.append("`texbake COMMAND --help` prints the same; with many options, `--help-all` does.")
     parts.append(table(("group", "commands"), map(_links, GROUPS, GROUPS.values())))
     group = click.Context(commands, info_name="texbake")
     parts += [
