@@ -54,11 +54,11 @@ def damage(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("ctypes.string_at(0)", r"usd-core stopped while it read it \(SIGSEGV\)"),
-        ("os.abort()", r"usd-core stopped while it read it \(SIGABRT\)"),
-        ("os._exit(3)", r"usd-core stopped while it read it \(exit code 3\)"),
+        ("ctypes.string_at(0)", r"the library that reads it stopped \(SIGSEGV\)"),
+        ("os.abort()", r"the library that reads it stopped \(SIGABRT\)"),
+        ("os._exit(3)", r"the library that reads it stopped \(exit code 3\)"),
         ("bytearray(4 << 30)", "takes more memory than a file of its size may"),
-        ("os.write(3, b'abc'); os._exit(0)", r"stopped while it read it \(exit code 0\)"),
+        ("os.write(3, b'abc'); os._exit(0)", r"reads it stopped \(exit code 0\)"),
         (
             "resource.setrlimit(resource.RLIMIT_CPU, (1, 9))\n        while True: pass",
             "takes longer than a file of its size may",

@@ -2,94 +2,62 @@
 
 The meshes of the file are placed as its scene says and joined into one, a group for each node, in
 the file's own axes and units. Vertices at one position, bit for bit, become one, because trimesh
-splits them at every corner; texture coordinates and normals keep their own indices.
+splits them at every corner; texture coordinates and normals keep their own indices. A process of
+its own reads the file, as for USD: nodes that place nodes can ask for far more than it holds.
 """
 
 from __future__ import annotations
 
 import re
-import threading
 import warnings
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections import defaultdict
+from functools import cache
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, is_zipfile
+from xml.etree.ElementTree import iterparse
+from zipfile import ZipFile, is_zipfile
 
 import numpy as np
 
 from texbake.errors import FileFormatError, MeshError, one_line, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.collada_instances import require_few_instances
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unused
 from texbake.mesh.files.source import damaged, read_array
-from texbake.mesh.files.threemf_instances import require_few_objects
+from texbake.mesh.files.usd_limits import LIMITS
+from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
 
-# Bytes that the parts of an archive may have; trees of XML take 30 times as many in memory.
-_LEAST_UNPACKED = 1 << 26
-_MOST_TIMES = 20
-_PIECE = 1 << 20  # bytes unpacked at once
-_COLLADA = threading.Lock()
+_PACKED = 20  # times that the XML of an archive may be larger than the archive
 _NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
+_NO_INDEX = re.compile(r"-|\d{11}")
 
 
 def read_with_trimesh(path: PathLike) -> Mesh:
     """Read a .dae, .zae, .3mf, .3dxml or .xaml file, scenes as the module describes."""
-    suffix = Path(path).suffix.lower()
     read_array(path)  # raises where it is missing or empty
-    _require_small_archive(path)
-    is_collada = suffix in (".dae", ".zae")
-    if is_collada:
-        require_few_instances(path)
-    elif suffix == ".3mf":
-        require_few_objects(path)
-    with _warned_of_geometries(path) if is_collada else nullcontext():
-        scene = _load(path, suffix)
+    mesh: Mesh = ask_usd(path, "trimesh", {"Mesh": Mesh, "UvSet": UvSet})
+    return mesh
+
+
+def mesh_of_trimesh(path: PathLike) -> Mesh:
+    """Answer for `read_with_trimesh`."""
+    suffix = Path(path).suffix.lower()
+    if is_zipfile(path):
+        LIMITS.allow(_PACKED * Path(path).stat().st_size)
+    primitives: list[Any] = []
+    broken = _hear_geometries(primitives) if suffix in (".dae", ".zae") else []
+    scene = _load(path, suffix)
+    if broken:
+        noun = "geometry" if len(broken) == 1 else "geometries"
+        warn_of(path, f"left out {len(broken):,} damaged {noun}: {one_line(broken[0])}")
+    _check_positions(path, primitives)
+    if suffix == ".3mf":
+        _require_all_objects(path, scene)
     _replace_unknown(path, scene)
     return _welded(from_trimesh(scene, name=Path(path).name))
-
-
-def _require_small_archive(path: PathLike) -> None:
-    """Raise `FileFormatError` if what an archive holds is far larger than the archive.
-
-    The sizes are those of its directory. Each part is then unpacked a piece at a time, because one
-    that is larger than it says there would be unpacked whole before that shows.
-    """
-    try:
-        with ZipFile(path) as archive:
-            parts = archive.infolist()
-            # Others, which none of these formats needs, cannot be unpacked a piece at a time.
-            if any(part.compress_type not in (ZIP_STORED, ZIP_DEFLATED) for part in parts):
-                raise FileFormatError(
-                    f"{path}: a part of its archive is neither stored nor deflated; export it again"
-                )
-            _require_few_bytes(path, sum(part.file_size for part in parts))
-            for part in parts:
-                with archive.open(part) as content:
-                    while content.read(_PIECE):
-                        pass
-    except FileFormatError:
-        raise
-    except (BadZipFile, OSError, ValueError, RuntimeError, EOFError, zlib.error) as error:
-        if not is_zipfile(path):
-            return  # trimesh says what is wrong with it
-        raise FileFormatError(
-            f"{path}: a part of its archive is damaged or cannot be unpacked: "
-            f"{one_line(error)}; export it again"
-        ) from error
-
-
-def _require_few_bytes(path: PathLike, n_bytes: int) -> None:
-    most = max(_LEAST_UNPACKED, _MOST_TIMES * Path(path).stat().st_size)
-    if n_bytes > most:
-        raise FileFormatError(
-            f"{path}: its parts are {n_bytes:,} bytes when they are unpacked, more than {most:,}; "
-            "export it again, as a .glb file"
-        )
 
 
 def _load(path: PathLike, suffix: str) -> Any:
@@ -118,49 +86,93 @@ def _replace_unknown(path: PathLike, scene: Any) -> None:
             mesh._cache.cache["vertex_normals"] = finite_rows(path, normals, "normals")
 
 
-@contextmanager
-def _warned_of_geometries(path: PathLike) -> Iterator[None]:
-    """Warn of geometries that pycollada leaves out, and keep numbers that are not finite."""
+def _hear_geometries(primitives: list[Any]) -> list[Exception]:
+    """Make pycollada tell what it reads and leaves out, and keep numbers that are not finite.
+
+    Returns a list of what it leaves out, which is filled as it reads.
+    """
     import collada
 
     broken: list[Exception] = []
-    primitives: list[Any] = []
+    load = collada.Collada._loadGeometry
 
     def heard(reader: Any) -> None:
         for numbers in reader.xmlnode.iter(collada.tag("float_array")):
             # pycollada reads NaN as 0, but keeps infinities.
             numbers.text = _NAN.sub("inf", numbers.text or "")
+        for indices in reader.xmlnode.iter(collada.tag("p")):
+            if _NO_INDEX.search(indices.text or ""):  # it would take another vertex
+                raise ValueError("an index of its faces is out of range")
         n_before = len(reader.errors)
         load(reader)
         broken.extend(reader.errors[n_before:])
         primitives.extend(part for item in reader.geometries for part in item.primitives)
 
-    with _COLLADA:
-        load = collada.Collada._loadGeometry
-        collada.Collada._loadGeometry = heard
-        try:
-            yield
-        finally:
-            collada.Collada._loadGeometry = load
-    if broken:
-        noun = "geometry" if len(broken) == 1 else "geometries"
-        warn_of(path, f"left out {len(broken):,} damaged {noun}: {one_line(broken[0])}")
-    _check_positions(path, primitives)
+    collada.Collada._loadGeometry = heard
+    return broken
 
 
 def _check_positions(path: PathLike, primitives: list[Any]) -> None:
     """Raise if a face uses a position that is not finite; trimesh leaves such faces out."""
-    from collada.lineset import LineSet
-
     found = {}
     for part in primitives:
-        if isinstance(part, LineSet) or part.vertex is None:
+        if type(part).__name__ == "LineSet" or part.vertex is None:
             continue
         found[id(part.vertex)] = is_bad = rows_not_finite(part.vertex)
         if is_bad[part.vertex_index].any():
             raise MeshError(f"{path}: a position of a face is not finite; export the mesh again")
     if n_bad := sum(map(np.count_nonzero, found.values())):
         warn_unused(path, f"{n_bad:,} of {sum(map(len, found.values())):,}")
+
+
+def _require_all_objects(path: PathLike, scene: Any) -> None:
+    """Raise `FileFormatError` where trimesh has left out objects of a 3MF file, without a word.
+
+    It stops at a number of steps that two levels of objects can exceed, and keeps one object of a
+    part number.
+    """
+    try:
+        n_built = _count_objects(path)
+    except (SyntaxError, ValueError, LookupError, RecursionError) as error:
+        raise damaged(path, error) from error
+    shown = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
+    if sum(len(scene.geometry[name].faces) > 0 for name in shown) != n_built:
+        raise FileFormatError(
+            f"{path}: it places its objects in a way in which some of them would be lost; "
+            "write it as a .glb file"
+        )
+
+
+def _count_objects(path: PathLike) -> int:
+    """Count the objects of triangles that a 3MF file builds, each as often as it is placed."""
+    components: dict[str, list[str]] = defaultdict(list)
+    meshes: set[str] = set()
+    items: list[str] = []
+    index = ""
+    with ZipFile(path) as archive:
+        # As trimesh chooses it.
+        main = next(name for name in archive.namelist() if "3d/3dmodel.model" in name.lower())
+        with archive.open(main) as file:
+            for event, element in iterparse(file, events=("start", "end")):
+                tag, name = element.tag.rpartition("}")[2], element.get("objectid", "")
+                if event == "end":
+                    element.clear()
+                elif tag == "object":
+                    index = element.get("id", "")
+                elif tag == "triangle":
+                    meshes.add(index)
+                elif tag == "component":
+                    components[index].append(name)
+                    if any(key.endswith("path") for key in element.attrib):
+                        meshes.add(name)  # in another part of the archive
+                elif tag == "item":
+                    items.append(name)
+
+    @cache
+    def count(name: str) -> int:
+        return (name in meshes) + sum(map(count, components[name]))
+
+    return sum(map(count, items))
 
 
 def _welded(mesh: Mesh) -> Mesh:

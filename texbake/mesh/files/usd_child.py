@@ -30,6 +30,7 @@ QUESTIONS = {
     "materials": ("texbake.mesh.files.usd_materials", "materials_of_stage"),
     "contents": ("texbake.mesh.files.usd_materials", "contents_of_stage"),
     "files": (__name__, "files_of_stage"),
+    "trimesh": ("texbake.mesh.files.trimesh_read", "mesh_of_trimesh"),
 }
 """Questions, and the module and function that answer each, given the path."""
 
@@ -62,12 +63,15 @@ def main(question: str, path: str, parent: int) -> None:
 def _answer(question: str, path: str) -> Any:
     module, name = QUESTIONS[question]
     answer: Callable[[str], Any] = getattr(import_module(module), name)
-    require_usd(path)
+    is_usd = question != "trimesh"
+    if is_usd:
+        require_usd(path)
     if os.environ.get(ALLOW_OUTSIDE) == "1":
         return answer(path)
     LIMITS.start()
     LIMITS.allow(Path(path).stat().st_size)
-    held = list(_layers(path))  # as long as they are, they are not read a second time
+    # As long as layers are held, they are not read a second time.
+    held = list(_layers(path)) if is_usd else []
     found = answer(path)
     del held
     return found

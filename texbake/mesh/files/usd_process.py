@@ -96,4 +96,4 @@ def _ending(child: subprocess.Popen[bytes]) -> str:
     how = f"exit code {code}"
     with suppress(ValueError):
         how = signal.Signals(-code).name
-    return f"usd-core stopped while it read it ({how}); the file is damaged; export it again"
+    return f"the library that reads it stopped ({how}); the file is damaged; export it again"
