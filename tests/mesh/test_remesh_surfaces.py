@@ -12,6 +12,7 @@ from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
 from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.holes import Loops
+from texbake.mesh.remeshing.sides import kind_of, require_topology
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -75,6 +76,26 @@ def leaves():
     return joined(*parts)
 
 
+def tube():
+    """A cylinder without its ends, whose first and last corners around it are at one place."""
+    mesh = heights(80, lambda x, y: 0.0 * x)
+    x, y, _ = mesh.positions.T
+    rim = np.round([np.cos(np.pi * x), np.sin(np.pi * x)], 12).T
+    return bare(mesh.replace(positions=np.column_stack([0.4 * rim, y])))
+
+
+def layers():
+    """Two sheets about a voxel apart, which face alike."""
+    return joined(
+        heights(60, lambda x, y: 0.0 * x),
+        moved(heights(60, lambda x, y: 0.1 * x**2), by=[0.0, 0.0, 0.02]),
+    )
+
+
+def bare(mesh):
+    return Mesh(positions=mesh.positions, faces=weld_rows(mesh.positions)[mesh.faces])
+
+
 SHEETS = {
     "plane": lambda: plane(3, 3),
     "face mask": face_mask,
@@ -86,6 +107,8 @@ SHEETS = {
         100, lambda x, y: 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, 0.002)
     ),
     "half a ball": lambda: part_of_ball(0.0),
+    "tube": tube,
+    "layers": layers,
 }
 
 
@@ -125,6 +148,21 @@ def test_open_surfaces_stay_sheets_with_their_boundary(name, resolution):
     assert nearest(points, old).max() < report.voxel
 
 
+@pytest.mark.parametrize(("size", "close_to"), [(0.002, 0.01), (0.005, 0.05), (0.015, 0.25)])
+def test_rough_sheets_keep_their_boundary_and_what_area_voxels_can_show(size, close_to):
+    """Rough from one vertex to the next, which are half a voxel apart."""
+    ticks = np.linspace(-1.0, 1.0, 193)
+    x, y = np.meshgrid(ticks, ticks, indexing="ij")
+    fine = 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, size)
+    mesh, sampled = heights(192, lambda x, y: fine), heights(96, lambda x, y: fine[::2, ::2])
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=96))
+    assert report.surface == "open" and figures(result) == (1, 1)
+    areas = [face_areas(one.positions, one.faces).sum() for one in (result, sampled)]
+    assert areas[0] == pytest.approx(areas[1], rel=close_to)
+    points = result.positions[np.unique(boundary(result).faces)]
+    assert nearest(points, boundary(mesh)).max() < report.voxel
+
+
 def nearest(points, mesh):
     return TriangleTree.build(mesh.positions, mesh.faces).closest_points(points)[0]
 
@@ -153,6 +191,50 @@ def test_holes_of_sheets_are_filled_up_to_a_width():
     assert surface_distance(result, dome).a_to_b.max < 0.5 * report.voxel
 
 
+def pricked(mesh):
+    """20 small holes, and a large one."""
+    x, y, _ = mesh.positions[mesh.faces].mean(axis=1).T
+    kept = np.hypot(x - 0.2, y + 0.2) > 0.25
+    for k in range(20):
+        angle, distance = 2.4 * k, 0.6 + 0.2 * (k % 2)
+        hole = distance * np.array([np.cos(angle), np.sin(angle)])
+        kept &= np.hypot(x - hole[0], y - hole[1]) > 0.03
+    return mesh.replace(faces=mesh.faces[kept])
+
+
+@pytest.mark.parametrize(("resolution", "close", "n_left"), [(96, 0.0, 22), (96, 0.15, 2)])
+def test_only_holes_up_to_a_width_are_filled(resolution, close, n_left):
+    mesh = pricked(heights(160, bumps, lambda x, y: x**2 + y**2 < 0.97))
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=resolution, close=close))
+    assert report.n_boundaries == n_left and report.n_holes_filled == 22 - n_left
+    assert figures(result) == (1, 2 - n_left)
+
+
+def test_holes_that_are_too_narrow_for_the_voxels_are_counted():
+    mesh = pricked(heights(160, bumps, lambda x, y: x**2 + y**2 < 0.97))
+    _, report = remesh_with_report(mesh, RemeshOptions(resolution=48, close=0.0))
+    assert report.n_holes_filled == 22 - report.n_boundaries > 0
+
+
+def vase():
+    """A deep pot of one sheet with a narrow mouth."""
+    ball = part_of_ball(0.0)
+    x, y, z = ball.positions.T
+    swell = 1.0 + 0.8 * np.sin(np.pi * z) - 0.5 * (1.0 - z) ** 4
+    return ball.replace(positions=np.stack([x * swell, y * swell, -3.0 * z], axis=1))
+
+
+@pytest.mark.parametrize(("surface", "euler"), [("open", 1), ("closed", 2), ("auto", 2)])
+def test_a_vase_keeps_its_mouth_only_if_it_is_open(surface, euler):
+    mesh = vase()
+    result, report = remesh_with_report(mesh, RemeshOptions(resolution=96, surface=surface))
+    assert figures(result) == (1, euler) and report.n_holes_filled == euler - 1
+    assert surface_distance(result, mesh).b_to_a.max < report.voxel
+    # With neither an inner wall nor a second one.
+    areas = [face_areas(one.positions, one.faces).sum() for one in (result, mesh)]
+    assert areas[0] == pytest.approx(areas[1], rel=0.01 if euler == 1 else 0.1)
+
+
 def holed(mesh, n_holes, width):
     centers = mesh.positions[mesh.faces].mean(axis=1)
     chosen = np.random.default_rng(1).choice(len(centers), n_holes, replace=False)
@@ -172,10 +254,6 @@ def statue(level):
 def half_turned(mesh):
     turned = np.arange(mesh.n_faces)[:, None] % 2 == 0
     return mesh.replace(faces=np.where(turned, mesh.faces, mesh.faces[:, ::-1]))
-
-
-def bare(mesh):
-    return Mesh(positions=mesh.positions, faces=weld_rows(mesh.positions)[mesh.faces])
 
 
 TORUS = bare(make("torus", resolution=(160, 80)))
@@ -202,7 +280,9 @@ def test_holes_of_bodies_are_filled(name):
     assert surface_distance(result, whole).max < 0.5 * report.voxel
 
 
-@pytest.mark.parametrize("name", sorted(set(SHEETS) - {"plane", "range scan", "leaves that cross"}))
+@pytest.mark.parametrize(
+    "name", sorted(set(SHEETS) - {"plane", "range scan", "leaves that cross", "layers"})
+)
 def test_sheets_are_closed_on_request(name):
     result, report = remesh_with_report(
         SHEETS[name](), RemeshOptions(resolution=96, surface="closed")
@@ -246,6 +326,8 @@ def test_wrong_results_are_errors():
     mobius = make("mobius", resolution=(48, 4))
     with pytest.raises(MeshError, match="one side only; use `surface=closed`"):
         remesh(mobius, RemeshOptions(surface="open", resolution=48))
+    _, report = remesh_with_report(mobius, RemeshOptions(resolution=48))
+    assert report.surface == "closed" and report.n_handles_made == 0
     with pytest.raises(OptionError, match="keep_interior: an open surface has no interior"):
         RemeshOptions(surface="open", keep_interior=True)
     # Two halves that hang together by less than a voxel.
@@ -258,6 +340,18 @@ def test_wrong_results_are_errors():
         remesh(narrow, RemeshOptions(resolution=32, close=0.0))
     largest = RemeshOptions(resolution=32, close=0.0, components="largest")
     assert figures(remesh(narrow, largest))[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("n_handles", "n_boundaries", "made"),
+    [(0, 2, "1 hole"), (1, 1, "1 handle"), (2, 1_204, "1,203 holes and 2 handles")],
+)
+def test_handles_and_holes_of_a_sheet_are_named(n_handles, n_boundaries, made):
+    mesh = plane(3, 3)
+    kind = kind_of(20.0 * mesh.positions, mesh.faces)
+    with pytest.raises(MeshError, match=f"m: the sheet has {made} that the mesh does not have;"):
+        require_topology("m", kind, 1, 1, n_handles, n_boundaries, may_be_pierced=False)
+    assert require_topology("m", kind, 1, 1, 0, 1, may_be_pierced=False) == 0
 
 
 def test_sheets_do_not_depend_on_the_threads_and_the_size():

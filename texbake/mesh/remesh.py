@@ -158,7 +158,7 @@ def remesh_with_report(
         surface=OPEN if counts.kind.is_open else CLOSED,
         reason=counts.kind.reason,
         n_holes_filled=counts.n_holes_filled,
-        n_boundaries=_n_boundaries(wrapped) if counts.kind.is_open else 0,
+        n_boundaries=counts.n_boundaries,
         n_handles_made=counts.n_handles_made,
         area_ratio=counts.area_ratio,
         thin_share=counts.thin_share,
@@ -169,16 +169,12 @@ def remesh_with_report(
     return wrapped, report
 
 
-def _n_boundaries(mesh: Mesh) -> int:
-    return len(Loops.of(mesh.positions, mesh.faces).sizes)
-
-
 _NO_ROOMS = Rooms(n_cavities=0, n_untested=0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Counts:
-    """Figures for `RemeshReport`, and `count_loops` of the result."""
+    """Figures for `RemeshReport`."""
 
     n_components: int
     n_dropped: int
@@ -189,7 +185,8 @@ class _Counts:
     thin_share: float = 0.0
     kind: Kind = AS_IT_IS
     n_holes_filled: int = 0
-    n_loops: int = 0
+    n_handles: int = 0
+    n_boundaries: int = 0
     n_handles_made: int = 0
     area_ratio: float = 1.0
 
@@ -234,14 +231,19 @@ def _remeshed(
         raise MeshError(
             f"{mesh.name}: its sheets are smaller than the voxels; use a greater `resolution`"
         ) from error
-    counts = replace(counts, kind=kind, n_holes_filled=filled.n_holes)
+    n_filled = filled.n_holes
+    if kind.is_open and counts.n_dropped == 0:  # some holes are narrower than the voxels
+        n_parts_gone = n_parts - counts.n_components
+        n_filled = max(n_filled, len(kind.loops.sizes) - counts.n_boundaries - n_parts_gone)
+    counts = replace(counts, kind=kind, n_holes_filled=n_filled)
     if fills_holes:
         n_made = require_topology(
             mesh.name,
             kind,
             n_parts,
             counts.n_components,
-            counts.n_loops,
+            counts.n_handles,
+            counts.n_boundaries,
             may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
         )
         counts = replace(counts, n_handles_made=n_made)
@@ -331,7 +333,7 @@ def _wrap(
         rooms=rooms,
         thin_share=float(np.mean(nets.thin)),
         # Every edge has two faces.
-        n_loops=2 * len(parts.volumes) - len(moved) + len(faces) // 2,
+        n_handles=len(parts.volumes) - (len(moved) - len(faces) // 2) // 2,
     )
     return moved, faces, counts
 
@@ -348,13 +350,15 @@ def _sheet(
     with stages.stage("build sheets"):
         sharp = options.sharp_edges
         moved, faces, n_crumbs = remesh_sheets(
-            points, filled, grid.shape, grid.gap, sharp_edges=sharp, threads=threads
+            points, filled, grid.shape, sharp_edges=sharp, threads=threads
         )
     moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
+    n_boundaries = len(Loops.of(moved, faces).sizes)
     counts = _Counts(
         n_components=face_components(faces, len(moved))[1],
         n_dropped=n_dropped,
         n_crumbs=n_crumbs,
-        n_loops=count_loops(faces),
+        n_handles=(count_loops(faces) - n_boundaries) // 2,
+        n_boundaries=n_boundaries,
     )
     return moved, faces, counts

@@ -13,6 +13,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.nets import Nets
 from texbake.mesh.remeshing.sharp_edges import divided_along, flipped_along, sharp_targets
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
 # Lengths in voxels: how far a vertex moves at most, and how far from a sheet it stays.
@@ -146,8 +147,11 @@ def without_folds(
 ) -> FloatArray:
     """Take back the steps of vertices of faces that fold, first by halves, then wholly.
 
-    Those of vertices that go onto sharp edges are taken back last.
+    Those of vertices that go onto sharp edges are taken back last. Of vertices that would come to
+    one place, all but the first go half as far.
     """
+    copies = weld_rows(targets, threads=threads) != np.arange(len(targets))
+    targets = np.where(copies[:, None], 0.5 * (before + targets), targets)
     after, shares = targets.copy(), np.ones(len(before))
     folded = np.empty(len(faces), dtype=np.bool_)
 

@@ -45,13 +45,15 @@ PIERCED = 0.05
 _SLACK = 1e-3
 # How far vertices at the boundary move along it, in voxels.
 _LONGEST_STEP = 2.0
+# Those farther from the old one are held back; they are moved again while they come closer.
+_HELD_BACK, _CLOSER = 0.5, 0.75
 # Parts of less area, in voxels, are left out.
 _LEAST_AREA = 12.0
 # Parts cut off at thin necks are left out up to this share of the area, together.
 _CUT_OFF = 0.01
-# Holes up to this width are the grid's, and so are those whose vertices are, on average, farther
-# from the old boundary. Notches that become holes are filled up to a width.
-_GRID_HOLE, _OFF_RIM, _NOTCH = 3.0, 1.5, 12.0
+# Holes whose vertices are, on average, farther from the old boundary are the grid's. Of those along
+# one old boundary, such as notches whose mouths close, all but one are, up to a width.
+_OFF_RIM, _NOTCH = 1.5, 12.0
 # Weights of corners below this are 0 but for rounding.
 _ZERO = 1e-9
 
@@ -152,7 +154,6 @@ def remesh_sheets(
     points: FloatArray,
     filled: Filled,
     shape: tuple[int, int, int],
-    gap: float,
     *,
     sharp_edges: bool = False,
     threads: int | None = None,
@@ -184,8 +185,10 @@ def remesh_sheets(
         edges = filled.rim[of_vertex[filled.rim[:, 0]] == number]
         rim = _rim(points, edges, threads)
         n_given = face_components(given, len(points))[1]
-        moved, faces = _cleaned(moved, faces, n_given, rim, gap, threads)
-        moved = _onto_rim(moved, faces, rim, threads)
+        moved, faces = _cleaned(moved, faces, n_given, rim, threads)
+        if rim is not None:
+            moved = _onto_rim(moved, faces, rim, threads)
+            faces = _without_notches(moved, faces, rim, threads)
         all_points.append(moved)
         all_faces.append(faces + n_points)
         n_points += len(moved)
@@ -231,13 +234,11 @@ def _cleaned(
     faces: IntArray,
     n_given: int,
     rim: TriangleTree | None,
-    gap: float,
     threads: int | None,
 ) -> tuple[FloatArray, IntArray]:
     """Leave out small parts, and fill holes that the grid made.
 
     These parts are tiny, or small and cut off at a thin neck, beyond the `n_given` of the mesh.
-    Holes of the grid are small, or far from the boundary of the mesh.
     """
     faces = _without_pinches(points, faces)
     parts, n_parts = face_components(faces, len(points))
@@ -248,14 +249,7 @@ def _cleaned(
         is_crumb[more_than_given] = True
     faces = faces[~is_crumb[parts]]
     loops = Loops.of(points, faces)
-    is_small = loops.widths <= max(gap, _GRID_HOLE)
-    chosen = is_small & ~loops.outer | _is_off(loops, points, rim, threads)
-    # What closes the mouth of a narrow notch makes a hole of it.
-    n_rims = 0 if rim is None else face_components(rim.faces, len(rim.positions))[1]
-    widths = np.where(chosen | loops.outer, np.inf, loops.widths)
-    excess = max(int(np.count_nonzero(~chosen)) - n_rims, 0)
-    notches = np.argsort(widths, kind="stable")[:excess]
-    chosen[notches[widths[notches] < _NOTCH]] = True
+    chosen = _made_by_grid(loops, points, rim, threads)
     points, more = loops.fanned(points, chosen)
     faces = oriented(points, np.concatenate([faces, more]))
     return with_own_fans(points, faces)
@@ -283,28 +277,63 @@ def _rim(points: FloatArray, edges: IntArray, threads: int | None) -> TriangleTr
     return TriangleTree.build(points, edges[:, [0, 1, 1]], threads=threads)
 
 
-def _is_off(
+def _made_by_grid(
     loops: Loops, points: FloatArray, rim: TriangleTree | None, threads: int | None
 ) -> BoolArray:
-    """(m,) bool: loops that lie away from the rim, on average."""
+    """(m,) bool: loops that lie away from the rim, or that divide what is one hole of the mesh."""
     if rim is None or len(loops.sizes) == 0:
         return np.ones(len(loops.sizes), dtype=np.bool_)
-    distances, _, _ = rim.closest_points(points[loops.vertices], threads=threads)
-    means = np.add.reduceat(distances, np.cumsum(loops.sizes) - loops.sizes) / loops.sizes
-    return np.asarray(means > _OFF_RIM)
+    distances, lines, _ = rim.closest_points(points[loops.vertices], threads=threads)
+    starts = np.cumsum(loops.sizes) - loops.sizes
+    is_off = np.add.reduceat(distances, starts) / loops.sizes > _OFF_RIM
+    holes = face_components(rim.faces, len(rim.positions))[0][lines[starts]]
+    order = np.lexsort((-loops.lengths, is_off, holes))
+    is_more = np.ones(len(order), dtype=np.bool_)
+    is_more[order[np.flatnonzero(np.diff(holes[order], prepend=-1))]] = False
+    return np.asarray(is_off | is_more & ~loops.outer & (loops.widths < _NOTCH))
 
 
 def _onto_rim(
-    points: FloatArray, faces: IntArray, rim: TriangleTree | None, threads: int | None
+    points: FloatArray, faces: IntArray, rim: TriangleTree, threads: int | None
 ) -> FloatArray:
-    """Move the boundary of a sheet onto that of the mesh, as far as no face folds."""
+    """Move the boundary of a sheet onto that of the mesh, as far as no face folds.
+
+    Vertices that folds hold back are moved again, when those around them have moved.
+    """
     edges = find_edges(faces)
     ids = np.unique(edges.vertices[edges.boundary])
-    if len(ids) == 0 or rim is None:
-        return points
-    _, lines, weights = rim.closest_points(points[ids], max_distance=_LONGEST_STEP, threads=threads)
-    ids, lines, weights = ids[lines >= 0], lines[lines >= 0], weights[lines >= 0]
-    targets = points.copy()
-    targets[ids] = pm.vecmat(weights, rim.positions[rim.faces[lines]])
     is_sharp = np.zeros(len(points), dtype=np.bool_)
-    return without_folds(points, targets, faces, is_sharp, threads)
+    while len(ids) > 0:
+        distances, lines, weights = rim.closest_points(
+            points[ids], max_distance=_LONGEST_STEP, threads=threads
+        )
+        near = lines >= 0
+        targets = points.copy()
+        targets[ids[near]] = pm.vecmat(weights[near], rim.positions[rim.faces[lines[near]]])
+        points = without_folds(points, targets, faces, is_sharp, threads)
+        left = rim.closest_points(points[ids], threads=threads)[0]
+        ids = ids[near & (left > _HELD_BACK) & (left < _CLOSER * distances)]
+    return points
+
+
+def _without_notches(
+    points: FloatArray, faces: IntArray, rim: TriangleTree, threads: int | None
+) -> IntArray:
+    """Fill notches of the boundary, whose vertices folds hold back from that of the mesh."""
+    n = len(points)
+    while True:
+        tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+        edges = np.minimum(tails, heads).astype(np.int64) * n + np.maximum(tails, heads)
+        is_open = opposite_half_edges(faces, solid=np.ones(len(faces), dtype=np.bool_)) < 0
+        tails, heads = tails[is_open], heads[is_open]
+        before = np.zeros(n, dtype=np.int32)
+        before[heads] = tails
+        off = np.zeros(n)
+        off[tails] = rim.closest_points(points[tails], threads=threads)[0]
+        more = np.stack([heads, tails, before[tails]], axis=1)
+        a, held, b = more.T
+        is_notch = (off[held] > _HELD_BACK) & (off[held] > np.maximum(off[a], off[b]))
+        is_notch &= ~np.isin(np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b), edges)
+        if not is_notch.any():
+            return faces
+        faces = np.concatenate([faces, more[is_notch]])

@@ -36,6 +36,8 @@ _SAMPLES, _MOST_WORK, _OFF = 512, 1e7, 1e-3
 # How much of all directions open surfaces show their own other side through their holes, at least;
 # on average over their faces. It is 0.17 for half a sphere, and 0.5 for a sheet.
 _OPEN = 0.1
+# Surfaces are open if what would close them has at least this share of their area.
+_WIDE_OPEN = 1.0 / 3.0
 # Sheets narrower than this, in voxels, as area over boundary, have no boundary to keep. Edges with
 # three faces, or whose two faces cannot agree, as a share of all.
 _NARROW, _TORN = 2.0, 0.001
@@ -102,10 +104,16 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     shares = np.bincount(parts[seen.faces], seen.shares, n_parts) / np.maximum(n_seen, 1)
     has_boundary = np.bincount(loops.parts, minlength=n_parts) > 0
     open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.shares.mean()) > _OPEN)
-    is_open = 2.0 * float(areas[open_parts[parts]].sum()) > area
     share = (
         f"from its back, {100.0 * float(seen.shares.mean()):.0f} % of all directions lead outside"
     )
+    corners = points[faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    least = 0.5 * float(pm.norm(crosses.sum(axis=0)))  # area of what would close it
+    if least > _WIDE_OPEN * area:
+        open_parts = has_boundary
+        share = f"closing it would add at least {100.0 * least / area:.0f} % to its area"
+    is_open = 2.0 * float(areas[open_parts[parts]].sum()) > area
     is_one_sided = bool(np.count_nonzero(edges.misoriented) > _TORN * len(edges.vertices))
     n_bad = np.count_nonzero(edges.non_manifold | edges.misoriented)
     if n_bad > _TORN * len(edges.vertices):
@@ -205,7 +213,8 @@ def require_topology(
     kind: Kind,
     n_parts: int,
     n_components: int,
-    n_loops: int,
+    n_handles: int,
+    n_boundaries: int,
     *,
     may_be_pierced: bool,
 ) -> int:
@@ -220,23 +229,32 @@ def require_topology(
             f"{name}: the result has {n_components:,} separate parts and the mesh "
             f"{n_parts:,}; {advice}, or keep the largest with `components={n_parts}`"
         )
-    if not kind.is_open and (n_parts > 1 or n_loops == 0):
+    if not kind.is_open and (n_parts > 1 or n_handles == 0):
         return 0
     edges = find_edges(kind.faces)
-    if not kind.is_open and edges.non_manifold.any():
+    if not kind.is_open and (edges.non_manifold | edges.misoriented).any():
         return 0
-    n_boundaries = len(kind.loops.sizes)
-    given = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_boundaries)
-    n_made = n_loops // 2 - (given - n_boundaries) // 2
-    # Parts that cross are joined, maybe at several places.
-    given += 2 * (n_parts - n_components)
-    if not kind.is_open:
-        n_loops //= 2
-    if n_loops > given and (kind.is_open or may_be_pierced):
-        what = "sheet" if kind.is_open else "closed surface"
-        other = f"or `surface={CLOSED if kind.is_open else OPEN}`"
+    n_given = len(kind.loops.sizes)
+    loops = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_given)
+    n_made = n_handles - (loops - n_given) // 2
+    if kind.is_open:
+        # Parts that cross are joined, maybe at several places.
+        loops += 2 * (n_parts - n_components)
+        excess = 2 * n_handles + n_boundaries - loops
+        n_holes = n_boundaries - n_given
+        n_made = (excess - n_holes) // 2
+    else:
+        excess, n_holes = n_handles - loops if may_be_pierced else 0, 0
+    if excess > 0:
+        made = [
+            f"{n:,} {what}{'s' if n > 1 else ''}"
+            for n, what in ((n_holes, "hole"), (n_made, "handle"))
+            if n > 0
+        ]
+        what, other = ("sheet", CLOSED) if kind.is_open else ("closed surface", OPEN)
+        advice += "" if kind.is_open else ", a smaller `close`"
         raise MeshError(
-            f"{name}: the {what} has {n_loops:,} handles and holes, and the mesh {given:,}; "
-            f"{advice}, a smaller `close`" + (f", {other}" if n_boundaries else "")
+            f"{name}: the {what} has {' and '.join(made)} that the mesh does not have; {advice}"
+            + (f", or `surface={other}`" if n_given else "")
         )
     return 0 if kind.is_open else max(n_made, 0)
