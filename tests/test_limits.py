@@ -1,7 +1,6 @@
 """What a file may make texbake do: images by their headers, and files outside its folder."""
 
 import base64
-import io
 import json
 import os
 import re
@@ -12,7 +11,6 @@ import zlib
 from contextlib import suppress
 
 import numpy as np
-import PIL.Image
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake as command
@@ -31,7 +29,6 @@ from texbake.limits import (
     MAX_IMAGE,
     file_beside,
     is_within,
-    require_few_pixels,
     require_image_size,
     toml_content,
 )
@@ -267,67 +264,6 @@ def test_an_output_with_too_long_a_name_is_an_error_of_one_line(tmp_path, name, 
 
 
 @pytest.fixture
-def five_images(tmp_path, monkeypatch):
-    """Write an OBJ file with five materials, each with an image of the greatest size."""
-    monkeypatch.setenv(MAX_IMAGE, "512")
-    folder = tmp_path / "five"
-    folder.mkdir()
-    ball = uv_sphere(6, 6)
-    ids = np.arange(ball.n_faces, dtype=np.int32) % 5
-    write_mesh(
-        ball.replace(face_groups=ids, group_names=tuple(f"m{i}" for i in range(5))),
-        folder / "ball.obj",
-    )
-    text = (folder / "ball.obj").read_text().replace("\ng ", "\nusemtl ")
-    (folder / "ball.obj").write_text("mtllib ball.mtl\n" + text)
-    lines = [f"newmtl m{i}\nmap_Kd {i}.png\n" for i in range(5)]
-    (folder / "ball.mtl").write_text("".join(lines))
-    for i in range(5):
-        (folder / f"{i}.png").write_bytes(bomb(512))
-    return folder / "ball.obj"
-
-
-def no_image_is_decoded(monkeypatch):
-    def decoded(*_, **__):
-        pytest.fail("an image was decoded")
-
-    monkeypatch.setattr("texbake.texture.image._read_with_openimageio", decoded)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        ["convert", "ball.obj", "out.glb"],
-        ["convert", "ball.obj", "out.obj"],
-        ["lighten", "ball.obj", "-o", "out.glb"],
-        ["bake", "ball.obj", "ball.obj", "--maps", "base-color", "-o", "out.png"],
-    ],
-    ids=["to glTF", "to OBJ", "lighten", "bake"],
-)
-def test_images_of_a_model_that_are_too_large_together_are_refused(five_images, monkeypatch, line):
-    no_image_is_decoded(monkeypatch)
-    monkeypatch.chdir(five_images.parent)
-    result = CliRunner().invoke(command, line)
-    assert result.exit_code == 1, result.output
-    assert "the 5 images of its model have 1,310,720 pixels together, more than" in result.output
-    assert "--max-image 573" in result.output  # 4 x 573 x 573 = 1,313,316
-
-
-def test_images_of_a_model_may_be_larger_together_if_the_user_says_so(five_images, monkeypatch):
-    monkeypatch.setenv(MAX_IMAGE, "573")
-    monkeypatch.chdir(five_images.parent)
-    result = CliRunner().invoke(command, ["convert", "ball.obj", "out.glb"])
-    assert result.exit_code == 0, result.output
-
-
-def test_images_with_as_much_content_as_photographs_count_as_none(monkeypatch):
-    monkeypatch.setenv(MAX_IMAGE, "512")
-    require_few_pixels("a.glb", [lambda: (512, 512, 512 * 512 // 16)] * 1000)
-    with pytest.raises(FileFormatError, match="the 1,000 images"):
-        require_few_pixels("a.glb", [lambda: (512, 512, 512 * 512 // 17)] * 1000)
-
-
-@pytest.fixture
 def with_images(gltf):
     """Write a glTF file whose triangles have one material for each image of a list."""
 
@@ -348,16 +284,6 @@ def with_images(gltf):
         return path
 
     return write
-
-
-def test_images_of_a_gltf_scene_that_are_too_large_together_are_refused(with_images, monkeypatch):
-    monkeypatch.setenv(MAX_IMAGE, "512")
-    path = with_images([{"uri": f"{i}.png"} for i in range(5)])
-    for i in range(5):
-        (path.parent / f"{i}.png").write_bytes(bomb(512))
-    no_image_is_decoded(monkeypatch)
-    with pytest.raises(FileFormatError, match="the 5 images of its model have 1,310,720 pixels"):
-        read_scene(path)
 
 
 def test_one_file_that_many_images_name_is_one_image(with_images):
@@ -391,14 +317,11 @@ def test_images_that_share_the_bytes_of_a_buffer_are_refused(with_images):
     ("text", "complaint"),
     [
         ("x = 1\n" * 700_000, "4,200,000 characters, more than 4,000,000; divide a pipeline"),
-        (".".join(["a"] * 30_000) + " = 1", "a name with more than 64 parts"),
-        ("[" + " . ".join(["'a'", '"b"', "c"] * 30) + "]", "a name with more than 64 parts"),
-        (".".join([r'"\""', r"'\'", r'"\\"'] * 30) + " = 1", "a name with more than 64 parts"),
         ("x = " + "[" * 100_000, "it is not TOML: maximum recursion depth"),
         ("x = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
         ("x = [{a = 0x" + "f" * 5000 + "}]", "it is not TOML: an integer has more than 64 bits"),
     ],
-    ids=["long", "dotted", "quoted", "escaped", "nested", "number", "hexadecimal"],
+    ids=["long", "nested", "number", "hexadecimal"],
 )
 def test_toml_that_would_take_long_is_refused(text, complaint):
     with pytest.raises(FileFormatError, match=re.escape(complaint)):
@@ -412,22 +335,6 @@ def test_toml_that_is_unusual_is_read():
     )
     text = "x" * 1_000_000 + " = '" + "a" * 1_000_000 + "'\n" + ".".join(["a"] * 64) + " = 1\r\n"
     assert len(toml_content("a.toml", text + "b = '" + "1.2 " * 99 + "'")) == 3
-
-
-def test_a_jpeg_file_of_many_scans_is_refused(tmp_path):
-    buffer = io.BytesIO()
-    PIL.Image.new("L", (64, 64), 128).save(buffer, "JPEG", progressive=True)
-    data = buffer.getvalue()
-    scan = data[data.rindex(b"\xff\xda") : -2]
-    path = tmp_path / "a.jpg"
-    # Phones add a film after the image.
-    path.write_bytes(data + np.random.default_rng(1).bytes(6_000_000) + 100 * scan)
-    assert read_header(path).width == 64
-    assert read_image(path, color=True).pixels.shape[:2] == (64, 64)
-    path.write_bytes(data[:-2] + 100 * scan + data[-2:])
-    for read in (read_header, lambda path: read_image(path, color=True)):
-        with pytest.raises(FileFormatError, match=r"a\.jpg: it has 10\d scans, more than 64"):
-            read(path)
 
 
 def test_tiles_count_as_much_as_the_image(tmp_path):

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 import os
-import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +27,7 @@ ALLOW_OUTSIDE = "TEXBAKE_ALLOW_OUTSIDE"
 DEFAULT_MAX_IMAGE = 16384
 _MOST_DIGITS = 18  # which 64 bits hold
 _MOST_CHANNELS = 4  # of the greatest image; one of more channels has fewer pixels
-_MOST_IMAGES = 4  # of the greatest size that a file may hold, or as many pixels in smaller ones
-_PIXELS_PER_BYTE = 16  # photographs never have so many
 _LONGEST_TOML = 4_000_000  # characters; 30,000 assets of a pipeline
-# Not backtracking, and beginning with a word or a quote that is not escaped, so that each character
-# is looked at 64 times at most.
-_LONG_KEY = re.compile(
-    r"""(?<![\w.\\-])(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""",
-    re.ASCII,
-)
 LONGEST_NAME = 400
 """Characters of a path that a file names."""
 
@@ -103,40 +94,12 @@ def require_image_size(path: PathLike, width: int, height: int, n_channels: int)
     side = _max_image()
     n_pixels = max(width * height, -(-width * height * n_channels // _MOST_CHANNELS))
     if n_pixels > side * side:
-        needed = _side_of(n_pixels)
+        needed = math.isqrt(n_pixels - 1) + 1
         raise FileFormatError(
             f"{path}: it has {width} x {height} pixels of {n_channels} "
             f"channel{'s' * (n_channels != 1)}, more than {side} x {side}; if you trust the file, "
             f"read it with texbake --max-image {needed}"
         )
-
-
-def require_few_pixels(
-    path: PathLike, images: Sequence[Callable[[], tuple[int, int, int]]]
-) -> None:
-    """Raise `FileFormatError` if the images of a file have too many pixels together.
-
-    They may have as many as four images of the greatest size, or 16 for each byte of their files.
-    """
-    if len(images) <= _MOST_IMAGES:
-        return
-    sizes = []
-    for measure in images:
-        with suppress(FileError):
-            sizes.append(measure())
-    n_pixels = sum(width * height for width, height, _ in sizes)
-    most = _MOST_IMAGES * _max_image() ** 2
-    if n_pixels > max(most, _PIXELS_PER_BYTE * sum(n_bytes for *_, n_bytes in sizes)):
-        needed = _side_of(-(-n_pixels // _MOST_IMAGES))
-        raise FileFormatError(
-            f"{path}: the {len(sizes):,} images of its model have {n_pixels:,} pixels together, "
-            f"more than {most:,}; if you trust the file, read it with texbake --max-image {needed}"
-        )
-
-
-def _side_of(n_pixels: int) -> int:
-    """Return the least side of a square of so many pixels."""
-    return math.isqrt(n_pixels - 1) + 1
 
 
 def _max_image() -> int:
@@ -220,10 +183,6 @@ def toml_content(path: PathLike, text: str) -> dict[str, Any]:
         raise FileFormatError(
             f"{path}: it has {len(text):,} characters, more than {_LONGEST_TOML:,}; divide a "
             "pipeline into several, and put objects of a scene together into a .glb file"
-        )
-    if _LONG_KEY.search(text):
-        raise FileFormatError(
-            f"{path}: a name with more than 64 parts joined by dots is not read; shorten it"
         )
     try:
         content = tomllib.loads(text.replace("\r\n", "\n"))

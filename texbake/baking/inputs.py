@@ -25,7 +25,6 @@ from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, 
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.tangents import corner_tangents
 from texbake.raycast.rays import NO_HIT
-from texbake.texture.channel_codes import require_decodable
 from texbake.texture.encoding import decode_srgb
 
 Float32Array = npt.NDArray[np.float32]
@@ -113,8 +112,6 @@ class HighSurface:
     def images(self) -> ChannelImages:
         """Images of the materials; nothing is decoded yet."""
         mesh, sets = self.mesh, {} if self.materials is None else self.materials.uv_sets
-        if self.materials is not None:
-            require_decodable(self.materials)
         assert mesh.uvs is not None and mesh.uv_faces is not None
         return ChannelImages({0: mesh.uvs, **sets}, mesh.uv_faces, self.threads)
 

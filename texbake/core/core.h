@@ -550,11 +550,6 @@ int64_t write_walks(
     const int64_t ends[n_walks], bool closed, OPTIONAL uint8_t text[n_bytes],
     int64_t text_ends[n_walks]);
 
-/* mapped_files.c */
-int64_t guard_mapping(int64_t n, const uint8_t data[n]);
-void release_mapping(int64_t slot);
-int64_t count_lost_mappings(void);
-
 /* mean_curvature.c */
 void add_curvatures(
     int64_t n_vertices, int64_t n_faces, const double points[n_vertices][3],

@@ -2,38 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from texbake.errors import OptionError
-from texbake.limits import require_few_pixels
-from texbake.mesh.materials import ChannelImage, Materials
+from texbake.mesh.materials import ChannelImage
 from texbake.texture.encoding import encode_srgb
-from texbake.texture.image import FloatImage, Image, decode_image, image_shape
+from texbake.texture.image import FloatImage, Image, decode_image
 
 _ALPHA = 3
-
-
-def require_decodable(materials: Materials) -> None:
-    """Raise `FileFormatError` if the images of materials have too many pixels together.
-
-    Only their headers are read.
-    """
-    images = {
-        source.image.name: source.image.data
-        for material in materials.materials
-        for source in material.channels.values()
-        if source.image is not None
-    }
-    measures = [partial(image_size, data, name) for name, data in images.items()]
-    require_few_pixels(next(iter(images), ""), measures)
-
-
-def image_size(data: bytes, name: str) -> tuple[int, int, int]:
-    """Width, height and bytes of an image that is not decoded, as `require_few_pixels` asks."""
-    width, height, _ = image_shape(data, name)
-    return width, height, len(data)
 
 
 def image_codes(

@@ -17,7 +17,7 @@ from texbake.errors import FileFormatError
 from texbake.mesh.files.gltf_channels import GltfChannel
 from texbake.mesh.files.gltf_material_write import SLOTS, Slot, is_scale, same_place
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.texture.channel_codes import components_of, image_codes, require_decodable
+from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.encoding import quantize_unsigned
 from texbake.texture.image import FloatImage
 from texbake.texture.pack import resized
@@ -41,13 +41,7 @@ def gltf_images(materials: Materials, *, threads: int | None = None) -> Material
         Channels that share a texture in glTF share an image. Images are left out if they cannot be
         decoded, or if they would share a texture but are placed or wrapped in another way.
         `missing` names only these; their channels keep their factors.
-
-    Raises
-    ------
-    FileFormatError
-        The images have too many pixels together.
     """
-    require_decodable(materials)
     arranger = _Arranger(threads)
     changed = tuple(arranger.arranged(i, item) for i, item in enumerate(materials.materials))
     return replace(materials, materials=changed, missing=tuple(arranger.missing))

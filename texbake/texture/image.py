@@ -25,7 +25,6 @@ from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, to_description
 from texbake.parallel import run_bands
 from texbake.png import is_png, png_description
-from texbake.texture.costly_images import require_few_attributes, require_few_scans
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,
@@ -267,8 +266,6 @@ def _opened(path: PathLike) -> tuple[Any, str]:
         require_read_format(path)
         # Checked before libpng sees it, which would print its complaints.
         description = png_description(path) if is_png(path) else ""
-        require_few_scans(path)
-        require_few_attributes(path)
     except FileFormatError:
         raise
     except OSError as error:

@@ -13,7 +13,6 @@ from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
-from texbake.texture.channel_codes import require_decodable
 from texbake.texture.image import require_whole
 
 
@@ -72,7 +71,6 @@ def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
 
 def without_damaged_images(materials: Materials) -> tuple[Materials, tuple[str, ...]]:
     """Return materials without images that cannot be decoded, and warnings about these."""
-    require_decodable(materials)
     reasons: dict[str, str] = {}
     lines: list[tuple[str, str]] = []
     changed = []

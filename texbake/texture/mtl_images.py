@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     Materials,
     MeshMaterial,
 )
-from texbake.texture.channel_codes import components_of, image_codes, require_decodable
+from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.encoding import quantize_unsigned
 from texbake.texture.png_files import png_parts
 
@@ -31,7 +31,6 @@ def mtl_images(
     materials: Materials, *, threads: int | None = None
 ) -> tuple[Materials, tuple[str, ...]]:
     """Return materials as .mtl files have them."""
-    require_decodable(materials)
     lost: dict[str, None] = {}
     made: dict[tuple[str, tuple[int, ...]], ChannelImage] = {}
     changed = []

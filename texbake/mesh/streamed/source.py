@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import FileFormatError, MeshError, TexbakeError, warn_of
+from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files import ply, stl
 from texbake.mesh.files.ply_tables import (
@@ -44,8 +44,8 @@ class MeshSource:
     ----------
     n_rows : int
         Polygons, at least.
-    read_blocks : callable
-        As `blocks`, for a file that stays as it is.
+    blocks : callable
+        Yields all triangles in blocks of (n, 3) int32 vertices, checked; takes a number of threads.
     attributes : callable
         Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
     """
@@ -53,17 +53,8 @@ class MeshSource:
     path: Path
     vertices: FileVertices
     n_rows: int
-    read_blocks: Callable[[int | None], Iterator[IntArray]]
+    blocks: Callable[[int | None], Iterator[IntArray]]
     attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
-
-    def blocks(self, threads: int | None) -> Iterator[IntArray]:
-        """Yield all triangles in blocks of (n, 3) int32 vertices, checked."""
-        try:
-            yield from self.read_blocks(threads)
-        except TexbakeError:
-            self.vertices.file.require_whole()  # lost rows may count as damaged
-            raise
-        self.vertices.file.require_whole()  # or as rows without triangles
 
 
 def open_source(path: PathLike) -> MeshSource | None:

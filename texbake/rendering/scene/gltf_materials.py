@@ -12,19 +12,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, shortened
-from texbake.limits import require_few_pixels
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_material_read import (
     GltfMaterial,
     GltfSource,
     GltfTexture,
-    image_bytes,
     image_or_reason,
     image_path,
     image_source,
@@ -32,8 +29,7 @@ from texbake.mesh.files.gltf_material_read import (
 )
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
-from texbake.texture.channel_codes import image_size
-from texbake.texture.image import Image, decode_image, read_header, require_whole
+from texbake.texture.image import Image, decode_image, require_whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +73,6 @@ class MaterialReader:
     _known: dict[int | None, SceneMaterial] = field(default_factory=dict)
     # If an image is missing or damaged, its value is a line that says why.
     _images: dict[tuple[str | int | None, bool], Path | Image | str] = field(default_factory=dict)
-    _is_checked: bool = False  # how many pixels all images have together
 
     def material(self, index: int | None, *, vertex_colors: bool = False) -> SceneMaterial:
         """Read the material with an index; None means glTF's default material."""
@@ -173,9 +168,6 @@ class MaterialReader:
 
     def _image(self, index: int | None, color: bool) -> Path | Image | None:
         """Return the image of an index; None, with a line in `missing`, if there is none."""
-        if not self._is_checked:
-            self._is_checked = True
-            self._require_few_pixels()
         source = None if index is None else image_source(self.document, index)
         if (source, color) not in self._images:
             self._images[source, color] = self._opened(index, color)
@@ -185,21 +177,6 @@ class MaterialReader:
             self.missing.append(line)
             return None
         return found
-
-    def _require_few_pixels(self) -> None:
-        """Raise `FileFormatError` if all images of the document have too many pixels together."""
-        indices = range(len(self.document.items("images")))
-        firsts = {image_source(self.document, index): index for index in reversed(indices)}
-        measures = [partial(self._size, index) for index in firsts.values()]
-        require_few_pixels(self.document.path, measures)
-
-    def _size(self, index: int) -> tuple[int, int, int]:
-        """Width, height and bytes of an image; of one beside the file, only the header is read."""
-        path = image_path(self.document, index)
-        if path is not None:
-            header = read_header(path)
-            return header.width, header.height, path.stat().st_size
-        return image_size(image_bytes(self.document, index), f"images[{index}]")
 
     def _opened(self, index: int | None, color: bool) -> Path | Image | str:
         """Return an image's path beside the file, its pixels in the file, or why there is none."""
