@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import IO, Any
 
 import click
@@ -23,7 +22,7 @@ from texbake import OptionError, TexbakeError, is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable
-from .signals import Terminated, line_is_mine, line_is_printed, raised_signals
+from .signals import Terminated, line_is_mine, raised_signals
 
 
 class Failure(click.ClickException):
@@ -36,10 +35,7 @@ class Failure(click.ClickException):
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the line on stderr, once after a signal."""
         if self.exit_code <= 128 or line_is_mine():
-            try:
-                click.echo(printable(self.message), file=file, err=file is None)
-            finally:
-                line_is_printed()
+            click.echo(printable(self.message), file=file, err=file is None)
 
 
 @contextmanager
@@ -59,21 +55,10 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         raise Failure("texbake: terminated", 128 + error.signal_number) from error
     except KeyboardInterrupt as error:
         raise Failure("texbake: interrupted", 130) from error
-    except Exception as error:
-        if isinstance(error, FileNotFoundError) and _folder_was_deleted():
-            message = "texbake: the current folder was deleted; change to another folder"
-            raise Failure(message, 1) from error
+    except (MemoryError, OSError) as error:
         if not is_out_of_memory(error):
             raise
         raise Failure(f"texbake: out of memory; {_memory_advice(_command(ctx))}", 1) from error
-
-
-def _folder_was_deleted() -> bool:
-    try:
-        Path.cwd()
-    except FileNotFoundError:
-        return True
-    return False
 
 
 def _memory_advice(command: click.Command | None) -> str:

@@ -6,10 +6,10 @@ import sys
 
 import click
 
-from texbake import __version__, heard_warnings, limit_own_memory, raised_limits
+from texbake import __version__, heard_warnings, raised_limits
 
 from .lazy import LazyGroup
-from .signals import clear_after_signal, end_cleanly_on_signals, keep_exit_code
+from .signals import end_cleanly_on_signals
 from .streams import close_stdout, is_of_click, open_closed_streams
 
 
@@ -74,13 +74,8 @@ def main() -> None:
     """Run the command line and end the process with its exit code."""
     open_closed_streams()
     end_cleanly_on_signals()
-    limit_own_memory()
     try:
         texbake(prog_name="texbake")
-    except SystemExit as ended:
-        close_stdout()  # before the exit code stands
-        keep_exit_code(ended.code if isinstance(ended.code, int) else int(ended.code is not None))
-        raise
     except OSError as error:
         if not is_of_click(error):
             raise
@@ -89,5 +84,4 @@ def main() -> None:
         complain(f"standard output: cannot be written: {error.strerror or error}")
         sys.exit(1)
     finally:
-        clear_after_signal()
         close_stdout()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import _thread
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -84,12 +82,10 @@ class Lines:
         self._write, self._clock = write, clock
         self._stages: dict[str, TimedStage] = {}
         self._ended = threading.Event()
-        self._at_work = threading.Lock()
+        self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
-        # `threading.Thread.start` would wait for ever for a thread that has no memory to begin.
-        with suppress(RuntimeError, MemoryError):  # no more threads: nothing is printed
-            _thread.start_new_thread(self._run, ())
+        self._thread.start()
         return self
 
     def __exit__(
@@ -99,8 +95,7 @@ class Lines:
         trace: TracebackType | None,
     ) -> None:
         self._ended.set()
-        with self._at_work:  # it may be printing
-            pass
+        self._thread.join()  # it may be printing
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Begin to time a stage."""
@@ -126,6 +121,5 @@ class Lines:
             self._write(running[-1].state(now))
 
     def _run(self) -> None:
-        with self._at_work:
-            while not self._ended.wait(self.INTERVAL):
-                self.tick()
+        while not self._ended.wait(self.INTERVAL):
+            self.tick()

@@ -226,17 +226,6 @@ def test_content_is_on_the_disk_before_a_file_takes_its_name(
     with replacing(tmp_path / "c") as temporary:
         temporary.write_bytes(b"c")
     assert [path.name for path in moved] == ["a", "b", "c"]
-    assert synchronized.count(tmp_path) == 2  # the names, too
-
-
-def test_the_names_of_new_folders_are_on_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    synchronized: list[Path] = []
-    monkeypatch.setattr("texbake.files.to_disk", synchronized.append)
-    for _ in range(2):
-        make_folder(tmp_path / "a" / "b")
-        assert synchronized == [tmp_path, tmp_path / "a"]
 
 
 def test_a_scratch_folder_that_is_interrupted_as_it_is_made_is_removed(

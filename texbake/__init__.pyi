@@ -51,7 +51,6 @@ from .checks.check import (
 from .checks.finding import Finding as Finding
 from .checks.options import SEVERITIES as SEVERITIES, CheckOptions as CheckOptions
 from .checks.report import CheckReport as CheckReport
-from .core.signal_watch import signal_watch as signal_watch
 from .errors import (
     CageError as CageError,
     DependencyError as DependencyError,
@@ -157,7 +156,6 @@ from .limits import (
     raised_limits as raised_limits,
     whole_number as whole_number,
 )
-from .machine_memory import limit_own_memory as limit_own_memory
 from .mapping.classical.projector import read_matrix as read_matrix
 from .mapping.distortion import (
     Distortion as Distortion,

@@ -21,8 +21,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-from texbake.machine_memory import came_near_limit
-
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
 
 
@@ -170,33 +168,10 @@ def heard_warnings(listener: Callable[[str], None]) -> Iterator[None]:
         _LISTENER.reset(token)
 
 
-# What Python and the loader of libraries say where the system gives no memory.
-_NO_MEMORY = (
-    "can't start new thread",
-    "failed to map segment",
-    "cannot allocate memory",
-    "cannot create shared object descriptor",
-)
-# What Python says where it had no memory for an exception, or a library is at fault.
-_NO_EXCEPTION = "error return without exception set"
-
-
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error says that the system gave no more memory, for whatever it was wanted.
+    """Whether an error says that the system gave no more memory.
 
-    Python has errors of its own where a thread cannot start, or a library not be loaded. One that
-    has another cause as well counts only if this process has taken much of what it may.
-
-    >>> is_out_of_memory(MemoryError()), is_out_of_memory(RuntimeError("can't start new thread"))
-    (True, True)
+    >>> is_out_of_memory(MemoryError()), is_out_of_memory(OSError())
+    (True, False)
     """
-    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
-        return True
-    if isinstance(error, RuntimeError | ImportError | OSError) and any(
-        words in str(error).lower() for words in _NO_MEMORY
-    ):
-        return True
-    if isinstance(error, SystemError) and _NO_EXCEPTION in str(error):
-        return came_near_limit()
-    cause = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
-    return cause is not None and is_out_of_memory(cause)
+    return isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM

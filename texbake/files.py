@@ -17,7 +17,7 @@ from itertools import chain
 from pathlib import Path
 
 from texbake.errors import FileError, FileFormatError
-from texbake.unfinished import PREFIX, moving, scratch_prefix, unfinished_name
+from texbake.unfinished import MOVING, PREFIX, scratch_prefix, unfinished_name
 
 PathLike = str | os.PathLike[str]
 
@@ -196,19 +196,17 @@ def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
     removed = [str(target) for target in waiting if target not in moved and target.is_file()]
     for target, temporary in moved.items():
         try:
-            to_disk(temporary)
+            _write_to_disk(temporary)
         except OSError as error:  # such as a disk that is full only now
             raise _unwritable(target, error, "nothing was changed") from error
     moves = map(os.replace, [*map(str, moved.values())], [*map(str, moved)])
     try:
-        with moving():
+        with MOVING:
             # One call that runs no Python, and so delivers no signal: Ctrl-C comes before or after.
             deque(chain(moves, map(os.unlink, removed)), maxlen=0)
     except OSError as error:
         state = "nothing was changed" if len(waiting) == 1 else "some files of this job are older"
         raise _unwritable(error.filename2 or error.filename, error, state) from error
-    for folder in {target.parent: None for target in waiting}:
-        to_disk(folder)
 
 
 def written_file(path: PathLike) -> Path:
@@ -241,17 +239,9 @@ def scratch_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def to_disk(path: Path) -> None:
-    """Have a file, or the names in a folder, on the disk before anything else is written."""
-    if path.is_dir():
-        with suppress(OSError):
-            _synchronize(path, os.O_RDONLY)
-    else:
-        _synchronize(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
-
-
-def _synchronize(path: Path, how: int) -> None:
-    descriptor = os.open(path, how)
+def _write_to_disk(path: Path) -> None:
+    """Have the content of a file on the disk before anything else is written."""
+    descriptor = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:
@@ -318,15 +308,13 @@ def check_folder(folder: PathLike) -> None:
 
 
 def make_folder(folder: PathLike) -> Path:
-    """Create a folder and its missing parents, and return its path; their names are on the disk."""
+    """Create a folder and its missing parents, and return its path."""
     path, waiting = Path(folder), _WAITING.get()
     try:
-        missing = [there for there in (path, *path.parents) if not there.exists()][::-1]
         if waiting is not None:
-            waiting.folders += missing
+            missing = [there for there in (path, *path.parents) if not there.exists()]
+            waiting.folders += missing[::-1]
         path.mkdir(parents=True, exist_ok=True)
-        for there in missing:
-            to_disk(there.parent)
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: the folder cannot be made: {_reason(error)}") from error
     return path

@@ -12,9 +12,8 @@ import re
 import shutil
 import stat
 import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -22,19 +21,8 @@ PREFIX = ".texbake-"  # of files; folders have none of the dot
 _NAME = re.compile(r"\.?texbake-([0-9a-f]{8})-([0-9]+)-[0-9a-z_]+(\.[^.]*)?")
 _NOWHERE = "0" * 8
 _LOOKED_THROUGH: set[Path] = set()
-
-NOTES = bytearray(1 << 20)
-"""What `core/signal_watch.c` reads to end the process without Python.
-
-Two flags: that files are taking their names, and that no more of them may; then texts that end in
-0: the name of the machine, and the folders that temporary files are in. What no longer fits is left
-to the next process.
-"""
-MOVING, ENDING, _TEXTS = range(3)  # places in it
-
-_noted = _TEXTS  # where the next text begins
-_NOTING = threading.Lock()
-_ONE_MOVES = threading.Lock()  # held while files take their names
+MOVING = threading.Lock()
+"""Held while files take their names."""
 
 
 def unfinished_name(folder: Path, suffix: str = "") -> str:
@@ -59,37 +47,9 @@ def clear_once(folder: Path) -> None:
     whether its process has ended.
     """
     if folder not in _LOOKED_THROUGH:
-        _note(folder)
         _LOOKED_THROUGH.add(folder)
         if _machine() != _NOWHERE:
             _clear(folder, lambda process: not _is_running(process))
-
-
-def _note(folder: Path) -> None:
-    """Add a folder to the notes, if it fits."""
-    global _noted
-    with _NOTING:
-        for text in [_machine()] * (_noted == _TEXTS) + [str(folder)]:
-            added = os.fsencode(text)
-            end = _noted + len(added)
-            if end + 1 < len(NOTES):  # two zeros end them
-                NOTES[_noted : end + 1] = added + b"\0"
-                _noted = end + 1
-
-
-@contextmanager
-def moving() -> Iterator[None]:
-    """Keep the process from being ended while files take their names."""
-    with _ONE_MOVES:
-        try:
-            NOTES[MOVING] = 1
-            if NOTES[ENDING]:
-                NOTES[MOVING] = 0  # the end must not wait for this thread
-                while True:  # the process ends in a moment
-                    time.sleep(1.0)
-            yield
-        finally:
-            NOTES[MOVING] = 0
 
 
 def clear_unfinished(patience: float) -> None:
@@ -99,7 +59,7 @@ def clear_unfinished(patience: float) -> None:
 
     `patience`: most seconds to wait.
     """
-    _ONE_MOVES.acquire(timeout=patience)  # never released: no other files may take their names
+    MOVING.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):
         _clear(folder, lambda process: process == os.getpid())
 

@@ -1,8 +1,5 @@
 """Folders and URLs, by the same predicates."""
 
-import errno
-import os
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -119,35 +116,6 @@ def test_patterns(tmp_path: Path) -> None:
     assert matches("**/*.ply", inside) == [f"{inside}/deep/y.ply", f"{inside}/x.ply"]
     assert matches("../*.txt", inside) == [f"{inside}/../d.txt"]
     assert matches(str(tmp_path / "*.txt"), inside) == [str(tmp_path / "d.txt")]
-
-
-def test_a_disk_that_loses_what_is_written_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    synchronized: list[str] = []
-    folders_fail = True
-
-    def fsync(descriptor: int) -> None:
-        status = os.fstat(descriptor)
-        paths = [path for path in tmp_path.rglob("*") if os.path.samestat(path.stat(), status)]
-        synchronized.extend(path.relative_to(tmp_path).as_posix() for path in paths)
-        if stat.S_ISDIR(status.st_mode) == folders_fail:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr(os, "fsync", fsync)
-    location = location_of(tmp_path / "store")
-    for number in range(2):
-        folder = tmp_path / f"folder{number}"
-        (folder / "in").mkdir(parents=True)
-        (folder / "in" / "x").write_bytes(b"x")
-        (folder / "last").write_bytes(b"last")
-    location.put_folder(tmp_path / "folder0", "ab/abc", "last")  # no system has to do folders
-    entry = {"folder0", "folder0/in", "folder0/in/x", "folder0/last"}
-    assert {*entry, "store", "store/ab"} <= set(synchronized)
-    folders_fail = False
-    with pytest.raises(FileError, match="Input/output error"):
-        location.put_folder(tmp_path / "folder1", "cd/cde", "last")
-    assert location.read("cd/cde/last") is None
 
 
 def test_errors_of_a_file_system_of_its_own_kind(monkeypatch: pytest.MonkeyPatch) -> None:

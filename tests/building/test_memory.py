@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from texbake import machine_memory as memory
+from texbake.building import memory
 from texbake.building.task import Task, memory_advice
-from texbake.machine_memory import machine_memory
 
 GB = 1 << 30
 COMMAND = [sys.executable, "-P", "-c", "from texbake_cli.main import main; main()"]
@@ -43,29 +42,6 @@ def test_limits_of_control_groups(
         (tmp_path / "fs" / name).write_text(text)
     assert memory._group_limits(groups, tmp_path / "fs") == limits
     assert memory._group_limits(tmp_path / "none", tmp_path) == []
-
-
-@pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA])
-def test_ulimit_is_a_limit_of_memory(kind: int) -> None:
-    code = "from texbake.machine_memory import machine_memory; print(machine_memory())"
-    words = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(words, preexec_fn=limited(GB, kind), capture_output=True, check=True)
-    assert int(done.stdout) == min(GB, machine_memory())
-
-
-@pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA])
-def test_a_limited_process_starts_no_threads_that_it_may_have_no_memory_for(kind: int) -> None:
-    """Those of NumPy's library of linear algebra, which end the process if they do not start."""
-    code = (
-        "from texbake import limit_own_memory; limit_own_memory(); import numpy; "
-        "from pathlib import Path; print(len(list(Path('/proc/self/task').iterdir())))"
-    )
-    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code],
-        preexec_fn=limited(GB, kind), env=environment, capture_output=True, check=True,
-    )  # fmt: skip
-    assert int(done.stdout) == 1
 
 
 def test_advice_says_whether_fewer_jobs_would_help() -> None:

@@ -6,7 +6,6 @@ import re
 import shlex
 import signal
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from texbake_cli.main import texbake
 from texbake_cli.signals import Terminated
 
 import texbake as package
-from texbake import machine_memory
 from texbake.errors import FileError, OptionError
 
 CONTEXT = click.Context(texbake, info_name="texbake")
@@ -118,9 +116,6 @@ def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> Non
         (OptionError("size: 0"), 2, "texbake: size: 0 (see: texbake --help)"),
         (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
         (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
-        (RuntimeError("can't start new thread"), 1, "texbake: out of memory; try"),
-        (ImportError("a.so: failed to map segment"), 1, "texbake: out of memory; try"),
-        (OSError("a.so: cannot create shared object descriptor"), 1, "texbake: out of memory; try"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
         (KeyboardInterrupt(), 130, "texbake: interrupted"),
         (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
@@ -135,22 +130,6 @@ def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) 
     assert caught.value.exit_code == exit_code
     assert line in caught.value.message
     assert "\n" not in caught.value.message
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how much was taken")
-@pytest.mark.parametrize("reached", [0.1, 0.9])
-def test_an_error_without_exception_is_a_fault_where_there_was_memory(
-    monkeypatch: pytest.MonkeyPatch, reached: float
-) -> None:
-    peak = int(Path("/proc/self/status").read_text().split("VmPeak:")[1].split()[0]) << 10
-    monkeypatch.setattr(
-        machine_memory,
-        "_process_limits",
-        lambda kind: [int(peak / reached)] if kind == "RLIMIT_DATA" else [],
-    )
-    expected = click.ClickException if reached > 0.5 else SystemError
-    with pytest.raises(expected), failures_as_one_line(CONTEXT):
-        raise SystemError("error return without exception set")
 
 
 def test_out_of_memory_names_what_the_command_has() -> None:
@@ -245,42 +224,3 @@ def test_a_process_that_read_an_image_says_nothing_at_its_end(run: Run, tmp_path
     done = run("height-to-normal height.png -o slopes.png", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr == ""
-
-
-SILENT = """
-import sys, _thread, time
-sys.argv = ["texbake", "--version"]
-def fail(error):
-    raise error
-class Fails:
-    def __init__(self, error): self.error = error
-    def __del__(self): fail(self.error)
-from texbake_cli.main import main
-try:
-    main()
-except SystemExit:
-    Fails(MemoryError())
-    Fails(ValueError("a bug"))
-"""
-
-
-def test_what_had_no_memory_in_passing_prints_no_traceback() -> None:
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", SILENT], capture_output=True, text=True, timeout=60
-    )
-    assert "a bug" in done.stderr
-    assert "MemoryError" not in done.stderr
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a folder in use cannot be deleted there")
-@pytest.mark.parametrize(
-    "line", ["make plane -o a.obj", "convert a.obj b.obj", "bake a.obj b.obj -o c", "demo"]
-)
-def test_a_deleted_current_folder_is_an_error_of_one_line(tmp_path, monkeypatch, line):
-    folder = tmp_path / "deleted"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    folder.rmdir()
-    result = CliRunner().invoke(texbake, line.split())
-    assert (result.exit_code, result.output.count("\n")) == (1, 1), result.output
-    assert isinstance(result.exception, SystemExit)

@@ -39,8 +39,6 @@ UNREACHED = {
     "find_regions": "only tests call it, to look into the solver that `flatten_patch` uses",
     "solve_blocks": "only tests call it, to look into the solver that `flatten_patch` uses",
     "take_over_samples": "bakes of a few texels do not divide a texel twice; its tests do",
-    "end_after_signals": "it ends the process; tests/core and tests/cli do",
-    "end_with_pipe": "it ends the process; tests/core does",
     "has_x86_64_v3": "it takes nothing, and is called while the library is chosen",
 }
 

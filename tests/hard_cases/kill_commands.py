@@ -81,7 +81,7 @@ class Kill:
         if self.call:
             self.victim = "process"
         self.forked = not self.call and luck.random() < 0.75
-        most = {"rename": len(case.outputs), "fsync": len(case.outputs) + 1}
+        most = {"rename": len(case.outputs), "fsync": len(case.outputs)}
         self.which = luck.randint(1, most.get(self.call, 1))
         self.moment = luck.uniform(0.0, 0.9)
         self.other = luck.random() < 0.25

@@ -18,6 +18,7 @@ from texbake.building.disk import LockError, locked
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, plan_nodes
 from texbake.building.locations import is_url
+from texbake.building.memory import machine_memory
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, BuildListener, noted
 from texbake.building.report import (
@@ -37,7 +38,6 @@ from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import OptionError, TexbakeError
 from texbake.files import PathLike, check_name, make_folder, replacing
 from texbake.jobs.outputs import check_page
-from texbake.machine_memory import machine_memory
 from texbake.parallel import default_threads
 
 _MEMORY_SHARE = 0.8

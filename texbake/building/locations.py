@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from texbake.building.disk import copy_file
 from texbake.errors import DependencyError, FileError, TexbakeError
-from texbake.files import make_folder, replacing, to_disk
+from texbake.files import make_folder, replacing
 
 
 def is_url(place: str) -> bool:
@@ -111,8 +111,6 @@ class LocalFolder:
         """Rename a folder of the same file system; an existing one is kept."""
         target = Path(self.path(name))
         with file_errors(target):
-            for path in (*source.rglob("*"), source):
-                to_disk(path)
             make_folder(target.parent)
             try:
                 source.rename(target)
@@ -122,7 +120,6 @@ class LocalFolder:
                 else:  # an incomplete entry is in the way, or something else is wrong
                     self.remove(name)
                     source.rename(target)
-            to_disk(target.parent)
 
     def remove(self, name: str) -> None:
         """Remove a folder: rename it first, so that it is gone at once, and then delete it."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from texbake.baking.memory import MB, PROCESS, TEXEL, bake_memory
@@ -160,3 +161,41 @@ def export_memory(settings: Settings, sizes: Sizes) -> int:
     images = [role for role in sizes if role not in ("mesh", "levels")]
     faces = _faces(sizes, "mesh", "levels")
     return IDLE_WORKER + 64 * MB + _CONVERTED * _bytes(sizes, *images) + 2 * READ_FACE * faces
+
+
+def machine_memory() -> int:
+    """Bytes of memory of this machine, or of the control group of its container if that is less."""
+    return min([_physical_memory(), *_group_limits()])
+
+
+def _physical_memory() -> int:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # the system does not say
+        return 8 << 30
+
+
+def _group_limits(
+    groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
+) -> list[int]:
+    """Return the limits of the control groups of this process, of both versions, and of theirs.
+
+    Within a container the path of its group may lead nowhere; `root` is that group then.
+    """
+    limits = []
+    with suppress(OSError):
+        for line in groups.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers == "":
+                top, file = root, "memory.max"
+            elif "memory" in controllers.split(","):
+                top, file = root / "memory", "memory.limit_in_bytes"
+            else:
+                continue
+            group = top / path.strip("/")
+            for folder in (group, *group.parents):
+                with suppress(OSError, ValueError):  # "max", for none
+                    limits.append(int((folder / file).read_text()))
+                if folder == top:
+                    break
+    return limits

@@ -32,10 +32,9 @@ from texbake.building.task import (
     memory_advice,
     run_task,
 )
-from texbake.core.signal_watch import end_with_parent
+from texbake.child import end_with_parent
 from texbake.files import new_scratch_folder
-from texbake.machine_memory import limit_own_memory
-from texbake.parallel import module_path, require_thread_memory
+from texbake.parallel import module_path
 
 MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for workers to end by themselves
@@ -79,7 +78,6 @@ class LocalWorkers:
     def submit(self, number: int, task: Task) -> None:
         """Start a task as soon as a worker is free."""
         if len(self._crew) < self.slots:
-            require_thread_memory()
             thread = threading.Thread(target=self._serve, args=(len(self._crew),), daemon=True)
             thread.start()
             self._crew.append(thread)
@@ -245,12 +243,10 @@ def main() -> None:
     """Run one task after another, as a worker process."""
     # Ctrl-C reaches all processes of a terminal; the build decides what happens to workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    limit_own_memory()
     end_with_parent()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     tasks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    require_thread_memory()
     threading.Thread(target=_read, args=(tasks,), daemon=True).start()
     while True:
         outcome = run_task(json.loads(tasks.get()))

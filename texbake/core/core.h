@@ -1069,12 +1069,6 @@ void filter_by_noise(
     const int32_t charts[height][width], const bool has_data[height][width], double of_shares,
     double relative, int64_t start, int64_t stop, float filtered[height][width]);
 
-/* signal_watch.c */
-int64_t end_with_pipe(int64_t descriptor);
-int64_t end_after_signals(
-    int64_t descriptor, double patience, double to_end, int64_t n_flags, uint8_t flags[n_flags],
-    int64_t n_notes, uint8_t notes[n_notes]);
-
 /* small_matrices.c */
 void sum_row_products(
     int64_t n, int64_t inner, const double a[n][inner], const double b[n][inner], double out[n]);

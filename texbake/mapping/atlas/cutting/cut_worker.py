@@ -23,8 +23,8 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 import numpy as np  # noqa: E402
 import numpy.typing as npt  # noqa: E402
 
+from texbake.child import end_with_parent  # noqa: E402
 from texbake.core import portable_math as pm  # noqa: E402
-from texbake.core.signal_watch import end_with_parent  # noqa: E402
 
 try:
     import xatlas

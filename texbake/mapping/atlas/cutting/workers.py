@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from texbake.parallel import module_path, require_thread_memory, resolve_threads
+from texbake.parallel import module_path, resolve_threads
 
 Result = TypeVar("Result")
 
@@ -204,7 +204,6 @@ class _Worker:
 
     def ask(self, request: WorkerRequest[Result]) -> bytes | WorkerFailure:
         """Send one request and wait for its answer."""
-        require_thread_memory()
         timer = threading.Timer(request.timeout, self._expire)
         timer.start()
         try:
