@@ -180,7 +180,7 @@ def test_files_in_scratch_folders_wait_for_no_others(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers on this system")
 def test_a_signal_does_not_part_a_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("texbake.files.to_disk", lambda path: None)  # so that most time is moving
+    monkeypatch.setattr("texbake.files._write_to_disk", lambda path: None)  # so that most time is moving
     names = [f"{number}" for number in range(100)]
     outcomes = set()
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
