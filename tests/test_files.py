@@ -180,17 +180,18 @@ def test_files_in_scratch_folders_wait_for_no_others(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers on this system")
 def test_a_signal_does_not_part_a_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("texbake.files._write_to_disk", lambda path: None)  # so that most time is moving
+    # So that most time is moving.
+    monkeypatch.setattr("texbake.files._write_to_disk", lambda path: None)
     names = [f"{number}" for number in range(100)]
     outcomes = set()
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
     try:
-        for trial in range(60):
+        for trial in range(30):
             write_files(tmp_path, dict.fromkeys(names, b"before"))
             with suppress(KeyboardInterrupt):
                 with appearing_together():
                     write_files(tmp_path, dict.fromkeys(names, b"after"))
-                    signal.setitimer(signal.ITIMER_REAL, 1e-6 + 2.5e-5 * trial)
+                    signal.setitimer(signal.ITIMER_REAL, 1e-6 + 5e-5 * trial)
                 while True:  # until the signal has come
                     time.sleep(1.0)
             contents = [(tmp_path / name).read_bytes() for name in names]
