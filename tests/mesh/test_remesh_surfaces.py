@@ -281,6 +281,23 @@ def test_holes_of_bodies_are_filled(name):
 
 
 @pytest.mark.parametrize(
+    ("n_holes", "opening", "share"), [(6, 10.0, 0.001), (6, 17.0, 0.001), (1, 60.0, 0.067)]
+)
+def test_small_holes_of_a_ball_are_filled_to_a_ball_and_wide_ones_flat(n_holes, opening, share):
+    """A flat disk is (1 - cos(opening / 2)) / 2 of the diameter off: 6.7 % at 60°, 0.5 % at 17°."""
+    ball = icosphere(5)
+    centers = ball.positions[ball.faces].mean(axis=1)
+    along = np.concatenate([centers, -centers], axis=1)[:, :n_holes].max(axis=1)
+    kept = along < np.cos(np.radians(opening / 2)) * np.sqrt((centers**2).sum(axis=1))
+    torn = ball.replace(faces=ball.faces[kept])
+    result, report = remesh_with_report(torn, RemeshOptions(resolution=96, surface="closed"))
+    assert report.n_holes_filled == n_holes and figures(result) == (1, 2)
+    assert surface_distance(result, ball).max < share * 2.0
+    areas = [face_areas(one.positions, one.faces).sum() for one in (result, ball)]
+    assert areas[0] == pytest.approx(areas[1], rel=0.02)  # no inner wall
+
+
+@pytest.mark.parametrize(
     "name", sorted(set(SHEETS) - {"plane", "range scan", "leaves that cross", "layers"})
 )
 def test_sheets_are_closed_on_request(name):
