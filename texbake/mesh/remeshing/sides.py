@@ -242,7 +242,7 @@ def require_topology(
         loops += 2 * (n_parts - n_components)
         excess = 2 * n_handles + n_boundaries - loops
         n_holes = n_boundaries - n_given
-        n_made = (excess - n_holes) // 2
+        n_made = (excess - n_holes + 1) // 2
     else:
         excess, n_holes = n_handles - loops if may_be_pierced else 0, 0
     if excess > 0:
