@@ -63,44 +63,27 @@ class Plot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssetPage:
-    """Contents of the page of one asset.
+    """Contents of the page of one asset."""
 
-    Attributes
-    ----------
-    high, low : Mesh
-        The high-poly and the low-poly mesh. Maps are shown only if the low-poly mesh has texture
-        coordinates.
-    baked : BakeResult, optional
-        The 3D view shows its `normal` map, the histogram its `displacement` map.
-    asked : tuple of str
-        Names of the requested maps. The page notes that the others were made only for it.
-    files : dict of str to path
-        Map files to show instead of `baked`, by `normal`, `displacement` and `albedo`.
-    misses : path, optional
-        Miss map file to show instead of that of `baked`.
-    figures : rows of a label and a figure
-        All measurements; a row without a figure is a heading.
-    command : str
-        The command that made the asset, for a shell; "" for none.
-    picture : RenderOptions
-        The initial camera of the 3D view.
-    plots : sequence of Plot
-        More measurements, each in a section of its own.
-    """
-
+    # high, low: the high-poly and the low-poly mesh. Maps are shown only if the low-poly mesh has
+    # texture coordinates.
     high: Mesh
     low: Mesh
+    # The 3D view shows its `normal` map, the histogram its `displacement` map
     baked: BakeResult | None = None
+    # Names of the requested maps. The page notes that the others were made only for it.
     asked: tuple[str, ...] = ()
+    # Map files to show instead of `baked`, by `normal`, `displacement` and `albedo`
     files: Mapping[str, PathLike] = field(default_factory=dict)
-    misses: PathLike | None = None
+    misses: PathLike | None = None  # miss map file to show instead of that of `baked`
     comparison: Comparison | None = None
     stages: Sequence[StageRecord] = ()
-    figures: Rows = ()
+    figures: Rows = ()  # all measurements; a row without a figure is a heading
     warnings: Sequence[str] = ()
-    command: str = ""
+    command: str = ""  # the command that made the asset, for a shell; "" for none
+    # The initial camera of the 3D view
     picture: RenderOptions = field(default_factory=RenderOptions)
-    plots: Sequence[Plot] = ()
+    plots: Sequence[Plot] = ()  # more measurements, each in a section of its own
 
 
 def write_asset_page(path: PathLike, page: AssetPage) -> None:

@@ -29,40 +29,19 @@ MOST_THUMBNAIL_BYTES = 12_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BuildRow:
-    """One asset in the overview. Unknown values are None.
-
-    Attributes
-    ----------
-    status : str
-        `built`, `kept` (nothing had changed), `failed` or `skipped`.
-    message : str
-        Why the asset failed, or what needs attention, in a sentence.
-    page : str or None
-        Page of the asset, as a path relative to the overview.
-    thumbnail : bytes or None
-        JPEG file from `thumbnail`.
-    error_deg : float or None
-        Mean angle between the normals of the high-poly mesh and of the low-poly mesh with its maps.
-    miss_percent : float or None
-        Missed texels, as a percentage of the covered texels.
-    seconds : float or None
-        Time of the steps that ran.
-    n_faces : int or None
-        Triangles of the low-poly mesh.
-    n_bytes : int or None
-        Size of all output files.
-    """
+    """One asset in the overview. Unknown values are None."""
 
     name: str
-    status: str = "built"
-    message: str = ""
-    page: str | None = None
-    thumbnail: bytes | None = None
+    status: str = "built"  # `built`, `kept` (nothing had changed), `failed` or `skipped`
+    message: str = ""  # why the asset failed, or what needs attention, in a sentence
+    page: str | None = None  # page of the asset, as a path relative to the overview
+    thumbnail: bytes | None = None  # JPEG file from `thumbnail`
+    # Mean angle between the normals of the high-poly mesh and of the low-poly mesh with its maps
     error_deg: float | None = None
-    miss_percent: float | None = None
-    seconds: float | None = None
-    n_faces: int | None = None
-    n_bytes: int | None = None
+    miss_percent: float | None = None  # missed texels, as a percentage of the covered texels
+    seconds: float | None = None  # time of the steps that ran
+    n_faces: int | None = None  # triangles of the low-poly mesh
+    n_bytes: int | None = None  # size of all output files
 
 
 def thumbnail(picture: FloatImage | PathLike) -> bytes:

@@ -48,33 +48,20 @@ def data_uri(content: bytes, kind: str = "image/png") -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPicture:
-    """A map on a page.
-
-    Attributes
-    ----------
-    uri : str
-        The picture, as a data URI.
-    width, height : int
-        Size of the picture in texels.
-    full_width, full_height : int
-        Size of the map in texels.
-    coding : str
-        `MapKind.coding` of the map; "" if unknown.
-    metadata : dict
-        Metadata of the 8-bit picture: space, convention, mid level and scale.
-    note : str
-        A sentence below the picture.
-    """
+    """A map on a page."""
 
     name: str
-    uri: str
+    uri: str  # the picture, as a data URI
+    # width, height: size of the picture in texels
     width: int
     height: int
+    # full_width, full_height: size of the map in texels
     full_width: int
     full_height: int
-    coding: str
+    coding: str  # `MapKind.coding` of the map; "" if unknown
+    # Metadata of the 8-bit picture: space, convention, mid level and scale
     metadata: Mapping[str, Value]
-    note: str = ""
+    note: str = ""  # A sentence below the picture
 
     def settings(self) -> dict[str, Any]:
         """Return the settings for the scripts of the page."""

@@ -31,31 +31,16 @@ _DEFAULTS = Material()
 
 @dataclass(frozen=True, eq=False)
 class Contribution:
-    """What an effect changes in a picture, and what it costs.
+    """What an effect changes in a picture, and what it costs."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the effect in the plan.
-    pixels : int
-        Pixels whose 8-bit color differs without it.
-    share : float
-        Their share of all pixels, from 0 to 1.
-    largest : int
-        Largest difference of a channel, from 0 to 255.
-    milliseconds, n_bytes
-        Time of all threads and memory of its pass in the picture that has it.
-    difference : (H, W, 3) uint8
-        Absolute difference of the codes.
-    """
-
-    name: str
-    pixels: int
-    share: float
-    largest: int
+    name: str  # name of the effect in the plan
+    pixels: int  # pixels whose 8-bit color differs without it
+    share: float  # their share of all pixels, from 0 to 1
+    largest: int  # largest difference of a channel, from 0 to 255
+    # milliseconds, n_bytes: time of all threads and memory of its pass in the picture that has it
     milliseconds: float
     n_bytes: int
-    difference: npt.NDArray[np.uint8]
+    difference: npt.NDArray[np.uint8]  # (H, W, 3): absolute difference of the codes
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers as plain values."""

@@ -54,43 +54,23 @@ from texbake.rendering.tessellation import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BaseSurface:
-    """A surface before subdivision and displacement.
+    """A surface before subdivision and displacement."""
 
-    Attributes
-    ----------
-    points : (V, 3) float64
-        Positions in the space of the result, each bit-equal position only once.
-    faces : (F, 3) int32
-    normals : (V, 3) float64
-        Smooth normals in the space of the map, one per position.
-    linear : (3, 3) float64
-        Transforms vectors from the map's space to that of the result.
-    """
-
+    # (V, 3): positions in the space of the result, each bit-equal position only once
     points: FloatArray
-    faces: IntArray
-    normals: FloatArray
-    linear: FloatArray
+    faces: IntArray  # (F, 3)
+    normals: FloatArray  # (V, 3): smooth normals in the space of the map, one per position
+    linear: FloatArray  # (3, 3): transforms vectors from the map's space to that of the result
 
 
 @dataclass(frozen=True, eq=False)
 class Displaced:
-    """A surface, subdivided and displaced.
-
-    Attributes
-    ----------
-    points : (V, 3) float64
-        Vertices on the undisplaced surface.
-    normals : (V, 3) float64
-        Interpolated normals of the surface, of any length.
-    positions : (V, 3) float64
-        Vertices after displacement.
-    """
+    """A surface, subdivided and displaced."""
 
     pieces: Pieces
-    points: FloatArray
-    normals: FloatArray
-    positions: FloatArray
+    points: FloatArray  # (V, 3): vertices on the undisplaced surface
+    normals: FloatArray  # (V, 3): interpolated normals of the surface, of any length
+    positions: FloatArray  # (V, 3): vertices after displacement
 
 
 # Maps places of new vertices and their points on the surface to displacements, one per place:

@@ -43,24 +43,13 @@ from texbake.texture.image import FloatImage
 
 @dataclass(frozen=True)
 class Call:
-    """One reason why an effect is needed.
+    """One reason why an effect is needed."""
 
-    Attributes
-    ----------
-    target : int, optional
-        Index of the object or light; None for the whole picture.
-    by : str
-        The part that needs it: `object "vase"`, `light "key"`, `the scene`.
-    why : str
-        A short reason: `its material has a normal map`.
-    asker : int, optional
-        Index of the object for which an effect of the picture is needed; None if it is needed
-        whatever is seen.
-    """
-
-    target: Target
-    by: str
-    why: str
+    target: Target  # index of the object or light; None for the whole picture
+    by: str  # the part that needs it: `object "vase"`, `light "key"`, `the scene`
+    why: str  # short: `its material has a normal map`
+    # Index of the object for which an effect of the picture is needed; None if it is needed
+    # whatever is seen
     asker: int | None = None
 
 
@@ -74,62 +63,40 @@ class Refusal:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """One feature of light or surfaces.
+    """One feature of light or surfaces."""
 
-    Attributes
-    ----------
-    name : str
-        Name in the plan, in `--explain` and in `needs`.
-    does : str
-        Description in one line.
-    of : str
-        Kind of its targets: `object`, `light` or `picture`.
-    called_for : callable
-        Function of the request that yields calls and refusals.
-    left_out : str
-        Reason shown when nothing calls for the effect: `no material has a normal map`.
-    needs : callable, optional
-        Function of (request, target) that returns the names of effects that must run before, for
-        the same target (or with the target None, for effects of the picture).
-    load, prepare : Result, optional
-        See the module docstring.
-    shade, dim, tint : callable, optional
-        See the module docstring.
-    behind : callable, optional
-        Function of the state that returns the background as (3,) or (H, W, 3) linear light. The
-        first such effect in the list wins.
-    finds_objects : callable, optional
-        Function of the state, called once `prepare` has run, that returns objects which are visible
-        beside those that rasterizing found. Such effects run before all others of their kind.
-    rate : str, optional
-        Where `shade` runs for a material that is shaded per vertex: `vertex` for the corners of
-        triangles alone, `pixel` for pixels alone, None for both.
-    of_the_others : bool
-        Whether the result of `load` for an object depends on the other objects, so that it cannot
-        be reused in a picture with fewer objects.
-    moves_surface : bool
-        Whether it must run before rasterization, because visibility depends on it.
-    unneeded : callable, optional
-        Function of (state, target), called when visibility is known. Returns a reason why the
-        effect turns out not to be needed, or None.
-    """
-
-    name: str
-    does: str
-    of: str = "object"
+    name: str  # name in the plan, in `--explain` and in `needs`
+    does: str  # description in one line
+    of: str = "object"  # kind of its targets: `object`, `light` or `picture`
+    # Function of the request that yields calls and refusals
     called_for: Callable[[RenderRequest], Iterable[Call | Refusal]]
-    left_out: str
+    left_out: str  # reason shown when nothing calls for the effect: `no material has a normal map`
+    # Function of (request, target) that returns the names of effects that must run before, for the
+    # same target (or with the target None, for effects of the picture)
     needs: Callable[[RenderRequest, Target], Iterable[str]] | None = None
+    # load, prepare: see the module docstring
     load: Result[Any] | None = None
     prepare: Result[Any] | None = None
+    # shade, dim, tint: see the module docstring
     shade: Callable[[Fragments, RenderState], None] | None = None
     dim: Callable[[Fragments, RenderState, int, Incident], None] | None = None
     tint: Callable[[Fragments, RenderState, int, Incident], None] | None = None
+    # Function of (state, target), called when visibility is known. Returns a reason why the effect
+    # turns out not to be needed, or None.
     unneeded: Callable[[RenderState, Target], str | None] | None = None
+    # Function of the state that returns the background as (3,) or (H, W, 3) linear light. The first
+    # such effect in the list wins.
     behind: Callable[[RenderState], FloatImage] | None = None
+    # Function of the state, called once `prepare` has run, that returns objects which are visible
+    # beside those that rasterizing found. Such effects run before all others of their kind.
     finds_objects: Callable[[RenderState], Collection[int]] | None = None
+    # Where `shade` runs for a material that is shaded per vertex: `vertex` for the corners of
+    # triangles alone, `pixel` for pixels alone, None for both
     rate: str | None = None
+    # Whether it must run before rasterization, because visibility depends on it
     moves_surface: bool = False
+    # Whether the result of `load` for an object depends on the other objects, so that it cannot be
+    # reused in a picture with fewer objects
     of_the_others: bool = False
 
 
@@ -205,55 +172,31 @@ class DrawnScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VisibleScene:
-    """The result of rasterization.
+    """The result of rasterization."""
 
-    Attributes
-    ----------
-    visibility : VisibilityBuffer
-        Opaque triangles at the samples.
-    modes : (O,) uint8
-        Which faces of each object are drawn; see `texbake.rendering.raster.world`.
-    objects : frozenset of int
-        Objects that are visible in some sample, and transparent objects.
-    scanline_weights : (h, w, 2) float64, optional
-        Barycentric weights at each sample, if the scanline rasterizer was used.
-    """
-
-    visibility: VisibilityBuffer
+    visibility: VisibilityBuffer  # opaque triangles at the samples
+    # (O,): which faces of each object are drawn; see `texbake.rendering.raster.world`
     modes: npt.NDArray[np.uint8]
-    objects: frozenset[int]
+    objects: frozenset[int]  # objects that are visible in some sample, and transparent objects
+    # (h, w, 2): barycentric weights at each sample, if the scanline rasterizer was used
     scanline_weights: npt.NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderState:
-    """Everything that a pass may read. A stage adds to it by returning a new one.
+    """Everything that a pass may read. A stage adds to it by returning a new one."""
 
-    Attributes
-    ----------
-    request : RenderRequest
-        The scene, the options, the camera.
-    plan : Plan
-        Which effects are called for.
-    draw_others : callable
-        Function of (scene, cameras, options) that draws other pictures of the same objects, such as
-        a rendered environment, and returns their colors (H, W, 4).
-    results : Results
-        Values returned by `load` and `prepare` of effects.
-    drawn_scene : DrawnScene, optional
-        Set once all surfaces are in place.
-    visible_scene : VisibleScene, optional
-        Set once the picture is rasterized.
-    """
-
-    request: RenderRequest
-    plan: Plan
+    request: RenderRequest  # the scene, the options, the camera
+    plan: Plan  # which effects are called for
     costs: Costs
     threads: int | None
+    # Function of (scene, cameras, options) that draws other pictures of the same objects, such as a
+    # rendered environment, and returns their colors (H, W, 4)
     draw_others: Callable[[Scene, Sequence[Camera], RenderOptions], list[FloatImage]]
+    # Values returned by `load` and `prepare` of effects
     results: Results = field(default_factory=Results)
-    drawn_scene: DrawnScene | None = None
-    visible_scene: VisibleScene | None = None
+    drawn_scene: DrawnScene | None = None  # set once all surfaces are in place
+    visible_scene: VisibleScene | None = None  # set once the picture is rasterized
 
     @property
     def scene(self) -> Scene:

@@ -30,33 +30,23 @@ BRIGHTEST = 1e30
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnObject:
-    """An object in world space, as it is drawn.
+    """An object in world space, as it is drawn."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        The object's own mesh in world space, which texture coordinates, normals and tangents belong
-        to.
-    positions, faces
-        Drawn triangles: those of the mesh, or a subdivision of them.
-    object_from_world : (4, 4) float64, optional
-        Inverse of the object's transform; None if it has none.
-    base_faces : (F,) int32, optional
-        Face of `mesh` that each drawn triangle is a piece of; None without subdivision.
-    base_weights : (F, 3, 2) float32, optional
-        Barycentric position of each corner on that face, as weights of its second and third corner.
-        They are multiples of a power of 1/2, hence exact.
-    normals, normal_faces : optional
-        Shading normals of the drawn triangles, if subdivided.
-    """
-
+    # The object's own mesh in world space, which texture coordinates, normals and tangents belong
+    # to
     mesh: Mesh
     material: Material
+    # positions, faces: drawn triangles: those of the mesh, or a subdivision of them
     positions: FloatArray
     faces: IntArray
+    # (4, 4): inverse of the object's transform; None if it has none
     object_from_world: FloatArray | None = None
+    # (F,): face of `mesh` that each drawn triangle is a piece of; None without subdivision
     base_faces: IntArray | None = None
+    # (F, 3, 2): barycentric position of each corner on that face, as weights of its second and
+    # third corner. They are multiples of a power of 1/2, hence exact.
     base_weights: npt.NDArray[np.float32] | None = None
+    # normals, normal_faces: shading normals of the drawn triangles, if subdivided
     normals: FloatArray | None = None
     normal_faces: IntArray | None = None
 
@@ -80,20 +70,11 @@ class DrawnObject:
 
 @dataclass(kw_only=True, eq=False)
 class Incident:
-    """Light of one lamp that arrives at fragments: one row per fragment, or one for all.
+    """Light of one lamp that arrives at fragments: one row per fragment, or one for all."""
 
-    Attributes
-    ----------
-    directions : (n or 1, 3) float32
-        Unit vectors to the light.
-    radiance : (n or 1, 3) float32
-        Light that a white surface facing the lamp reflects.
-    on_slide : optional
-        Positions of the fragments on the lamp's slide, which `dim` computes and `tint` uses.
-    """
-
-    directions: Floats
-    radiance: Floats
+    directions: Floats  # (n or 1, 3): unit vectors to the light
+    radiance: Floats  # (n or 1, 3): light that a white surface facing the lamp reflects
+    # Positions of the fragments on the lamp's slide, which `dim` computes and `tint` uses
     on_slide: Any = None
 
 
@@ -118,67 +99,38 @@ class SlotValues:
 
 @dataclass(kw_only=True, eq=False)
 class Fragments:
-    """Some fragments of one object.
+    """Some fragments of one object."""
 
-    Attributes
-    ----------
-    target : int
-        Index of the object.
-    drawn : DrawnObject
-        The object itself.
-    drawn_faces : (n,) int32
-        Drawn triangle of the object.
-    drawn_weights : (n, 2) float64
-        Weights of that triangle's second and third corner.
-    faces, weights
-        The same position on `drawn.mesh`, for looking up coordinates, normals and tangents.
-    changes : (n, 4) float32
-        Growth of `weights` for one pixel to the right, then for one pixel down; empty if the plan
-        has no derivatives.
-    places, pixels, counts
-        As in `texbake.rendering.raster.fragments.FragmentRows`.
-    back_facing : (n,) bool
-        Whether the triangle is seen from behind.
-    positions : (n, 3) float64
-        World space; set by "positions".
-    to_eye : (n, 3) float32
-        Unit vectors; set by "view directions".
-    uvs : (n, 2) float64
-        Set by "texture coordinates"; moved by "parallax".
-    uv_changes : (n, 4) float32
-        du, dv for one pixel to the right, then for one pixel down; set by "derivatives".
-    further_uvs : mapping of str to (uvs, uv_changes)
-        The same on further sets; set by "further texture coordinates", moved by "parallax".
-    normals : (n, 3) float32
-        Unit shading normals in world space, on the visible side; set by "normals" or by the normal
-        map, and changed by the bump map.
-    slots : SlotValues
-        Set by "slots".
-    light : (n, 3) float32
-        Outgoing light toward the camera.
-    ambient_share : (n or 1,) float32
-        Unoccluded share of ambient and environment light.
-    """
-
-    target: int
-    drawn: DrawnObject
-    drawn_faces: IntArray
-    drawn_weights: FloatArray
+    target: int  # index of the object
+    drawn: DrawnObject  # the object itself
+    drawn_faces: IntArray  # (n,): drawn triangle of the object
+    drawn_weights: FloatArray  # (n, 2): weights of that triangle's second and third corner
+    # faces, weights: the same position on `drawn.mesh`, for looking up coordinates, normals and
+    # tangents
     faces: IntArray
     weights: FloatArray
+    # (n, 4): growth of `weights` for one pixel to the right, then for one pixel down; empty if the
+    # plan has no derivatives
     changes: Floats
+    # places, pixels, counts: as in `texbake.rendering.raster.fragments.FragmentRows`
     places: Floats
     pixels: IntArray
     counts: Floats
-    back_facing: npt.NDArray[np.bool_]
-    positions: FloatArray | None = None
-    to_eye: Floats | None = None
-    uvs: FloatArray | None = None
+    back_facing: npt.NDArray[np.bool_]  # (n,): whether the triangle is seen from behind
+    positions: FloatArray | None = None  # (n, 3): world space; set by "positions"
+    to_eye: Floats | None = None  # (n, 3): unit vectors; set by "view directions"
+    uvs: FloatArray | None = None  # (n, 2): set by "texture coordinates"; moved by "parallax"
+    # (n, 4): du, dv for one pixel to the right, then for one pixel down; set by "derivatives"
     uv_changes: Floats | None = None
+    # The same on further sets; set by "further texture coordinates", moved by "parallax"
     further_uvs: Mapping[str, tuple[FloatArray, Floats | None]] = field(default_factory=dict)
+    # (n, 3): unit shading normals in world space, on the visible side; set by "normals" or by the
+    # normal map, and changed by the bump map
     normals: Floats | None = None
-    slots: SlotValues | None = None
+    slots: SlotValues | None = None  # set by "slots"
+    # (n, 3): outgoing light toward the camera
     light: Floats = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    # (n or 1,): unoccluded share of ambient and environment light
     ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
 
     def __len__(self) -> int:

@@ -25,18 +25,10 @@ from texbake.rendering.simplified_material import (
 
 @dataclass(frozen=True)
 class Identity:
-    """A part of a scene that was taken out.
+    """A part of a scene that was taken out."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the effect that it would call for, or of the map.
-    by : str
-        The part that it belongs to: `object "vase"`, `the scene`.
-    """
-
-    name: str
-    by: str
+    name: str  # name of the effect that it would call for, or of the map
+    by: str  # the part that it belongs to: `object "vase"`, `the scene`
     why: str
 
 

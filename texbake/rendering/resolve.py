@@ -31,30 +31,14 @@ _BAND = 16
 
 @dataclass(frozen=True)
 class TexelReport:
-    """What became of the texels of a picture in texture order.
+    """What became of the texels of a picture in texture order."""
 
-    Attributes
-    ----------
-    texels : int
-        Texels whose center lies in a triangle.
-    hidden : int
-        Those that face away or lie behind another surface.
-    outside : int
-        Those beside the picture or behind the camera.
-    pixels : int
-        Pixels whose middle shows a textured surface.
-    gaps : int
-        Those of them that no texel reached.
-    double_writes : int
-        Pixels that more than one texel reached.
-    """
-
-    texels: int
-    hidden: int
-    outside: int
-    pixels: int
-    gaps: int
-    double_writes: int
+    texels: int  # texels whose center lies in a triangle
+    hidden: int  # those that face away or lie behind another surface
+    outside: int  # those beside the picture or behind the camera
+    pixels: int  # pixels whose middle shows a textured surface
+    gaps: int  # those of them that no texel reached
+    double_writes: int  # pixels that more than one texel reached
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a value."""
@@ -170,24 +154,13 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Sums over the samples of each pixel so far.
+    """Sums over the samples of each pixel so far."""
 
-    Attributes
-    ----------
-    color : (H, W, 4) float32
-        Sum of the light of the samples, and of their opacity.
-    coverage : (H, W) float32
-        Number of samples that see a surface.
-    normals : (H, W, 3) float32
-        Sum of the samples' normals; empty if they are not kept.
-    n_samples : int
-        Samples per pixel. Sums are divided only at the end, so that a fully covered pixel has a
-        coverage of exactly 1.
-    """
-
-    color: FloatImage
-    coverage: FloatImage
-    normals: FloatImage
+    color: FloatImage  # (H, W, 4): sum of the light of the samples, and of their opacity
+    coverage: FloatImage  # (H, W): number of samples that see a surface
+    normals: FloatImage  # (H, W, 3): sum of the samples' normals; empty if they are not kept
+    # Samples per pixel. Sums are divided only at the end, so that a fully covered pixel has a
+    # coverage of exactly 1.
     n_samples: int
 
     @classmethod

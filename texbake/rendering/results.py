@@ -17,18 +17,11 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True, eq=False)
 class Result(Generic[Value]):
-    """A value that an effect computes before shading, and the key to look it up by.
+    """A value that an effect computes before shading, and the key to look it up by."""
 
-    Attributes
-    ----------
-    compute : callable
-        Function of (state, target) that returns the value.
-    deferred : bool
-        Whether it is computed only when a fragment first asks for it.
-    """
-
+    # Function of (state, target) that returns the value
     compute: Callable[[RenderState, Target], Value]
-    deferred: bool = False
+    deferred: bool = False  # whether it is computed only when a fragment first asks for it
 
 
 class Deferred(Generic[Value]):

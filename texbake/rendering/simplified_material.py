@@ -41,26 +41,16 @@ _DEFAULTS = Material()
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What may reach the objects of a scene.
+    """What may reach the objects of a scene."""
 
-    Attributes
-    ----------
-    lamps, ambient, environment_light : bool
-        Whether there is light from lamps, ambient light, and light from the environment.
-    even : bool
-        Whether all light is the same from all sides.
-    environment : bool
-        Whether there is an environment for mirrors to show.
-    other_objects : bool
-        Whether there is more than one object.
-    """
-
+    # lamps, ambient, environment_light: whether there is light from lamps, ambient light, and light
+    # from the environment
     lamps: bool
     ambient: bool
     environment_light: bool
-    even: bool
-    environment: bool
-    other_objects: bool
+    even: bool  # whether all light is the same from all sides
+    environment: bool  # whether there is an environment for mirrors to show
+    other_objects: bool  # whether there is more than one object
 
 
 def simplifications(

@@ -48,46 +48,24 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Triangles with their edges.
-
-    Attributes
-    ----------
-    faces : (F, 3) int32
-        Vertices, with the winding of the base triangle.
-    face_edges : (F, 3) int32
-        Edge from each corner to the next.
-    ends : (E, 2) int32
-        Vertices of each edge.
-    base_faces : (F,) int32
-        Base triangle of each piece.
-    base_weights : (F, 3, 2) float32
-        Positions of the piece's corners on it, as weights of its second and third corner.
-    """
+    """Triangles with their edges."""
 
     n_vertices: int
-    faces: IntArray
-    face_edges: IntArray
-    ends: IntArray
-    base_faces: IntArray
+    faces: IntArray  # (F, 3): vertices, with the winding of the base triangle
+    face_edges: IntArray  # (F, 3): edge from each corner to the next
+    ends: IntArray  # (E, 2): vertices of each edge
+    base_faces: IntArray  # (F,): base triangle of each piece
+    # (F, 3, 2): positions of the piece's corners on it, as weights of its second and third corner
     base_weights: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Positions of vertices on base triangles; a vertex on an edge has one place per triangle.
+    """Positions of vertices on base triangles; a vertex on an edge has one place per triangle."""
 
-    Attributes
-    ----------
-    vertices : (S,) int32
-        Vertex at each place, counted from the first new one.
-    base_faces : (S,) int32
-    weights : (S, 2) float32
-        Weights of the second and third corner.
-    """
-
-    vertices: IntArray
-    base_faces: IntArray
-    weights: Floats
+    vertices: IntArray  # (S,): vertex at each place, counted from the first new one
+    base_faces: IntArray  # (S,)
+    weights: Floats  # (S, 2): weights of the second and third corner
 
 
 def uncut(faces: IntArray) -> tuple[Pieces, Places]:

@@ -18,23 +18,14 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class PixelSums:
-    """Sums over the samples of each pixel.
+    """Sums over the samples of each pixel."""
 
-    Attributes
-    ----------
-    light, squares : (H, W, 4) float64
-        Sums of light and opacity, and of their squares. Light is composited over the background, or
-        over black.
-    covered : (H, W) float32
-        Number of samples that show a surface.
-    counts : (H, W) int32
-        Number of samples.
-    """
-
+    # light, squares (H, W, 4): sums of light and opacity, and of their squares. Light is composited
+    # over the background, or over black.
     light: FloatArray
     squares: FloatArray
-    covered: Float32Array
-    counts: IntArray
+    covered: Float32Array  # (H, W): number of samples that show a surface
+    counts: IntArray  # (H, W): number of samples
 
     @classmethod
     def empty(cls, height: int, width: int) -> PixelSums:

@@ -41,16 +41,10 @@ class PictureSampling(SamplingReport):
     """Report on the adaptive samples of a picture.
 
     All samples of a triangle within one cell of a pixel share one shading.
-
-    Attributes
-    ----------
-    shaded_percents : dict of int to float
-        Percentage of pixels by their number of shaded cells.
-    shadings_per_pixel : float
-        Cells shaded per pixel that shows a surface, including cells replaced by finer ones.
     """
 
-    shaded_percents: dict[int, float]
+    shaded_percents: dict[int, float]  # percentage of pixels by their number of shaded cells
+    # Cells shaded per pixel that shows a surface, including cells replaced by finer ones
     shadings_per_pixel: float
 
     element: ClassVar[str] = "pixel"

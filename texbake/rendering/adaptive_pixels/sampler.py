@@ -73,37 +73,21 @@ def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterato
 
 
 class PixelSampler:
-    """Takes samples of pixels.
-
-    Attributes
-    ----------
-    is_opaque : bool
-        Whether there is a background behind all surfaces; then every sample has an opacity of 1.
-    n_shaded : int
-        Cells shaded so far in pixels that show a surface; a cell with an edge counts once.
-    n_seen : int
-        Visibility samples of such pixels.
-    n_windows : int
-        Windows rasterized so far.
-    seconds : float
-        Time of sampling.
-    now : callable
-        Returns the time in seconds.
-    watch : callable, optional
-        Called before each window with its pixels and how they are sampled; it may raise an error to
-        end the work.
-    """
+    """Takes samples of pixels."""
 
     def __init__(self, state: RenderState) -> None:
         self._state = state
         self._behind = _behind_all(state)
-        self.is_opaque = self._behind is not None
+        self.is_opaque = self._behind is not None  # so every sample has an opacity of 1
         self._has_layers = state.plan.has("layers")
-        self.n_shaded = 0
+        # Shaded cells and visibility samples so far in pixels that show a surface; a cell with an
+        # edge counts once.
+        self.n_shaded = self.n_seen = 0
         self.n_windows = 0
-        self.n_seen = 0
         self.seconds = 0.0
         self.now: Callable[[], float] = time.perf_counter
+        # Called before each window with its pixels and how they are sampled; may raise an error to
+        # end the work.
         self.watch: Callable[[int, Sides], None] | None = None
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:

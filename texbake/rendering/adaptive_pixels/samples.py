@@ -42,38 +42,18 @@ _ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class PictureState:
-    """How finely each pixel is sampled.
+    """How finely each pixel is sampled."""
 
-    Attributes
-    ----------
-    seen, shaded : (H, W) int32
-        Samples and shaded cells along one side of each pixel.
-    changes : (H, W) float32
-        Change of each pixel by the last refinement of its shading.
-    """
-
+    # seen, shaded (H, W): samples and shaded cells along one side of each pixel
     seen: IntArray
     shaded: IntArray
-    changes: Float32Array
+    changes: Float32Array  # (H, W): change of each pixel by the last refinement of its shading
 
 
 class AdaptivePicture:
-    """The samples of a picture while it is refined.
+    """The samples of a picture while it is refined."""
 
-    Attributes
-    ----------
-    sums : PixelSums
-        Sums of all pixels.
-    shaded : (H, W) int32
-        Shaded cells along one side of each pixel.
-    seen : (H, W) int32
-        Samples along one side of each pixel.
-    codes : (H, W, 4) float32
-        Means of the pixels, with sRGB-coded light.
-    finest : int
-        Most samples, and most shaded cells, along one side of a pixel.
-    """
-
+    # Most samples, and most shaded cells, along one side of a pixel.
     finest: ClassVar[int] = FINEST
 
     def __init__(self, state: RenderState, *, keeps: bool = False) -> None:
@@ -81,9 +61,10 @@ class AdaptivePicture:
         self.sampler = PixelSampler(state)
         self._taker = KeptPixels(self.sampler, shape) if keeps else self.sampler
         self.sums = PixelSums.empty(*shape)
+        # (H, W): samples and shaded cells along one side of each pixel.
         self.seen = np.full(shape, FIRST.seen, np.int32)
         self.shaded = np.full(shape, FIRST.shaded, np.int32)
-        self.codes = np.zeros((*shape, 4), np.float32)
+        self.codes = np.zeros((*shape, 4), np.float32)  # means, with sRGB-coded light
         self._changes = np.zeros(shape, np.float32)
         self.threads = state.threads
 

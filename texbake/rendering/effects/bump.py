@@ -79,28 +79,19 @@ _OF_EDGE = 2.0**-10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BumpSurface:
-    """A surface in its object's space, indexed by the face corners of the placed mesh.
+    """A surface in its object's space, indexed by the face corners of the placed mesh."""
 
-    Attributes
-    ----------
-    positions, faces : (V, 3) float64, (F, 3) int32
-    normals, normal_faces : (N, 3) float64, (F, 3) int32
-    steps : (F, 4) float64
-        Growth of the barycentric weights per unit of u, then of v.
-    to_object, to_world : (3, 3) float64
-        Transform normals to object space and back, up to their length.
-    directions_to_object : (3, 3) float64
-        Transforms directions to object space.
-    """
-
+    # positions (V, 3), faces (F, 3)
     positions: FloatArray
     faces: IntArray
+    # normals (N, 3), normal_faces (F, 3)
     normals: FloatArray
     normal_faces: IntArray
-    steps: FloatArray
+    steps: FloatArray  # (F, 4): growth of the barycentric weights per unit of u, then of v
+    # to_object, to_world (3, 3): transform normals to object space and back, up to their length
     to_object: FloatArray
     to_world: FloatArray
-    directions_to_object: FloatArray
+    directions_to_object: FloatArray  # (3, 3): transforms directions to object space
 
     @property
     def n_bytes(self) -> int:

@@ -53,43 +53,26 @@ Origin = tuple[Any, ...]
 
 @dataclass(frozen=True, eq=False)
 class LoadedImage:
-    """An image, ready to be looked up.
+    """An image, ready to be looked up."""
 
-    Attributes
-    ----------
-    chain : MipChain
-        Level 0 alone, or all mip levels.
-    kind : str
-        How its mip levels are computed: as `color`, `data` or `normal`.
-    turn, offset : optional
-        (2, 2) and (2,): transform texture coordinates of the mesh to those of the image; None if
-        they are equal.
-    space : str
-        Space of a normal map.
-    uv_set : str, optional
-        Further set of texture coordinates that it lies on; None for the first.
-    legend : (K, 3) float32, optional
-        Colors for the values from the first to the second number of `range`.
-    origin : tuple, optional
-        Source of the texels; images of equal origin have equal texels.
-    is_shared : bool
-        Whether another image holds the same texels in memory.
-    """
-
-    chain: MipChain
-    kind: str
+    chain: MipChain  # level 0 alone, or all mip levels
+    kind: str  # how its mip levels are computed: as `color`, `data` or `normal`
     filter: str
     wrap: Wrap
     border: Floats
     factor: Floats
+    # turn, offset: (2, 2) and (2,): transform texture coordinates of the mesh to those of the
+    # image; None if they are equal
     turn: FloatArray | None
     offset: FloatArray
-    space: str = ""
+    space: str = ""  # space of a normal map
+    # Further set of texture coordinates that it lies on; None for the first
     uv_set: str | None = None
+    # (K, 3): colors for the values from the first to the second number of `range`
     legend: Floats | None = None
     range: tuple[float, float] = (0.0, 1.0)
-    origin: Origin | None = None
-    is_shared: bool = False
+    origin: Origin | None = None  # source of the texels; images of equal origin have equal texels
+    is_shared: bool = False  # whether another image holds the same texels in memory
 
     @property
     def n_bytes(self) -> int:

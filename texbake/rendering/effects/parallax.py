@@ -47,17 +47,10 @@ _NAME = "parallax.texture"
 
 @dataclass(frozen=True, eq=False)
 class TextureSlopes:
-    """Gradients of texture coordinates on each face.
+    """Gradients of texture coordinates on each face."""
 
-    Attributes
-    ----------
-    slopes : (F, 2, 3) float64
-        Gradients of u and of v in world space; 0 on degenerate faces.
-    sizes : (F,) float64
-        World length of one unit of texture coordinates; 0 on degenerate faces.
-    """
-
-    slopes: FloatArray
+    slopes: FloatArray  # (F, 2, 3): gradients of u and of v in world space; 0 on degenerate faces
+    # (F,): world length of one unit of texture coordinates; 0 on degenerate faces
     sizes: FloatArray
 
     @property

@@ -71,25 +71,15 @@ from texbake.rendering.scene.lights import Light
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """Depths and triangles seen from a light, in one view or the six faces of a cube.
+    """Depths and triangles seen from a light, in one view or the six faces of a cube."""
 
-    Attributes
-    ----------
-    views, inverses : (V, 4, 4) float64
-        Matrices from world to clip space, and their inverses.
-    depths : (V, H, W) float32
-        z / w (greater is nearer to the light); 0 where the texel is empty.
-    face_ids : (V, H, W) int32
-        Triangle of the world; -1 where the texel is empty.
-    radius : float
-        Filter radius in texels.
-    """
-
+    # views, inverses (V, 4, 4): matrices from world to clip space, and their inverses
     views: FloatArray
     inverses: FloatArray
+    # (V, H, W): z / w (greater is nearer to the light); 0 where the texel is empty
     depths: npt.NDArray[np.float32]
-    face_ids: IntArray
-    radius: float
+    face_ids: IntArray  # (V, H, W): triangle of the world; -1 where the texel is empty
+    radius: float  # filter radius in texels
 
     @property
     def n_bytes(self) -> int:

@@ -89,32 +89,17 @@ _BAND = 1 << 15
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectRelief:
-    """An object with its displacement map, independent of the camera.
+    """An object with its displacement map, independent of the camera."""
 
-    Attributes
-    ----------
-    drawn : DrawnObject
-        Before displacement.
-    image : LoadedImage, optional
-        None for a procedure.
-    texels : (F, 3, 2) float64, optional
-        Corners of the faces in texels of the image.
-    steps : (F, 4) float64, optional
-        Growth of the barycentric weights along the surface, if the lookup is filtered.
-    frames : tuple, optional
-        Tangent frames, for vector displacement in tangent space.
-    farthest : float
-        Upper bound on the displacement in world space.
-    """
-
-    drawn: DrawnObject
+    drawn: DrawnObject  # before displacement
     surface: BaseSurface
     holder: Displacement
-    image: LoadedImage | None
-    texels: FloatArray | None
+    image: LoadedImage | None  # None for a procedure
+    texels: FloatArray | None  # (F, 3, 2): corners of the faces in texels of the image
+    # (F, 4): growth of the barycentric weights along the surface, if the lookup is filtered
     steps: FloatArray | None
-    frames: Frames | None
-    farthest: float
+    frames: Frames | None  # tangent frames, for vector displacement in tangent space
+    farthest: float  # upper bound on the displacement in world space
 
     @property
     def n_bytes(self) -> int:

@@ -22,29 +22,16 @@ from texbake.rendering.raster.world import World
 
 @dataclass(frozen=True, eq=False)
 class FragmentRows:
-    """Fragments of some rows of pixels, sorted by object and then by pixel.
+    """Fragments of some rows of pixels, sorted by object and then by pixel."""
 
-    Attributes
-    ----------
-    faces : (n,) int32
-        Triangle of the world.
-    places : (n, 2) float32
-        Column and row in pixels, (0, 0) at the upper left corner of the picture.
-    pixels : (n,) int32
-        Row and column of the pixel as one number, row * width + column.
-    counts : (n,) float32
-        Number of the pixel's samples that the fragment covers.
-    starts : (O + 1,) int64
-        Fragments of object k are at starts[k] to starts[k + 1].
-    of_samples : (rows * side, width * side) int32, optional
-        Fragment of each sample, -1 where there is none.
-    """
-
-    faces: IntArray
+    faces: IntArray  # (n,): triangle of the world
+    # (n, 2): column and row in pixels, (0, 0) at the upper left corner of the picture
     places: npt.NDArray[np.float32]
-    pixels: IntArray
-    counts: npt.NDArray[np.float32]
+    pixels: IntArray  # (n,): row and column of the pixel as one number, row * width + column
+    counts: npt.NDArray[np.float32]  # (n,): number of the pixel's samples that the fragment covers
+    # (O + 1,): fragments of object k are at starts[k] to starts[k + 1]
     starts: npt.NDArray[np.int64]
+    # (rows * side, width * side): fragment of each sample, -1 where there is none
     of_samples: IntArray
 
 

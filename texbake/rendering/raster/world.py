@@ -21,20 +21,11 @@ SKIP, CULL_BACK, SHOW_BACK = 0, 1, 2
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Triangles in world space.
+    """Triangles in world space."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-        Front faces are counter-clockwise.
-    starts : (O + 1,) int64
-        Faces of object k are at starts[k] to starts[k + 1].
-    """
-
-    positions: FloatArray
-    faces: IntArray
-    starts: npt.NDArray[np.int64]
+    positions: FloatArray  # (V, 3)
+    faces: IntArray  # (F, 3): front faces are counter-clockwise
+    starts: npt.NDArray[np.int64]  # (O + 1,): faces of object k are at starts[k] to starts[k + 1]
 
     @property
     def n_faces(self) -> int:
@@ -49,17 +40,10 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class VisibilityBuffer:
-    """The nearest triangle at each sample of a screen; row 0 is at the top.
+    """The nearest triangle at each sample of a screen; row 0 is at the top."""
 
-    Attributes
-    ----------
-    face_ids : (h, w) int32
-        Index of the nearest triangle in the world; -1 where there is none.
-    depths : (h, w) float32
-        Reversed depth z / w (greater is nearer); 0 where there is no triangle.
-    """
-
-    face_ids: IntArray
+    face_ids: IntArray  # (h, w): index of the nearest triangle in the world; -1 where there is none
+    # (h, w): reversed depth z / w (greater is nearer); 0 where there is no triangle
     depths: npt.NDArray[np.float32]
 
     @property

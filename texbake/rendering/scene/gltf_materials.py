@@ -34,39 +34,23 @@ from texbake.texture.image import Image, decode_image, require_whole
 
 @dataclass(frozen=True, eq=False)
 class SceneMaterial:
-    """A material, and the sets of texture coordinates that its textures use.
+    """A material, and the sets of texture coordinates that its textures use."""
 
-    Attributes
-    ----------
-    material : Material
-        Its slots name the sets but the first, as `set_name` does.
-    uv_set : int
-        Number of the set that is the first of the mesh: that of the normal map, which tangents
-        belong to, else that of the first texture.
-    further : tuple of int
-        Numbers of the other sets.
-    """
-
-    material: Material
+    material: Material  # its slots name the sets but the first, as `set_name` does
+    # Number of the set that is the first of the mesh: that of the normal map, which tangents belong
+    # to, else that of the first texture
     uv_set: int
-    further: tuple[int, ...]
+    further: tuple[int, ...]  # numbers of the other sets
     has_textures: bool
 
 
 @dataclass(eq=False)
 class MaterialReader:
-    """Reads the materials of a document that are asked for, each once, and each image once.
+    """Reads the materials of a document that are asked for, each once, and each image once."""
 
-    Attributes
-    ----------
-    document
-        The file.
-    missing : list of str
-        Lines about images that are missing or damaged; appended to. Their channels keep their
-        factors.
-    """
-
-    document: Document
+    document: Document  # the file
+    # Lines about images that are missing or damaged; appended to. Their channels keep their
+    # factors.
     missing: list[str] = field(default_factory=list)
     _first_set: int = 0
     _name: str = ""  # of the material that is being read

@@ -109,24 +109,14 @@ ObjectTable = table(
 
 @dataclass
 class ObjectMaker:
-    """Makes the objects of a scene file.
+    """Makes the objects of a scene file."""
 
-    Attributes
-    ----------
-    path
-        Path of the scene file, for messages.
-    materials
-        Materials by name.
-    notes
-        Features of the objects' files that are not supported.
-    files
-        Further files that the objects' files refer to.
-    """
-
-    path: PathLike
-    materials: Mapping[str, Material]
+    path: PathLike  # path of the scene file, for messages
+    materials: Mapping[str, Material]  # materials by name
     progress: ProgressSink | None = None
+    # Features of the objects' files that are not supported
     notes: list[str] = field(default_factory=list)
+    # Further files that the objects' files refer to
     files: list[Path] = field(default_factory=list)
     _meshes: dict[Path, Mesh] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)

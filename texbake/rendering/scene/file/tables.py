@@ -54,28 +54,16 @@ _BY_KIND: dict[Any, Any] = {float: Number, int: Whole, bool: Switch, str: Text}
 
 
 class Table(BaseModel):
-    """A table whose keys are checked one by one.
-
-    Attributes
-    ----------
-    source
-        The class whose fields are the keys.
-    short
-        Key that is set by a plain value in place of the table; None if a table is required.
-    switchable
-        Whether `true` is accepted as an empty table, and `false` as none; see `switched`.
-    takes_more
-        Whether unknown keys are kept.
-    further_keys
-        JSON Schemas of unknown keys.
-    """
+    """A table whose keys are checked one by one."""
 
     model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
-    source: ClassVar[type | None] = None
+    source: ClassVar[type | None] = None  # the class whose fields are the keys
+    # Key that is set by a plain value in place of the table; None if a table is required
     short: ClassVar[str | None] = None
+    # Whether `true` is accepted as an empty table, and `false` as none; see `switched`
     switchable: ClassVar[bool] = False
-    takes_more: ClassVar[bool] = False
-    further_keys: ClassVar[JsonSchema] = {}
+    takes_more: ClassVar[bool] = False  # whether unknown keys are kept
+    further_keys: ClassVar[JsonSchema] = {}  # JSON Schemas of unknown keys
 
     @model_validator(mode="before")
     @classmethod
