@@ -79,12 +79,12 @@ def test_before_it_is_drawn_nothing_is_known_of_time_and_memory():
 
 def test_many_askers_of_one_reason_are_counted():
     (row,) = (row for row in plan_rows(explained(scene(4))[0]) if row.name == "normal map")
-    assert row.called_for_by == (
+    assert row.reasons == (
         'its material has a normal map (object "tile 0" and 3 others)',
         'for lambert (object "tile 0" and 3 others)',
     )
     (row,) = (row for row in plan_rows(explained(scene(2))[0]) if row.name == "tangents")
-    assert row.called_for_by == ('for normal map (object "tile 0", object "tile 1")',)
+    assert row.reasons == ('for normal map (object "tile 0", object "tile 1")',)
 
 
 def test_the_table_has_a_head_and_as_many_cells_in_every_row():

@@ -14,7 +14,7 @@ import pytest
 from texbake.errors import FileError
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effect import Effect, only_when_needed
+from texbake.rendering.effect import Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
@@ -173,9 +173,7 @@ def test_what_counts_is_read(name: str) -> None:
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
 
 
-NOTHING = Effect(
-    name="nothing", does="nothing", called_for=only_when_needed, left_out="nothing needs it"
-)
+NOTHING = Effect(name="nothing", does="nothing", left_out="nothing needs it")
 EVEN = Lighting(ambient=Ambient(color=(0.2, 0.2, 0.2)))
 AROUND = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
 SKY = Lighting(lights=(LIGHT,), environment=Environment(image=AROUND))

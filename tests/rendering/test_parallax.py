@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
-from texbake.rendering.effect import Call, Effect
+from texbake.rendering.effect import Activation, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.scene.material import Material, Parallax
 from texbake.rendering.scene.textures import ImageTexture
@@ -27,7 +27,7 @@ def moved_to(wall, holder, **fields):
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda request: [Call(0, "the test", "it looks")],
+        activations=lambda request: [Activation(0, "the test", "it looks")],
         left_out="nothing is shaded",
         shade=lambda fragments, picture: kept.append(fragments),
     )

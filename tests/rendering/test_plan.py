@@ -15,7 +15,7 @@ from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effect import Call, Effect, Refusal, only_when_needed
+from texbake.rendering.effect import Activation, Effect, Rejection
 from texbake.rendering.effects import EFFECTS, images
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import compile_plan
@@ -48,7 +48,7 @@ SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
 TWO_SETS = plane().replace(uv_sets={"second": UvSet(plane().uvs, plane().uv_faces)})
-HOOKS = ("needs", "load", "prepare", "shade", "dim", "tint", "unneeded", "behind")
+HOOKS = ("load", "prepare", "shade", "dim", "tint", "unneeded", "behind")
 
 
 def picture(channels=3, **fields):
@@ -420,7 +420,7 @@ def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
     options = case.unwanted_options
     frame = drawn(case.unwanted, options)  # kernels are compiled now
     request = RenderRequest(case.unwanted, options, camera_for(options))
-    asking = executed(lambda: [list(one.called_for(request)) for one in EFFECTS])
+    asking = executed(lambda: [list(one.activated_by(request)) for one in EFFECTS])
     ran = executed(lambda: drawn(case.unwanted, options))
     own = {place(code) for code in functions_of(module_of(effect))}
     # Other effects of the picture may stand in the same module, or use its functions.
@@ -430,6 +430,8 @@ def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
         for hook in HOOKS
         if (function := hook_of(item.effect, hook)) is not None
     ]
+    needs = [need for item in frame.plan.passes for need in item.effect.needs]
+    others += [getattr(need, "func", need) for need in needs if callable(need)]
     assert len(ran & {place(code) for code in reached(others)}) > 0  # other threads are watched
     assert ran & own <= asking | {place(code) for code in reached(others)}
 
@@ -440,7 +442,7 @@ def watching(scene_effects=EFFECTS):
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda request: [Call(i, "the test", "it looks") for i in request.shaded],
+        activations=lambda request: [Activation(i, "the test", "it looks") for i in request.shaded],
         left_out="nothing is shaded",
         shade=lambda fragments, picture: kept.append(fragments),
     )
@@ -583,13 +585,13 @@ def test_what_is_unlit_or_out_of_the_picture_calls_for_hardly_anything():
 def test_each_call_names_who_asks_and_each_need_for_what():
     the_scene = scene(lambert(normal_map=normals()), unlit(), lighting=lit(SUN))
     plan = plan_of(prepare(the_scene, SMALL), camera_for(SMALL))
-    calls = {item.name: item.calls for item in plan.passes}
+    calls = {item.name: item.activations for item in plan.passes}
     assert calls["normal map"] == (
-        Call(0, 'object "item 0"', "its material has a normal map"),
-        Call(0, 'object "item 0"', "for lambert"),
+        Activation(0, 'object "item 0"', "its material has a normal map"),
+        Activation(0, 'object "item 0"', "for lambert"),
     )
-    assert calls["tangents"] == (Call(0, 'object "item 0"', "for normal map"),)
-    assert calls["unlit"] == (Call(1, 'object "item 1"', "its shading is unlit"),)
+    assert calls["tangents"] == (Activation(0, 'object "item 0"', "for normal map"),)
+    assert calls["unlit"] == (Activation(1, 'object "item 1"', "its shading is unlit"),)
     assert [effect.name for effect in plan.for_target(1)] == ["placing", "slots", "unlit"]
     assert plan.has("unlit", 1) and not plan.has("unlit", 0) and plan.has("unlit")
 
@@ -599,15 +601,19 @@ def fake(name, *, calls=(), needs=(), of="object"):
         name=name,
         does=name,
         of=of,
-        called_for=(lambda request: list(calls)) if calls else only_when_needed,
+        activations=lambda request: list(calls),
         left_out=f"no {name}",
-        needs=(lambda request, target: needs) if needs else None,
+        needs=needs,
     )
 
 
 def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
     request = RenderRequest(scene(unlit(), unlit()), SMALL, camera_for(SMALL))
-    asks = [Call(1, "b", "wants it"), Call(0, "a", "wants it"), Refusal("c", "is too late")]
+    asks = [
+        Activation(1, "b", "wants it"),
+        Activation(0, "a", "wants it"),
+        Rejection("is too late", "c"),
+    ]
     effects = [
         fake("sky", of="picture"),
         fake("ground", needs=("sky",)),
@@ -618,7 +624,7 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
     assert [(item.name, item.targets) for item in plan.passes] == [
         ("sky", (None,)), ("ground", (0, 1)), ("tree", (0, 1)),
     ]  # fmt: skip
-    assert [(item.name, item.by, item.why) for item in plan.left_out] == [
+    assert [(item.name, item.requested_by, item.why) for item in plan.left_out] == [
         ("idle", "", "no idle"), ("tree", "c", "is too late"),
     ]  # fmt: skip
     with pytest.raises(AssertionError, match="tree comes before ground"):

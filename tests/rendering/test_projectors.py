@@ -1,4 +1,4 @@
-"""Slides in spots and pictures thrown onto surfaces: where they fall, against closed forms."""
+"""Slides in spots and pictures projected onto surfaces: where they fall, against closed forms."""
 
 import math
 from dataclasses import replace
@@ -10,7 +10,7 @@ from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effects.projectors import load_slide, thrown
+from texbake.rendering.effects.projectors import load_cookie, sample_projection
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, ProjectedTexture
@@ -192,10 +192,10 @@ def test_nothing_is_thrown_behind_the_projector() -> None:
 
 
 def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -> None:
-    image = load_slide(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="slide")
+    image = load_cookie(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="slide")
     points = np.array([[2.0, 3.0, 1.0], [1e300, -1e300, 0.0], [0.0, 0.0, 0.0]])
     steps = np.full((3, 2, 3), np.inf)
-    values, coverage = thrown(image, SLANTED, points, steps)
+    values, coverage = sample_projection(image, SLANTED, points, steps)
     assert np.isfinite(values).all() and np.isfinite(coverage).all()
     assert coverage[0] == 0.0
 

@@ -31,7 +31,7 @@ from random_scenes import (
 import texbake.rendering.maps as maps
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effect import Effect, RenderState, only_when_needed
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects import EFFECTS, slots
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.options import RenderOptions
@@ -293,7 +293,7 @@ def test_the_table_of_passes_tells_what_ran(images: Path) -> None:
 
 def test_simpler_materials_look_the_same(images: Path) -> None:
     """An effect of the caller's own keeps materials as they are."""
-    own = Effect(name="own", does="nothing", called_for=only_when_needed, left_out="no need")
+    own = Effect(name="own", does="nothing", left_out="no need")
     for seed in range(N_SCENES):
         scene, options = random_scene(seed, images)
         camera = camera_of(scene, options)

@@ -11,7 +11,7 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effect import Call, Effect
+from texbake.rendering.effect import Activation, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render
@@ -38,7 +38,7 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
     probe = Effect(
         name="probe",
         does="looks",
-        called_for=lambda request: [Call(i, "the test", "it looks") for i in request.shaded],
+        activations=lambda request: [Activation(i, "the test", "it looks") for i in request.shaded],
         left_out="nothing is shaded",
         load=Result(lambda state, target: kept.append(state.drawn(target))),
     )

@@ -180,7 +180,9 @@ def test_the_plan_says_what_is_shaded_per_vertex() -> None:
     item = SceneObject(mesh=plane(), material=Material(shading_rate="vertex"), name="floor")
     plan = plan_of(prepare(Scene(objects=(item,), lighting=light), OPTIONS), CAMERA)
     assert plan.has("vertex light") and not plan.has("occlusion picture")
-    told = [(item.by, item.why) for item in plan.left_out if item.name == "ambient occlusion"]
+    told = [
+        (item.requested_by, item.why) for item in plan.left_out if item.name == "ambient occlusion"
+    ]
     assert told == [('object "floor"', "it is shaded per vertex")]
 
 

@@ -22,7 +22,7 @@ from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.effects.ambient import add_ambient
 from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
-from texbake.rendering.effects.projectors import Slide, slide_colors, slide_of
+from texbake.rendering.effects.projectors import LightCookie, cookie_colors, cookie_of
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
 from texbake.rendering.raster.world import joined
@@ -49,8 +49,8 @@ class StaticLight:
     def __init__(self, scene: Scene, meshes: list[Mesh], threads: int | None) -> None:
         self._lights = [light for light in scene.lighting.lights if is_static(light)]
         self._placed = [placed_light(light) for light in self._lights]
-        self._slides: list[Slide | None] = [
-            slide_of(light, at) if light.kind == "spot" and light.profile is not None else None
+        self._cookies: list[LightCookie | None] = [
+            cookie_of(light, at) if light.kind == "spot" and light.profile is not None else None
             for light, at in zip(self._lights, self._placed, strict=True)
         ]
         self._ambient = scene.lighting.ambient
@@ -82,10 +82,10 @@ class StaticLight:
         """
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
-        for light, at, slide in zip(self._lights, self._placed, self._slides, strict=True):
+        for light, at, slide in zip(self._lights, self._placed, self._cookies, strict=True):
             arrived = arriving(at, points, normals)
             if slide is not None:
-                arrived.radiance = arrived.radiance * slide_colors(slide, points)
+                arrived.radiance = arrived.radiance * cookie_colors(slide, points)
             if receives and light.shadow is not None and self._scene is not None:
                 facing = pm.vecdot(normals, np.broadcast_to(arrived.directions, out.shape))
                 dark = (facing <= 0.0) | ~arrived.radiance.any(axis=1)

@@ -244,7 +244,7 @@ def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:
     """Targets of a pass that it is for if only some objects are in the picture."""
     if item.effect.of == "object":
         return seen
-    return {call.target for call in item.calls if call.asker is None or call.asker in seen}
+    return {each.target for each in item.activations if each.source is None or each.source in seen}
 
 
 def _computed(

@@ -2,9 +2,9 @@
 
 An effect is one feature of light or surfaces: a normal map, fog, the shadows of a light. Each is
 declared as an `Effect` at the end of a module of `texbake.rendering.effects` and listed in
-`EFFECTS` there. Its `called_for` inspects the scene; if nothing calls for the effect, no other part
-of it runs. The calls become passes of the `Plan`, and `texbake.rendering.draw` runs their
-functions:
+`EFFECTS` there. A scene activates it by the field of a material that it declares, or by what its
+`activations` find; if nothing does, no other part of it runs. The activations become passes of the
+`Plan`, and `texbake.rendering.draw` runs their functions:
 
 `load`      once per scene, for results independent of the camera, such as tangents or mip levels
 `prepare`   once per picture, for results that depend on the camera, such as an occlusion picture
@@ -31,59 +31,67 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.rendering.camera import Camera
 from texbake.rendering.costs import Costs
-from texbake.rendering.fragments import DrawnObject, Fragments, Incident
+from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.raster.world import VisibilityBuffer, World
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Deferred, Result, Results, Target, Value
 from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.material import DEFAULT_MATERIAL
 from texbake.rendering.scene.scene import Scene
 from texbake.texture.image import FloatImage
 
 
 @dataclass(frozen=True)
-class Call:
+class Activation:
     """One reason why an effect is needed."""
 
     target: Target  # index of the object or light; None for the whole picture
-    by: str  # the part that needs it: `object "vase"`, `light "key"`, `the scene`
+    requested_by: str  # the part that needs it: `object "vase"`, `light "key"`, `the scene`
     why: str  # short: `its material has a normal map`
-    # Index of the object for which an effect of the picture is needed; None if it is needed
-    # whatever is seen
-    asker: int | None = None
+    # Object for which an effect of the picture is needed; None if whatever is seen needs it
+    source: int | None = None
 
 
 @dataclass(frozen=True)
-class Refusal:
+class Rejection:
     """A reason why a requested effect would have no result and is left out."""
 
-    by: str
     why: str
+    requested_by: str = ""  # by default the target that it is found for
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """One feature of light or surfaces."""
+    """One feature of light or surfaces.
+
+    It is activated by each object among those of the request whose material has another `field`
+    than the default, or by `activations`; without either, only because another effect needs it.
+    """
 
     name: str  # name in the plan, in `--explain` and in `needs`
     does: str  # description in one line
     of: str = "object"  # kind of its targets: `object`, `light` or `picture`
-    # Function of the request that yields calls and refusals
-    called_for: Callable[[RenderRequest], Iterable[Call | Refusal]]
-    left_out: str  # reason shown when nothing calls for the effect: `no material has a normal map`
-    # Function of (request, target) that returns the names of effects that must run before, for the
-    # same target (or with the target None, for effects of the picture)
-    needs: Callable[[RenderRequest, Target], Iterable[str]] | None = None
-    # load, prepare: see the module docstring
+    field: str = ""  # of a material
+    among: str = "shaded"  # objects whose material counts: a property of the request
+    why: str = ""  # reason for the activation: `its material has a light map`
+    activations: Callable[[RenderRequest], Iterable[Activation | Rejection]] | None = None
+    left_out: str  # reason shown when nothing activates it: `no material has a normal map`
+    # Effects that must run before, for the same target, or for the picture: names, or functions of
+    # (request, target) that return names.
+    needs: Sequence[str | Callable[[RenderRequest, Any], Iterable[str]]] = ()
+    # Returns the scene without the effect, to measure what it contributes; by default without the
+    # `field`.
+    without: Callable[[Scene], Scene] | None = None
+    # load, prepare, shade, dim, tint: see the module docstring
     load: Result[Any] | None = None
     prepare: Result[Any] | None = None
-    # shade, dim, tint: see the module docstring
     shade: Callable[[Fragments, RenderState], None] | None = None
-    dim: Callable[[Fragments, RenderState, int, Incident], None] | None = None
-    tint: Callable[[Fragments, RenderState, int, Incident], None] | None = None
+    dim: Callable[[Fragments, RenderState, int, IncidentLight], None] | None = None
+    tint: Callable[[Fragments, RenderState, int, IncidentLight], None] | None = None
     # Function of (state, target), called when visibility is known. Returns a reason why the effect
     # turns out not to be needed, or None.
-    unneeded: Callable[[RenderState, Target], str | None] | None = None
+    unneeded: Callable[[RenderState, Any], str | None] | None = None
     # Function of the state that returns the background as (3,) or (H, W, 3) linear light. The first
     # such effect in the list wins.
     behind: Callable[[RenderState], FloatImage] | None = None
@@ -99,18 +107,56 @@ class Effect:
     # reused in a picture with fewer objects
     of_the_others: bool = False
 
+    def activated_by(self, request: RenderRequest) -> Iterable[Activation | Rejection]:
+        """Return the reasons of a request for the effect, or against it."""
+        if self.activations is not None:
+            return self.activations(request)
+        if not self.field:
+            return ()
+        default = getattr(DEFAULT_MATERIAL, self.field)
+        return [
+            Activation(index, request.name(index), self.why)
+            for index in getattr(request, self.among)
+            if getattr(request.material(index), self.field) != default
+        ]
 
-def only_when_needed(request: RenderRequest) -> Iterator[Call]:
-    """`called_for` of an effect that is in a plan only if another effect needs it."""
-    return iter(())
+    def scene_without(self, scene: Scene) -> Scene | None:
+        """Return a scene without the effect; None if it is not known how."""
+        if self.without is not None:
+            return self.without(scene)
+        if not self.field:
+            return None
+        bare = {self.field: getattr(DEFAULT_MATERIAL, self.field)}
+        return scene.with_materials(lambda material: replace(material, **bare))
+
+
+def for_each(
+    among: str, reasons: Callable[[RenderRequest, int], Iterable[str | Rejection]], by: str = ""
+) -> Callable[[RenderRequest], Iterator[Activation | Rejection]]:
+    """Return the activations of an effect by the reasons of each target.
+
+    `among` is the property of the request with the targets, and `by` what needs it if that is not
+    the target itself.
+    """
+
+    def activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
+        name = request.light_name if among == "lights" else request.name
+        for target in getattr(request, among):
+            for reason in reasons(request, target):
+                if isinstance(reason, str):
+                    yield Activation(target, by or name(target), reason)
+                else:
+                    yield replace(reason, requested_by=reason.requested_by or name(target))
+
+    return activations
 
 
 @dataclass(frozen=True)
 class Pass:
-    """An effect with the calls for it; there is at least one call for each target."""
+    """An effect with its activations; there is at least one for each target."""
 
     effect: Effect
-    calls: tuple[Call, ...]
+    activations: tuple[Activation, ...]
 
     @property
     def name(self) -> str:
@@ -119,24 +165,24 @@ class Pass:
 
     @cached_property
     def targets(self) -> tuple[Target, ...]:
-        """Distinct targets of the calls, in the order of the scene."""
+        """Distinct targets of the activations, in the order of the scene."""
         return tuple(sorted(self._targets, key=lambda t: -1 if t is None else t))
 
     @cached_property
     def _targets(self) -> frozenset[Target]:
-        return frozenset(call.target for call in self.calls)
+        return frozenset(item.target for item in self.activations)
 
     def is_for(self, target: Target) -> bool:
-        """Whether a target calls for the effect."""
+        """Whether a target activates the effect."""
         return target in self._targets
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class SkippedEffect:
     """An effect, or one target of it, that is not in the plan."""
 
     name: str
-    by: str
+    requested_by: str
     why: str
 
 
@@ -145,16 +191,16 @@ class Plan:
     """The passes that a picture needs, in order, and the effects that are left out."""
 
     passes: tuple[Pass, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[SkippedEffect, ...]
 
     def has(self, name: str, target: Target = None) -> bool:
-        """Whether an effect is called for by a target, or by any target if it is None."""
+        """Whether a target activates an effect, or any target if it is None."""
         return any(
             item.name == name and (target is None or item.is_for(target)) for item in self.passes
         )
 
     def for_target(self, target: Target) -> tuple[Effect, ...]:
-        """Effects called for by an object, in order."""
+        """Effects that an object activates, in order."""
         return tuple(
             item.effect
             for item in self.passes
@@ -187,7 +233,7 @@ class RenderState:
     """Everything that a pass may read. A stage adds to it by returning a new one."""
 
     request: RenderRequest  # the scene, the options, the camera
-    plan: Plan  # which effects are called for
+    plan: Plan  # which effects are active
     costs: Costs
     threads: int | None
     # Function of (scene, cameras, options) that draws other pictures of the same objects, such as a

@@ -68,14 +68,14 @@ class DrawnObject:
         return self.base_faces[faces], base_weights, base_changes
 
 
-@dataclass(kw_only=True, eq=False)
-class Incident:
+@dataclass(eq=False)
+class IncidentLight:
     """Light of one lamp that arrives at fragments: one row per fragment, or one for all."""
 
     directions: Floats  # (n or 1, 3): unit vectors to the light
     radiance: Floats  # (n or 1, 3): light that a white surface facing the lamp reflects
     # Positions of the fragments on the lamp's slide, which `dim` computes and `tint` uses
-    on_slide: Any = None
+    on_cookie: Any = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,13 +7,12 @@ costs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from texbake.rendering.costs import Costs
-from texbake.rendering.effect import Call, Effect, LeftOut, Pass, Plan, Refusal
-from texbake.rendering.identities import Identity
+from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection, SkippedEffect
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Target
 
@@ -31,58 +30,54 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
     """List the passes that a picture needs."""
     by_name = {effect.name: effect for effect in effects}
     places = {effect.name: place for place, effect in enumerate(effects)}
-    calls: dict[str, list[Call]] = {effect.name: [] for effect in effects}
-    refusals: dict[str, list[Refusal]] = {effect.name: [] for effect in effects}
-    known: set[tuple[str, Call]] = set()
-    targets: set[tuple[str, Target, int | None]] = set()
+    # The values are not used: dictionaries keep the order, and each activation once.
+    active: dict[str, dict[Activation, None]] = {effect.name: {} for effect in effects}
+    rejections: dict[str, list[Rejection]] = {effect.name: [] for effect in effects}
+    known: set[tuple[str, Target, int | None]] = set()
 
-    def add(effect: Effect, call: Call) -> None:
-        is_new = (effect.name, call.target, call.asker) not in targets
-        if (effect.name, call) not in known:
-            calls[effect.name].append(call)
-        known.add((effect.name, call))
-        targets.add((effect.name, call.target, call.asker))
-        if not is_new or effect.needs is None:
+    def add(effect: Effect, activation: Activation) -> None:
+        active[effect.name][activation] = None
+        key = effect.name, activation.target, activation.source
+        if key in known:
             return
-        for name in effect.needs(request, call.target):
+        known.add(key)
+        for name in _needed(effect, request, activation.target):
             needed = by_name[name]
             assert places[name] < places[effect.name], f"{effect.name} comes before {name}"
-            target = call.target if needed.of == effect.of else None
+            target = activation.target if needed.of == effect.of else None
             assert target is not None or needed.of == "picture", f"{effect.name} needs {name}"
-            asker = call.target if effect.of == "object" else call.asker
-            asker = None if needed.of == "object" else asker
-            add(needed, Call(target, call.by, f"for {effect.name}", asker))
+            source = activation.target if effect.of == "object" else activation.source
+            source = None if needed.of == "object" else source
+            why = f"for {effect.name}"
+            add(needed, Activation(target, activation.requested_by, why, source))
 
     for effect in effects:
-        for answer in effect.called_for(request):
-            if isinstance(answer, Call):
+        for answer in effect.activated_by(request):
+            if isinstance(answer, Activation):
                 add(effect, answer)
             else:
-                refusals[effect.name].append(answer)
-    return Plan(
-        tuple(Pass(effect, tuple(calls[effect.name])) for effect in effects if calls[effect.name]),
-        tuple(_left_out(effects, calls, refusals, request.identities)),
-    )
-
-
-def _left_out(
-    effects: Sequence[Effect],
-    calls: dict[str, list[Call]],
-    refusals: dict[str, list[Refusal]],
-    identities: Sequence[Identity],
-) -> list[LeftOut]:
-    left_out = [LeftOut(item.name, item.by, item.why) for item in identities]
-    told = {item.name for item in identities}
-    taken_out = {(item.name, item.by) for item in identities}
+                rejections[effect.name].append(answer)
+    passes = [Pass(each, tuple(active[each.name])) for each in effects if active[each.name]]
+    skipped = [SkippedEffect(item.name, item.by, item.why) for item in request.identities]
+    shown = {item.name for item in request.identities}
+    removed = {(item.name, item.by) for item in request.identities}
     for effect in effects:
-        left_out += [
-            LeftOut(effect.name, refusal.by, refusal.why)
-            for refusal in refusals[effect.name]
-            if (effect.name, refusal.by) not in taken_out
+        skipped += [
+            SkippedEffect(effect.name, item.requested_by, item.why)
+            for item in rejections[effect.name]
+            if (effect.name, item.requested_by) not in removed
         ]
-        if not calls[effect.name] and not refusals[effect.name] and effect.name not in told:
-            left_out.append(LeftOut(effect.name, "", effect.left_out))
-    return left_out
+        if not (active[effect.name] or rejections[effect.name] or effect.name in shown):
+            skipped.append(SkippedEffect(effect.name, "", effect.left_out))
+    return Plan(tuple(passes), tuple(skipped))
+
+
+def _needed(effect: Effect, request: RenderRequest, target: Target) -> Iterator[str]:
+    for need in effect.needs:
+        if isinstance(need, str):
+            yield need
+        else:
+            yield from need(request, target)
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,7 @@ class PlanRow:
 
     name: str
     does: str
-    called_for_by: tuple[str, ...]
+    reasons: tuple[str, ...]
     milliseconds: float | None
     n_bytes: int | None
     skipped: str
@@ -106,7 +101,10 @@ def plan_rows(plan: Plan, costs: Costs | None = None) -> list[PlanRow]:
     moving = [item for item in plan.passes if item.effect.moves_surface]
     others = [item for item in plan.passes if not item.effect.moves_surface]
     named = [
-        [_row(item.name, item.effect.does, tuple(_reasons(item.calls)), costs) for item in passes]
+        [
+            _row(item.name, item.effect.does, tuple(_reasons(item.activations)), costs)
+            for item in passes
+        ]
         for passes in (moving, others)
     ]
     return [*named[0], *rows[:2], *named[1], rows[2]]
@@ -122,12 +120,12 @@ def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) ->
     return PlanRow(name, does, reasons, 1e3 * cost.seconds, cost.n_bytes, skipped)
 
 
-def _reasons(calls: Iterable[Call]) -> list[str]:
+def _reasons(activations: Iterable[Activation]) -> list[str]:
     """Return the distinct reasons for a pass, each with everything it applies to."""
-    askers: dict[str, list[str]] = {}
-    for call in calls:
-        askers.setdefault(call.why, []).append(call.by)
-    return [f"{why} ({_some(by)})" for why, by in askers.items()]
+    requested_by: dict[str, list[str]] = {}
+    for item in activations:
+        requested_by.setdefault(item.why, []).append(item.requested_by)
+    return [f"{why} ({_some(names)})" for why, names in requested_by.items()]
 
 
 def _some(names: list[str]) -> str:
@@ -146,15 +144,16 @@ def plan_table(
         head = (*head, "ms", "kB")
     rows: list[tuple[str, ...]] = [head]
     for row in plan_rows(plan, costs):
-        reasons = "; ".join(row.called_for_by[:_MOST_REASONS])
-        if len(row.called_for_by) > _MOST_REASONS:
+        reasons = "; ".join(row.reasons[:_MOST_REASONS])
+        if len(row.reasons) > _MOST_REASONS:
             reasons += "; ..."
         cells = (row.name, (row.skipped and f"not run: {row.skipped}") or reasons)
         if row.milliseconds is not None and row.n_bytes is not None:
             cells = (*cells, f"{row.milliseconds:,.1f}", f"{row.n_bytes / 1000:,.0f}")  # type: ignore[assignment]
         rows.append(cells)
     left_out = [
-        (item.name, f"{item.by}: {item.why}" if item.by else item.why) for item in plan.left_out
+        (item.name, f"{item.requested_by}: {item.why}" if item.requested_by else item.why)
+        for item in plan.left_out
     ]
     return rows, left_out
 
@@ -165,8 +164,11 @@ def plan_report(plan: Plan, costs: Costs | None = None) -> dict[str, Any]:
     `passes` is a list of {name, does, called_for_by: [{target, by, why}], milliseconds, bytes,
     skipped}, the last three only after rendering. `left_out` is a list of {name, by, why}.
     """
-    calls = {
-        item.name: [{"target": call.target, "by": call.by, "why": call.why} for call in item.calls]
+    reasons = {
+        item.name: [
+            {"target": each.target, "by": each.requested_by, "why": each.why}
+            for each in item.activations
+        ]
         for item in plan.passes
     }
     passes = []
@@ -174,7 +176,7 @@ def plan_report(plan: Plan, costs: Costs | None = None) -> dict[str, Any]:
         entry: dict[str, Any] = {
             "name": row.name,
             "does": row.does,
-            "called_for_by": calls.get(
+            "called_for_by": reasons.get(
                 row.name, [{"target": None, "by": "every picture", "why": "it is drawn"}]
             ),
         }
@@ -186,6 +188,7 @@ def plan_report(plan: Plan, costs: Costs | None = None) -> dict[str, Any]:
             }
         passes.append(entry)
     left_out = [
-        {"name": item.name, "by": item.by or None, "why": item.why} for item in plan.left_out
+        {"name": item.name, "by": item.requested_by or None, "why": item.why}
+        for item in plan.left_out
     ]
     return {"passes": passes, "left_out": left_out}

@@ -104,6 +104,20 @@ class RenderRequest:
         """Name of an object in the plan."""
         return f'object "{self.scene.objects[index].name}"'
 
+    @property
+    def objects(self) -> range:
+        """All objects."""
+        return range(len(self.scene.objects))
+
+    @property
+    def lights(self) -> range:
+        """All lights."""
+        return range(len(self.scene.lighting.lights))
+
+    def light_name(self, index: int) -> str:
+        """Name of a light in the plan."""
+        return f'light "{self.light(index).name}"'
+
     def light(self, index: int) -> Light:
         """Return a light by its index."""
         return self.scene.lighting.lights[index]

@@ -20,7 +20,7 @@ class Result(Generic[Value]):
     """A value that an effect computes before shading, and the key to look it up by."""
 
     # Function of (state, target) that returns the value
-    compute: Callable[[RenderState, Target], Value]
+    compute: Callable[[RenderState, Any], Value]
     deferred: bool = False  # whether it is computed only when a fragment first asks for it
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from texbake.rendering.maps import has_opacity
 from texbake.rendering.scene.material import (
+    DEFAULT_MATERIAL,
     EMBOSS_FORMS,
     Material,
     Reflection,
@@ -36,7 +37,6 @@ SHADING_SLOTS = {
 }
 ALWAYS_READ_SLOTS = ("emission", "opacity")
 LIT_SLOTS = ("occlusion", "light_map")
-_DEFAULTS = Material()
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[
     read = {*SHADING_SLOTS[material.shading], *ALWAYS_READ_SLOTS, *lit}
     every = {*ALWAYS_READ_SLOTS, *LIT_SLOTS, *(s for many in SHADING_SLOTS.values() for s in many)}
     unread = {
-        name: getattr(_DEFAULTS, name)
+        name: getattr(DEFAULT_MATERIAL, name)
         for name in sorted(every - read)
         if _is_texture(getattr(material, name))
     }
@@ -207,7 +207,7 @@ def _dark(material: Material) -> Material:
     if bump_map is not None and bump_map.form in EMBOSS_FORMS:
         bump_map = None
     unread = ("specular", "exponent", "gloss", "roughness", "metalness", "occlusion", "light_map")
-    bare = _changed(material, {name: getattr(_DEFAULTS, name) for name in unread})
+    bare = _changed(material, {name: getattr(DEFAULT_MATERIAL, name) for name in unread})
     # Bumps count in mirrors of lit materials alone.
     bent = bump_map is not None and bool(material.reflection or material.refraction)
     shading = "lambert" if bent and material.shading != "unlit" else "unlit"

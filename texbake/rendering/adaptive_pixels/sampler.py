@@ -28,7 +28,7 @@ from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
-from texbake.rendering.effects.transparency import PEELED_LAYERS, put_behind
+from texbake.rendering.effects.transparency import PEELED_LAYERS, composite_under
 from texbake.rendering.passes import find_visible, shaded_objects
 from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
 from texbake.rendering.raster.rasterize import Window
@@ -210,7 +210,7 @@ class PixelSampler:
         covered, normals = np.zeros(shape, np.bool_), np.empty((0, 0, 3), np.float32)
         for layer in layers:
             fragments, _ = self._fragments(layer, window, rows, sides)
-            put_behind(
+            composite_under(
                 self._state, fragments.of_samples,
                 shaded_objects(self._state, None, fragments),
                 light, passed, normals, covered, opaque=layer is layers[-1],

@@ -20,8 +20,8 @@ import numpy as np
 
 from texbake.mesh.mesh import IntArray
 from texbake.progress import ProgressSink, Stages
-from texbake.rendering.adaptive_pixels.kept_pixels import KeptPixels
 from texbake.rendering.adaptive_pixels.picture_rounds import PictureRounds
+from texbake.rendering.adaptive_pixels.pixel_cache import PixelCache
 from texbake.rendering.adaptive_pixels.pixel_error import code_means, edge_errors, shading_errors
 from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.recheck import recheck
@@ -59,7 +59,7 @@ class AdaptivePicture:
     def __init__(self, state: RenderState, *, keeps: bool = False) -> None:
         shape = state.options.height, state.options.width
         self.sampler = PixelSampler(state)
-        self._taker = KeptPixels(self.sampler, shape) if keeps else self.sampler
+        self._taker = PixelCache(self.sampler, shape) if keeps else self.sampler
         self.sums = PixelSums.empty(*shape)
         # (H, W): samples and shaded cells along one side of each pixel.
         self.seen = np.full(shape, FIRST.seen, np.int32)

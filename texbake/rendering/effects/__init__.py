@@ -20,10 +20,11 @@ from texbake.rendering.effects.environment import (
     BACKGROUND,
     ENVIRONMENT,
     ENVIRONMENT_LIGHT,
+    FOG,
+    FOG_BEHIND,
     IRRADIANCE,
     PREFILTERED_ENVIRONMENT,
 )
-from texbake.rendering.effects.fog import FOG, FOG_BEHIND
 from texbake.rendering.effects.images import IMAGES, MIP_MAPS
 from texbake.rendering.effects.lights import LIGHTS
 from texbake.rendering.effects.mirrors import REFLECTION, REFRACTION, RENDERED_ENVIRONMENT
@@ -43,12 +44,12 @@ from texbake.rendering.effects.shading_models import (
     LAMBERT,
     METALLIC_ROUGHNESS,
     UNLIT,
+    VERTEX_LIGHT,
 )
 from texbake.rendering.effects.shadows import SHADOW_MAPS, SHADOWS
 from texbake.rendering.effects.slots import PROCEDURES, SLOTS
 from texbake.rendering.effects.surfaces import DISPLACEMENT, PLACING
 from texbake.rendering.effects.transparency import LAYERS, TRANSPARENCY
-from texbake.rendering.effects.vertex_light import VERTEX_LIGHT
 
 EFFECTS: tuple[Effect, ...] = (
     # Place the surfaces. Visibility is computed after these.

@@ -21,7 +21,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.request import RenderRequest
@@ -37,23 +37,23 @@ _RADIUS = 0.2
 _ROWS = 16
 
 
-def _occlusion_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+def _occlusion_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
     lighting = request.scene.lighting
     if lighting.occlusion is None:
         return
     ambient = any(lighting.ambient.color) or any(lighting.ambient.ground or ())
     around = lighting.environment is not None and lighting.environment.lighting
     if not (ambient or around):
-        yield Refusal("the scene", "it has no ambient light to darken")
+        yield Rejection("it has no ambient light to darken", "the scene")
     elif lighting.occlusion.strength == 0.0:
-        yield Refusal("the scene", "its strength is 0")
+        yield Rejection("its strength is 0", "the scene")
     else:
         for index in request.lit:
             material = request.material(index)
             if material.shading_rate == "vertex":
-                yield Refusal(request.name(index), "it is shaded per vertex")
+                yield Rejection("it is shaded per vertex", request.name(index))
             elif (ambient and is_diffuse(material)) or (around and reflects_environment(material)):
-                yield Call(index, request.name(index), "the scene has ambient occlusion")
+                yield Activation(index, request.name(index), "the scene has ambient occlusion")
 
 
 def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
@@ -105,7 +105,6 @@ OCCLUSION_PICTURE = Effect(
     name="occlusion picture",
     does="computes ambient occlusion from depths",
     of="picture",
-    called_for=only_when_needed,
     left_out="the scene has no ambient occlusion",
     prepare=OCCLUSION_SHARES,
 )
@@ -113,27 +112,25 @@ OCCLUSION_PICTURE = Effect(
 AMBIENT_OCCLUSION = Effect(
     name="ambient occlusion",
     does="darkens ambient light near other surfaces",
-    called_for=_occlusion_called_for,
+    activations=_occlusion_activations,
     left_out="the scene has no ambient occlusion",
-    needs=lambda request, target: ("occlusion picture",),
+    needs=("occlusion picture",),
+    without=lambda scene: scene.with_lighting(occlusion=None),
     shade=_hold_back,
     rate="pixel",
 )
 
 
-def _ambient_called_for(request: RenderRequest) -> Iterator[Call]:
+def _ambient_reasons(request: RenderRequest, index: int) -> Iterator[str]:
     ambient = request.scene.lighting.ambient
-    if any(ambient.color) or any(ambient.ground or ()):
-        for index in request.lit:
-            if is_diffuse(request.material(index)):
-                yield Call(index, request.name(index), "the scene has ambient light")
+    has_light = any(ambient.color) or any(ambient.ground or ())
+    if has_light and is_diffuse(request.material(index)):
+        yield "the scene has ambient light"
 
 
-def _ambient_needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
-    yield "slots"
+def _normals_for_ambient(request: RenderRequest, target: int) -> Iterator[str]:
     if request.scene.lighting.ambient.ground is not None:
-        yield normals_effect(request, target)
+        yield from normals_effect(request, target)
 
 
 def arriving_share(fragments: Fragments) -> Floats:
@@ -178,21 +175,9 @@ def _add_ambient(fragments: Fragments, state: RenderState) -> None:
     )
 
 
-def _emission_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        if request.material(index).emission is not None:
-            yield Call(index, request.name(index), "its material emits light")
-
-
 def _emit(fragments: Fragments, state: RenderState) -> None:
     assert fragments.values.emission is not None
     fragments.light += fragments.values.emission
-
-
-def _light_map_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.lit:
-        if request.material(index).light_map is not None:
-            yield Call(index, request.name(index), "its material has a light map")
 
 
 def _add_light_map(fragments: Fragments, state: RenderState) -> None:
@@ -206,9 +191,10 @@ def _add_light_map(fragments: Fragments, state: RenderState) -> None:
 AMBIENT = Effect(
     name="ambient",
     does="adds ambient light",
-    called_for=_ambient_called_for,
+    activations=for_each("lit", _ambient_reasons),
     left_out="the scene has no ambient light, or nothing that it falls on",
-    needs=_ambient_needs,
+    needs=("slots", _normals_for_ambient),
+    without=lambda scene: scene.with_lighting(ambient=Ambient()),
     shade=_add_ambient,
     rate="vertex",
 )
@@ -216,9 +202,11 @@ AMBIENT = Effect(
 LIGHT_MAP = Effect(
     name="light map",
     does="adds baked light",
-    called_for=_light_map_called_for,
+    field="light_map",
+    among="lit",
+    why="its material has a light map",
     left_out="no lit material in the picture has a light map",
-    needs=lambda request, target: ("slots",),
+    needs=("slots",),
     shade=_add_light_map,
     rate="pixel",
 )
@@ -226,9 +214,10 @@ LIGHT_MAP = Effect(
 EMISSION = Effect(
     name="emission",
     does="adds light that surfaces emit",
-    called_for=_emission_called_for,
+    field="emission",
+    why="its material emits light",
     left_out="no material in the picture emits light",
-    needs=lambda request, target: ("slots",),
+    needs=("slots",),
     shade=_emit,
     rate="pixel",
 )

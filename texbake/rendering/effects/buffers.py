@@ -14,7 +14,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.oklch import linear_from_oklch
-from texbake.rendering.effect import Call, Effect, RenderState
+from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
@@ -33,23 +33,21 @@ _MOST_TRIES = 16
 _NEXT_HUE = 137.50776405
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
+def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
     if request.options.buffer is not None:
-        for index in request.in_view:
-            yield Call(index, "the options", f"buffer is {request.options.buffer}")
+        yield f"buffer is {request.options.buffer}"
 
 
 def _has_image(request: RenderRequest, target: int) -> bool:
     return isinstance(request.material(target).base_color, ImageTexture)
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
+def _needs(request: RenderRequest, target: int) -> Iterator[str]:
     buffer = request.options.buffer
     if buffer == "depth":
         yield "positions"
     elif buffer == "normals":
-        yield normals_effect(request, target)
+        yield from normals_effect(request, target)
     elif buffer == "uv":
         yield "texture coordinates"
     elif buffer in ("mip-level", "texel-grid"):
@@ -176,9 +174,9 @@ BUFFER_RANGES = Result(_prepare)
 BUFFER = Effect(
     name="buffer",
     does="shows a buffer of the renderer",
-    called_for=_called_for,
+    activations=for_each("in_view", _reasons, by="the options"),
     left_out="the options ask for the picture itself",
-    needs=_needs,
+    needs=(_needs,),
     prepare=BUFFER_RANGES,
     shade=_shade,
     rate="pixel",

@@ -46,6 +46,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident
 from texbake.rendering.effects.normals import MESH_NORMALS
@@ -63,13 +64,13 @@ from texbake.rendering.effects.points import (
     steps_along_texture,
     textured_mesh,
 )
-from texbake.rendering.effects.shading_models import normals_effect
+from texbake.rendering.effects.shading_models import lamp_positions, normals_effect
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
-from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap
+from texbake.rendering.results import Result
+from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap, Material
 from texbake.rendering.scene.textures import ImageTexture, uv_set_of
 
 _NAME = "bump_map.texture"
@@ -104,17 +105,15 @@ def is_over_uvs(holder: BumpMap) -> bool:
     return isinstance(holder.texture, ImageTexture) or holder.texture.space == "uv"
 
 
-def bump_of(request: RenderRequest, target: Target) -> BumpMap:
+def bump_of(request: RenderRequest, target: int) -> BumpMap:
     """Return the bump map of an object that has one."""
-    assert target is not None
     holder = request.material(target).bump_map
     assert holder is not None
     return holder
 
 
-def bump_surface(state: RenderState, target: Target) -> BumpSurface:
+def bump_surface(state: RenderState, target: int) -> BumpSurface:
     """Prepare the surface of an object with a bump map; it does not depend on the camera."""
-    assert target is not None
     item = state.scene.objects[target]
     mesh = textured_mesh(state, target)
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
@@ -204,39 +203,38 @@ def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]
     )  # fmt: skip
 
 
-def _bump_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index in request.shaded if "normals" in request.keep else request.lit:
-        holder = request.material(index).bump_map
-        if holder is None or holder.form in EMBOSS_FORMS:
-            continue
+def _bump_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
+    among = "shaded" if "normals" in request.keep else "lit"
+    return for_each(among, _bump_reasons)(request)
+
+
+def _bump_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    holder = request.material(index).bump_map
+    if holder is not None and holder.form not in EMBOSS_FORMS:
         if request.needs_normals(index):
-            yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
+            yield f"its material has a bump map, {holder.form}"
         else:
-            yield Refusal(request.name(index), "its light is the same from all sides")
+            yield Rejection("its light is the same from all sides")
 
 
-def _emboss_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.lit:
-        holder = request.material(index).bump_map
-        if holder is not None and holder.form in EMBOSS_FORMS and request.shining:
-            yield Call(index, request.name(index), f"its material has a bump map, {holder.form}")
+def _emboss_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    holder = request.material(index).bump_map
+    if holder is not None and holder.form in EMBOSS_FORMS and request.shining:
+        yield f"its material has a bump map, {holder.form}"
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
+def _texture_needs(request: RenderRequest, target: int) -> Iterator[str]:
     holder = bump_of(request, target)
-    yield "derivatives"
     yield "images" if isinstance(holder.texture, ImageTexture) else "procedures"
     if is_over_uvs(holder):
         yield coordinates_effect(uv_set_of(holder.texture))
-    yield from ("vertex normals", normals_effect(request, target))
 
 
-def _emboss_needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    yield from _needs(request, target)
-    yield "slots"
-    if any(request.light(index).kind != "directional" for index in request.shining):
-        yield "positions"
+def _without_bumps(material: Material, *, embossed: bool) -> Material:
+    bumps = material.bump_map
+    if bumps is None or (bumps.form in EMBOSS_FORMS) != embossed:
+        return material
+    return replace(material, bump_map=None)
 
 
 def _bump(fragments: Fragments, state: RenderState) -> None:
@@ -307,6 +305,8 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
         )  # fmt: skip
 
 
+_NEEDS = ("derivatives", _texture_needs, "vertex normals", normals_effect)
+
 BUMP_SURFACES = Result(bump_surface)
 
 EMBOSSED_SURFACES = Result(bump_surface)
@@ -314,9 +314,10 @@ EMBOSSED_SURFACES = Result(bump_surface)
 BUMP_MAP = Effect(
     name="bump map",
     does="tilts normals by the slope of a height",
-    called_for=_bump_called_for,
+    activations=_bump_activations,
     left_out="no lit material in the picture has a bump map",
-    needs=_needs,
+    needs=_NEEDS,
+    without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=False)),
     load=BUMP_SURFACES,
     shade=_bump,
     rate="vertex",
@@ -325,9 +326,10 @@ BUMP_MAP = Effect(
 EMBOSS = Effect(
     name="emboss",
     does="adds the slope of a height along the light to diffuse light",
-    called_for=_emboss_called_for,
+    activations=for_each("lit", _emboss_reasons),
     left_out="no lit material in the picture is embossed",
-    needs=_emboss_needs,
+    needs=(*_NEEDS, "slots", lamp_positions),
+    without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=True)),
     load=EMBOSSED_SURFACES,
     shade=_emboss,
     rate="vertex",

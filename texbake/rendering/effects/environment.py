@@ -1,8 +1,13 @@
-"""The environment at infinite distance, as background and as image-based light.
+"""The environment at infinite distance, as background and as image-based light, and fog.
 
 Five effects: the environment as a cube map, the background picture, its irradiance for each normal,
 its prefiltered levels for each roughness, and the light it casts on surfaces (diffuse for all, plus
 specular for metallic-roughness).
+
+Fog fades light into its color with the distance from the camera. At the distance d the share
+(end - d) / (end - start) of a surface's light remains for `linear` fog, exp(-density d) for `exp`,
+and exp(-(density d)^2) for `exp2`. The background is infinitely far away and has faded completely,
+so a scene with fog does not show its environment there.
 
 Based on: Greene, "Environment mapping and other applications of world projections", 1986; Karis,
 "Real Shading in Unreal Engine 4", 2013, for the split of the mirrored part in two.
@@ -21,7 +26,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
@@ -43,6 +48,8 @@ _LEVELS = 6
 
 # Rows of pixels per band.
 _ROWS = 32
+
+_FOG_MODES = {"linear": 0, "exp": 1, "exp2": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +109,18 @@ def _cube(environment: Environment, threads: int | None) -> CubeMap:
     return CubeMap(faces)
 
 
-def _background_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
+def _background_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
     environment = request.scene.lighting.environment
     if environment is None:
         return
     if request.shows_buffer:
-        yield Refusal("the scene", "a buffer is shown")
+        yield Rejection("a buffer is shown", "the scene")
     elif request.scene.lighting.fog is not None and request.scene.lighting.fog.fades:
-        yield Refusal("the scene", "its fog hides what lies infinitely far")
+        yield Rejection("its fog hides what lies infinitely far", "the scene")
     elif not environment.background and request.depth == 0:  # mirrors show it all the same
-        yield Refusal("the scene", "its environment is not shown as the background")
+        yield Rejection("its environment is not shown as the background", "the scene")
     else:
-        yield Call(None, "the scene", "it has an environment")
+        yield Activation(None, "the scene", "it has an environment")
 
 
 def _background(state: RenderState, target: Target) -> FloatImage:
@@ -136,17 +143,14 @@ def _background(state: RenderState, target: Target) -> FloatImage:
     return behind
 
 
-def _lighting_called_for(request: RenderRequest) -> Iterator[Call]:
+def _lighting_reasons(request: RenderRequest, index: int) -> Iterator[str]:
     environment = request.scene.lighting.environment
-    if environment is not None and environment.lighting:
-        for index in request.lit:
-            if reflects_environment(request.material(index)):
-                yield Call(index, request.name(index), "the environment lights the scene")
+    is_lit = environment is not None and environment.lighting
+    if is_lit and reflects_environment(request.material(index)):
+        yield "the environment lights the scene"
 
 
-def _lighting_needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
-    yield from ("slots", normals_effect(request, target))
+def _maps_for_lighting(request: RenderRequest, target: int) -> Iterator[str]:
     if scatters(request.material(target)):
         yield "irradiance"
     if request.material(target).shading == "metallic-roughness":
@@ -208,7 +212,6 @@ ENVIRONMENT = Effect(
     name="environment",
     does="makes a cube map of the environment",
     of="picture",
-    called_for=only_when_needed,
     left_out="the scene has no environment, or nothing shows it",
     load=ENVIRONMENT_MAP,
 )
@@ -219,9 +222,10 @@ BACKGROUND = Effect(
     name="background",
     does="shows the environment behind surfaces",
     of="picture",
-    called_for=_background_called_for,
+    activations=_background_activations,
+    without=lambda scene: scene.with_environment(background=False),
     left_out="the scene has no environment",
-    needs=lambda request, target: ("environment",),
+    needs=("environment",),
     prepare=BACKGROUND_PICTURE,
     behind=lambda state: state.of(BACKGROUND_PICTURE),
 )
@@ -232,9 +236,8 @@ IRRADIANCE = Effect(
     name="irradiance",
     does="integrates the environment's light for each normal",
     of="picture",
-    called_for=only_when_needed,
     left_out="no environment lights a visible surface that is not pure metal",
-    needs=lambda request, target: ("environment",),
+    needs=("environment",),
     load=IRRADIANCE_MAP,
 )
 
@@ -244,9 +247,8 @@ PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
     does="blurs the environment for each roughness",
     of="picture",
-    called_for=only_when_needed,
     left_out="no environment lights a metallic-roughness surface in the picture",
-    needs=lambda request, target: ("environment",),
+    needs=("environment",),
     load=PREFILTERED_MAP,
 )
 
@@ -256,9 +258,61 @@ OF_ENVIRONMENT = (ENVIRONMENT_MAP, IRRADIANCE_MAP, PREFILTERED_MAP)
 ENVIRONMENT_LIGHT = Effect(
     name="environment light",
     does="adds the light of the environment",
-    called_for=_lighting_called_for,
+    activations=for_each("lit", _lighting_reasons),
+    without=lambda scene: scene.with_environment(lighting=False),
     left_out="no environment lights a surface in the picture",
-    needs=_lighting_needs,
+    needs=("slots", normals_effect, _maps_for_lighting),
     shade=_light,
     rate="vertex",
+)
+
+
+def _fog_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
+    fog = request.scene.lighting.fog
+    if fog is not None and not fog.fades:
+        yield Rejection("its fog has no density", "the scene")
+    elif fog is not None:
+        for index in request.shaded:
+            yield Activation(index, request.name(index), "the scene has fog")
+
+
+def _fog_hides(request: RenderRequest) -> Iterator[Activation]:
+    fog = request.scene.lighting.fog
+    if fog is not None and fog.fades and not request.shows_buffer:
+        yield Activation(None, "the scene", "its fog hides what lies infinitely far")
+
+
+def _fade(fragments: Fragments, state: RenderState) -> None:
+    fog = state.scene.lighting.fog
+    assert fog is not None
+    core.fade_into_fog(
+        fragments.positions, state.camera.eye, _FOG_MODES[fog.mode], float(fog.density),
+        float(fog.start), float(fog.end), np.array(fog.color, np.float64), fragments.light,
+    )  # fmt: skip
+
+
+def _fog_color(state: RenderState) -> FloatImage:
+    fog = state.scene.lighting.fog
+    assert fog is not None
+    return np.array(fog.color, np.float32)
+
+
+FOG_BEHIND = Effect(
+    name="fog behind",
+    does="shows fog behind all surfaces",
+    of="picture",
+    activations=_fog_hides,
+    left_out="the scene has no fog",
+    behind=_fog_color,
+)
+
+FOG = Effect(
+    name="fog",
+    does="fades light with distance",
+    activations=_fog_activations,
+    left_out="the scene has no fog",
+    needs=("positions",),
+    without=lambda scene: scene.with_lighting(fog=None),
+    shade=_fade,
+    rate="pixel",
 )

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState
+from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import (
@@ -30,6 +30,8 @@ from texbake.rendering.maps import (
 )
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
+from texbake.rendering.scene.material import DEFAULT_MATERIAL, Material
+from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
     FILTERS_WITH_LEVELS,
@@ -91,21 +93,33 @@ def _images(request: RenderRequest, target: int) -> Iterator[tuple[str, ImageTex
             yield name, texture
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        for name, _ in _images(request, index):
-            yield Call(index, request.name(index), f"{name} is an image")
+def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    return (f"{name} is an image" for name, _ in _images(request, index))
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
+def _needs(request: RenderRequest, target: int) -> Iterator[str]:
     yield from {coordinates_effect(item.uv_set): None for _, item in _images(request, target)}
     if any(request.wants_footprint(texture) for _, texture in _images(request, target)):
         yield "derivatives"
 
 
-def _load(state: RenderState, target: Target) -> dict[str, LoadedImage]:
-    assert target is not None
+def without_textures(kind: type, scene: Scene) -> Scene:
+    """Return a scene without the textures of a kind in the slots and maps of its materials."""
+
+    def bare(material: Material) -> Material:
+        changes: dict[str, Any] = {}
+        for item in fields(material):
+            value = getattr(material, item.name)
+            if isinstance(value, kind) or isinstance(getattr(value, "texture", None), kind):
+                changes[item.name] = getattr(DEFAULT_MATERIAL, item.name)
+            elif isinstance(getattr(value, "strength", None), kind):
+                changes[item.name] = replace(value, strength=1.0)
+        return replace(material, **changes)
+
+    return scene.with_materials(bare)
+
+
+def _load(state: RenderState, target: int) -> dict[str, LoadedImage]:
     found: dict[str, LoadedImage] = {}
     for name, texture in _images(state.request, target):
         others = (*state.results.all(LOADED_IMAGES).values(), found)
@@ -231,16 +245,11 @@ def wrap_of(uvs: FloatArray | None) -> str:
     return "clamp" if inside else "repeat"
 
 
-def _mips_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        for name, texture in _images(request, index):
-            kind = request.filter_of(texture)
-            if kind in FILTERS_WITH_LEVELS:
-                yield Call(index, request.name(index), f"{name} is filtered {kind}")
-
-
-def _mips_need(request: RenderRequest, target: Target) -> tuple[str, ...]:
-    return ("images",)
+def _mip_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    for name, texture in _images(request, index):
+        kind = request.filter_of(texture)
+        if kind in FILTERS_WITH_LEVELS:
+            yield f"{name} is filtered {kind}"
 
 
 def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
@@ -323,9 +332,10 @@ LOADED_IMAGES = Result(_load)
 IMAGES = Effect(
     name="images",
     does="reads the images of materials",
-    called_for=_called_for,
+    activations=for_each("shaded", _reasons),
     left_out="no material in the picture has an image",
-    needs=_needs,
+    needs=(_needs,),
+    without=partial(without_textures, ImageTexture),
     load=LOADED_IMAGES,
 )
 
@@ -334,8 +344,8 @@ IMAGES_WITH_LEVELS = Result(_load_mips)
 MIP_MAPS = Effect(
     name="mip maps",
     does="makes mip levels of images",
-    called_for=_mips_called_for,
+    activations=for_each("shaded", _mip_reasons),
     left_out="no image has a filter with mip levels",
-    needs=_mips_need,
+    needs=("images",),
     load=IMAGES_WITH_LEVELS,
 )

@@ -22,15 +22,15 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.fragments import (
     Floats,
     Fragments,
-    Incident,
+    IncidentLight,
     one_row,
 )
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.transforms import picture_aspect
 
@@ -72,21 +72,19 @@ class PlacedLight:
         return np.stack([right, np.cross(-self.direction, right), -self.direction])
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(request.scene.lighting.lights):
-        name = f'light "{light.name}"'
-        if light.intensity == 0.0 or not any(light.color):
-            yield Refusal(name, "it is dark")
-        elif index not in request.shining:
-            yield Refusal(name, "its cone meets no object")
-        elif not request.lit:
-            yield Refusal(name, "no object in the picture is lit")
-        else:
-            yield Call(index, name, f"it is {light.kind}")
+def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    light = request.light(index)
+    if light.intensity == 0.0 or not any(light.color):
+        yield Rejection("it is dark")
+    elif index not in request.shining:
+        yield Rejection("its cone meets no object")
+    elif not request.lit:
+        yield Rejection("no object in the picture is lit")
+    else:
+        yield f"it is {light.kind}"
 
 
-def _prepare(state: RenderState, target: Target) -> PlacedLight:
-    assert target is not None
+def _prepare(state: RenderState, target: int) -> PlacedLight:
     return placed_light(state.lights[target], state.camera)
 
 
@@ -123,7 +121,7 @@ def _cosines(light: Light) -> tuple[float, float]:
     """Cosines of the inner and outer cone of a spot."""
     if light.profile is not None and light.gate == "rectangle":
         # Without an aspect, the cone surrounds a square, so that no file is opened for it.
-        extent = slide_extent(light if light.aspect is not None else replace(light, aspect=1.0))
+        extent = cookie_extent(light if light.aspect is not None else replace(light, aspect=1.0))
         corner = _AROUND_CORNERS / float(pm.norm([1.0, *extent]))
         return corner, corner
     half = math.radians(light.angle) / 2.0
@@ -131,7 +129,7 @@ def _cosines(light: Light) -> tuple[float, float]:
     return pm.cos(inner), pm.cos(half)
 
 
-def slide_extent(light: Light) -> tuple[float, float]:
+def cookie_extent(light: Light) -> tuple[float, float]:
     """Half the width and height of a spot's slide at distance 1."""
     assert light.profile is not None
     aspect = picture_aspect(light.profile) if light.aspect is None else light.aspect
@@ -154,15 +152,15 @@ def in_world(light: Light, camera: Camera) -> Light:
     )
 
 
-def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> Incident:
+def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> IncidentLight:
     """Compute the unshadowed light that arrives from one lamp at points.
 
     `points` (n, 3) float64: world space; `normals` (n, 3) float32.
     """
     if light.kind == "directional":
-        return Incident(directions=one_row(tuple(-light.direction), 3), radiance=light.radiance)
+        return IncidentLight(one_row(tuple(-light.direction), 3), light.radiance)
     n = len(normals)
-    found = Incident(directions=np.empty((n, 3), np.float32), radiance=np.empty((n, 3), np.float32))
+    found = IncidentLight(np.empty((n, 3), np.float32), np.empty((n, 3), np.float32))
     core.find_arriving_light(
         points, normals, light.position, light.direction, *light.cosines, light.decay,
         light.radiance, found.directions, found.radiance,
@@ -170,7 +168,7 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
     return found
 
 
-def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
+def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
     """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
     assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
@@ -190,7 +188,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> Incident:
     return found
 
 
-def lights_any(fragments: Fragments, incident: Incident) -> bool:
+def lights_any(fragments: Fragments, incident: IncidentLight) -> bool:
     """Whether light arrives at the visible side of a fragment."""
     assert fragments.normals is not None
     directions = np.broadcast_to(incident.directions, fragments.normals.shape)
@@ -204,7 +202,8 @@ LIGHTS = Effect(
     name="lights",
     does="places lights in world space",
     of="light",
-    called_for=_called_for,
+    activations=for_each("lights", _reasons),
+    without=lambda scene: scene.with_lights(intensity=0.0),
     left_out="the scene has no lights",
     prepare=PLACED_LIGHTS,
 )

@@ -20,21 +20,23 @@ Kernel: `core/surrounding_light.c`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
 from texbake.rendering.effects.lights import in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
@@ -51,42 +53,29 @@ def _mirrors(material: Material) -> Iterator[tuple[str, Reflection | Refraction]
             yield name, mirror
 
 
-def _called_for(name: str) -> Callable[[RenderRequest], Iterator[Call]]:
-    def called_for(request: RenderRequest) -> Iterator[Call]:
-        for index in request.shaded:
-            if getattr(request.material(index), name) is not None:
-                yield Call(index, request.name(index), f"its material has a {name}")
-
-    return called_for
-
-
-def _needs(name: str) -> Callable[[RenderRequest, Target], Iterator[str]]:
-    def needs(request: RenderRequest, target: Target) -> Iterator[str]:
-        assert target is not None
-        material = request.material(target)
-        yield from (normals_effect(request, target), "view directions")
-        mirror: Reflection | Refraction = getattr(material, name)
-        is_rendered = mirror.environment == "rendered" and not _why_not_rendered(request)
-        if request.scene.lighting.environment is not None and not is_rendered:
-            yield "environment"
-        if isinstance(mirror.strength, ImageTexture):
-            yield "images"
-        elif isinstance(mirror.strength, ProcedureTexture):
-            yield "procedures"
-
-    return needs
+def _needs(name: str, request: RenderRequest, target: int) -> Iterator[str]:
+    mirror: Reflection | Refraction = getattr(request.material(target), name)
+    is_rendered = mirror.environment == "rendered" and not _why_not_rendered(request)
+    if request.scene.lighting.environment is not None and not is_rendered:
+        yield "environment"
+    if isinstance(mirror.strength, ImageTexture):
+        yield "images"
+    elif isinstance(mirror.strength, ProcedureTexture):
+        yield "procedures"
 
 
-def _rendered_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index in request.shaded:
-        for name, mirror in _mirrors(request.material(index)):
-            if mirror.environment != "rendered":
-                continue
+def _rendered_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    for name, mirror in _mirrors(request.material(index)):
+        if mirror.environment == "rendered":
             why_not = _why_not_rendered(request)
-            if why_not:
-                yield Refusal(request.name(index), why_not)
-            else:
-                yield Call(index, request.name(index), f"its {name} is of the scene around it")
+            yield Rejection(why_not) if why_not else f"its {name} is of the scene around it"
+
+
+def _without_rendered(material: Material) -> Material:
+    changes: dict[str, Any] = {
+        name: replace(mirror, environment="scene") for name, mirror in _mirrors(material)
+    }
+    return replace(material, **changes)
 
 
 def _why_not_rendered(request: RenderRequest) -> str:
@@ -96,18 +85,17 @@ def _why_not_rendered(request: RenderRequest) -> str:
     return "the scene has no other object to show" if len(request.scene.objects) == 1 else ""
 
 
-def _load(state: RenderState, target: Target) -> PlacedEnvironment | None:
+def _load(state: RenderState, target: int) -> PlacedEnvironment | None:
     """Render an object's environment once for all cameras, unless a light follows the camera."""
     return None if any(light.follows_camera for light in state.lights) else _render(state, target)
 
 
-def _prepare(state: RenderState, target: Target) -> PlacedEnvironment:
+def _prepare(state: RenderState, target: int) -> PlacedEnvironment:
     return state.of(FIXED_ENVIRONMENTS, target) or _render(state, target)
 
 
-def _render(state: RenderState, target: Target) -> PlacedEnvironment:
+def _render(state: RenderState, target: int) -> PlacedEnvironment:
     """Render the other objects into a cube map at the center of the object's bounding box."""
-    assert target is not None
     positions = state.drawn(target).positions
     low, high = positions.min(axis=0), positions.max(axis=0)
     extent = float(pm.norm(high - low))
@@ -183,7 +171,8 @@ RENDERED_ENVIRONMENTS = Result(_prepare)
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
     does="renders a cube map of the scene around an object",
-    called_for=_rendered_called_for,
+    activations=for_each("shaded", _rendered_reasons),
+    without=lambda scene: scene.with_materials(_without_rendered),
     left_out="no material in the picture reflects or refracts the scene around it",
     load=FIXED_ENVIRONMENTS,
     of_the_others=True,
@@ -193,9 +182,10 @@ RENDERED_ENVIRONMENT = Effect(
 REFRACTION = Effect(
     name="refraction",
     does="adds what is seen through glass",
-    called_for=_called_for("refraction"),
+    field="refraction",
+    why="its material has a refraction",
     left_out="no material in the picture refracts",
-    needs=_needs("refraction"),
+    needs=(normals_effect, "view directions", partial(_needs, "refraction")),
     shade=_refract,
     rate="pixel",
 )
@@ -203,9 +193,10 @@ REFRACTION = Effect(
 REFLECTION = Effect(
     name="reflection",
     does="adds what a mirror reflects",
-    called_for=_called_for("reflection"),
+    field="reflection",
+    why="its material has a reflection",
     left_out="no material in the picture reflects",
-    needs=_needs("reflection"),
+    needs=(normals_effect, "view directions", partial(_needs, "reflection")),
     shade=_reflect,
     rate="pixel",
 )

@@ -27,27 +27,24 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState, only_when_needed
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.raster.world import read_only
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 
 
-def _load_normals(state: RenderState, target: Target) -> tuple[FloatArray, IntArray]:
-    assert target is not None
+def _load_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]:
     normals, corners = shading_normals(state.drawn(target).mesh, threads=state.threads)
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def _normals_called_for(request: RenderRequest) -> Iterator[Call]:
-    if "normals" in request.keep:
-        for index in request.shaded:
-            if request.material(index).normal_map is None:
-                yield Call(index, "the caller", "the frame keeps normals")
+def _normals_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    if "normals" in request.keep and request.material(index).normal_map is None:
+        yield "the frame keeps normals"
 
 
 def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
@@ -75,7 +72,6 @@ MESH_NORMALS = Result(_load_normals)
 VERTEX_NORMALS = Effect(
     name="vertex normals",
     does="computes vertex normals",
-    called_for=only_when_needed,
     left_out="nothing in the picture needs normals",
     load=MESH_NORMALS,
 )
@@ -83,49 +79,46 @@ VERTEX_NORMALS = Effect(
 NORMALS = Effect(
     name="normals",
     does="interpolates normals",
-    called_for=_normals_called_for,
+    activations=for_each("shaded", _normals_reasons, by="the caller"),
     left_out="no object in the picture is lit by the normals of its mesh",
-    needs=lambda request, target: ("vertex normals",),
+    needs=("vertex normals",),
     shade=_interpolate,
     rate="vertex",
 )
 
 
-def _map_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    shaded = request.shaded if "normals" in request.keep else request.lit
-    for index in shaded:
-        if request.material(index).normal_map is None:
-            continue
+def _map_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
+    return for_each("shaded" if "normals" in request.keep else "lit", _map_reasons)(request)
+
+
+def _map_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    if request.material(index).normal_map is not None:
         if request.needs_normals(index):
-            yield Call(index, request.name(index), "its material has a normal map")
+            yield "its material has a normal map"
         else:
-            yield Refusal(request.name(index), "its light is the same from all sides")
+            yield Rejection("its light is the same from all sides")
 
 
-def _map_needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
-    yield "images"
+def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
     holder = request.material(target).normal_map
     assert holder is not None
     if (holder.space or normal_space(holder.texture.image)) == "tangent":
         yield from ("vertex normals", "tangents")
 
 
-def _load_tangents(state: RenderState, target: Target) -> npt.NDArray[np.float32]:
-    assert target is not None
+def _load_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
     mesh = textured_mesh(state, target).on_uv_set(_uv_set_of_map(state.request, target))
     tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
     return read_only(tangents, np.float32)
 
 
-def _uv_set_of_map(request: RenderRequest, target: Target) -> str | None:
-    assert target is not None
+def _uv_set_of_map(request: RenderRequest, target: int) -> str | None:
     holder = request.material(target).normal_map
     return None if holder is None else holder.texture.uv_set
 
 
-def _tangents_need(request: RenderRequest, target: Target) -> Iterator[str]:
-    yield from ("vertex normals", coordinates_effect(_uv_set_of_map(request, target)))
+def _coordinates_for_tangents(request: RenderRequest, target: int) -> Iterator[str]:
+    yield coordinates_effect(_uv_set_of_map(request, target))
 
 
 def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
@@ -161,18 +154,18 @@ MESH_TANGENTS = Result(_load_tangents)
 TANGENTS = Effect(
     name="tangents",
     does="computes MikkTSpace tangents",
-    called_for=only_when_needed,
     left_out="no map in the picture is in tangent space",
-    needs=_tangents_need,
+    needs=("vertex normals", _coordinates_for_tangents),
     load=MESH_TANGENTS,
 )
 
 NORMAL_MAP = Effect(
     name="normal map",
     does="takes normals from an image",
-    called_for=_map_called_for,
+    field="normal_map",
+    activations=_map_activations,
     left_out="no lit material in the picture has a normal map",
-    needs=_map_needs,
+    needs=("images", _frames_for_map),
     shade=_look_up_normals,
     rate="vertex",
 )

@@ -31,13 +31,13 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
@@ -59,19 +59,15 @@ class TextureSlopes:
         return self.slopes.nbytes + self.sizes.nbytes
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index in request.shaded:
-        if request.material(index).parallax is None:
-            continue
+def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    if request.material(index).parallax is not None:
         if request.moves_textures(index):
-            yield Call(index, request.name(index), "its material has a parallax map")
+            yield "its material has a parallax map"
         else:
-            why = "its material looks up nothing at texture coordinates"
-            yield Refusal(request.name(index), why)
+            yield Rejection("its material looks up nothing at texture coordinates")
 
 
-def _load(state: RenderState, target: Target) -> TextureSlopes:
-    assert target is not None
+def _load(state: RenderState, target: int) -> TextureSlopes:
     mesh = textured_mesh(state, target)
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
@@ -139,8 +135,7 @@ def _move(fragments: Fragments, mesh: Mesh, uv_set: str | None, shifts: FloatArr
     fragments.further_uvs = further
 
 
-def _uv_set(request: RenderRequest, target: Target) -> str | None:
-    assert target is not None
+def _uv_set(request: RenderRequest, target: int) -> str | None:
     holder = request.material(target).parallax
     assert holder is not None
     return holder.texture.uv_set
@@ -173,9 +168,10 @@ TEXTURE_SLOPES = Result(_load)
 PARALLAX = Effect(
     name="parallax",
     does="moves texture coordinates to where the view ray meets the heights",
-    called_for=_called_for,
+    field="parallax",
+    activations=for_each("shaded", _reasons),
     left_out="no material in the picture has a parallax map",
-    needs=lambda request, target: ("images", "view directions", "vertex normals"),
+    needs=("images", "view directions", "vertex normals"),
     load=TEXTURE_SLOPES,
     shade=_shade,
 )

@@ -19,23 +19,21 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.rendering.effect import Effect, RenderState, only_when_needed
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.scene import mapped, placed
 
 
-def textured_mesh(state: RenderState, target: Target) -> Mesh:
+def textured_mesh(state: RenderState, target: int) -> Mesh:
     """Return the mesh of an object in world space, with the coordinates from its mapping."""
     found = state.get(MAPPED_MESHES, target)
-    assert target is not None
     return state.drawn(target).mesh if found is None else found.placed
 
 
-def mapping_effect(request: RenderRequest, target: Target) -> tuple[str, ...]:
+def mapping_effect(request: RenderRequest, target: int) -> tuple[str, ...]:
     """Return the name of the effect that maps an object, if it has a mapping."""
-    assert target is not None
     return () if request.scene.objects[target].mapping is None else ("mapping",)
 
 
@@ -53,8 +51,7 @@ class MappedMesh:
         return 0 if uvs is None or faces is None else uvs.nbytes + faces.nbytes
 
 
-def _map(state: RenderState, target: Target) -> MappedMesh:
-    assert target is not None
+def _map(state: RenderState, target: int) -> MappedMesh:
     item = mapped(state.scene.objects[target], threads=state.threads)
     return MappedMesh(item.mesh, placed(item))
 
@@ -146,13 +143,11 @@ def coordinates_effect(uv_set: str | None) -> str:
     return "texture coordinates" if uv_set is None else "further texture coordinates"
 
 
-def _require_uvs(state: RenderState, target: Target) -> None:
-    assert target is not None
+def _require_uvs(state: RenderState, target: int) -> None:
     textured_mesh(state, target).corner_uvs()  # raises if there are none
 
 
-def _require_further_uvs(state: RenderState, target: Target) -> None:
-    assert target is not None
+def _require_further_uvs(state: RenderState, target: int) -> None:
     for name in _further(state, target):
         textured_mesh(state, target).uv_set(name)  # raises if there is none
 
@@ -162,7 +157,6 @@ MAPPED_MESHES = Result(_map, deferred=True)
 MAPPING = Effect(
     name="mapping",
     does="gives meshes new texture coordinates",
-    called_for=only_when_needed,
     left_out="no object has a mapping, or nothing reads its coordinates",
     load=MAPPED_MESHES,
     moves_surface=True,
@@ -171,7 +165,6 @@ MAPPING = Effect(
 POSITIONS = Effect(
     name="positions",
     does="finds the world position of fragments",
-    called_for=only_when_needed,
     left_out="no light, texture or effect depends on where a point lies",
     shade=_find_positions,
 )
@@ -179,7 +172,6 @@ POSITIONS = Effect(
 VIEW_DIRECTIONS = Effect(
     name="view directions",
     does="finds the direction from fragments to the eye",
-    called_for=only_when_needed,
     left_out="nothing depends on the direction of view",
     shade=_find_view,
 )
@@ -188,7 +180,6 @@ VIEW_DIRECTIONS = Effect(
 DERIVATIVES = Effect(
     name="derivatives",
     does="finds how texture coordinates change from pixel to pixel",
-    called_for=only_when_needed,
     left_out="no lookup is filtered over the pixel",
 )
 
@@ -197,9 +188,8 @@ _REQUIRED_UVS = Result(_require_uvs)
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
     does="interpolates texture coordinates",
-    called_for=only_when_needed,
     left_out="nothing is looked up at (u, v)",
-    needs=mapping_effect,
+    needs=(mapping_effect,),
     load=_REQUIRED_UVS,
     shade=_find_uvs,
 )
@@ -209,9 +199,8 @@ _REQUIRED_FURTHER_UVS = Result(_require_further_uvs)
 FURTHER_COORDINATES = Effect(
     name="further texture coordinates",
     does="interpolates further sets of texture coordinates",
-    called_for=only_when_needed,
     left_out="all textures lie on the first set",
-    needs=mapping_effect,
+    needs=(mapping_effect,),
     load=_REQUIRED_FURTHER_UVS,
     shade=_find_further_uvs,
 )

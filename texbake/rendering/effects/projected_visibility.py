@@ -23,7 +23,7 @@ from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
 from texbake.rendering.effects.shadows import ShadowMap, lit_radiance
-from texbake.rendering.fragments import Floats, Fragments, Incident, one_row
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, SKIP
 from texbake.rendering.scene.lights import Shadow
@@ -83,7 +83,7 @@ def projector_view(state: RenderState, item: ProjectedTexture) -> ProjectorView:
     return ProjectorView(light, shadow)
 
 
-def unhidden(fragments: Fragments, state: RenderState, view: ProjectorView) -> Floats:
+def visibility_from(fragments: Fragments, state: RenderState, view: ProjectorView) -> Floats:
     """(n,) float32: share of the picture that reaches fragments."""
     if view.shadow is None:
         return np.ones(len(fragments), np.float32)
@@ -96,7 +96,7 @@ def unhidden(fragments: Fragments, state: RenderState, view: ProjectorView) -> F
     found = lit_radiance(
         view.shadow, view.light, state.world, fragments.positions, toward,
         fragments.drawn_faces + np.int32(first),
-        Incident(directions=toward, radiance=view.light.radiance), own=(int(first), int(stop)),
+        IncidentLight(directions=toward, radiance=view.light.radiance), own=(int(first), int(stop)),
     )  # fmt: skip
     return np.ascontiguousarray(found[:, 0])
 

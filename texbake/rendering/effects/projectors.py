@@ -35,7 +35,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
@@ -45,19 +45,19 @@ from texbake.rendering.effects.images import (
 from texbake.rendering.effects.lights import (
     PLACED_LIGHTS,
     PlacedLight,
+    cookie_extent,
     lights_any,
-    slide_extent,
 )
 from texbake.rendering.effects.projected_visibility import (
     ProjectorView,
     facing_projector,
     projector_view,
-    unhidden,
+    visibility_from,
 )
-from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Deferred, Result, Target
+from texbake.rendering.results import Deferred, Result
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
@@ -67,7 +67,7 @@ from texbake.texture.image import FloatImage
 _NO_STEPS = np.empty((0, 2, 3))
 
 
-def load_slide(
+def load_cookie(
     texture: ImageTexture,
     pixels: FloatImage,
     *,
@@ -97,7 +97,7 @@ def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
     return steps
 
 
-def thrown(
+def sample_projection(
     image: LoadedImage, matrix: FloatArray, points: FloatArray, steps: FloatArray | None = None
 ) -> tuple[Floats, Floats]:
     """Look up a projected picture at points.
@@ -107,12 +107,12 @@ def thrown(
     is 0, `coverage` (n,) float32: share of the pixel inside the unit square; 0 behind the projector
     (q <= 0). Without steps it is 0 or 1.
     """
-    thrown_at = on_picture(matrix, points, steps, image.filter)
-    return thrown_at.values(image), thrown_at.coverage
+    found = project_onto(matrix, points, steps, image.filter)
+    return found.values(image), found.coverage
 
 
 @dataclass(frozen=True, eq=False)
-class PicturePoints:
+class ProjectedPoints:
     """Where points lie on a projected picture.
 
     `coverage` (n,) is the share of the pixel inside the unit square, `changes` (n, 4) are the
@@ -128,10 +128,10 @@ class PicturePoints:
         return image_values(image, self.places, self.changes)
 
 
-def on_picture(
+def project_onto(
     matrix: FloatArray, points: FloatArray, steps: FloatArray | None, filter_name: str
-) -> PicturePoints:
-    """Project points onto a picture with this filter; see `thrown`."""
+) -> ProjectedPoints:
+    """Project points onto a picture with this filter; see `sample_projection`."""
     n = len(points)
     has_footprint = filter_name in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)
@@ -140,11 +140,11 @@ def on_picture(
         points, steps if steps is not None and has_footprint else _NO_STEPS,
         np.ascontiguousarray(matrix, np.float64), places, changes, coverage,
     )  # fmt: skip
-    return PicturePoints(places, changes if has_footprint else None, coverage)
+    return ProjectedPoints(places, changes if has_footprint else None, coverage)
 
 
 @dataclass(frozen=True, eq=False)
-class Slide:
+class LightCookie:
     """The picture in a spot light; `matrix` (4, 4) transforms world space to (s, t, r, q)."""
 
     image: LoadedImage
@@ -156,23 +156,21 @@ class Slide:
         return self.image.n_bytes
 
 
-def _slides_called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(request.scene.lighting.lights):
-        if light.profile is None:
-            continue
-        name = f'light "{light.name}"'
-        if light.kind != "spot":
-            yield Refusal(name, f"only a spot holds a slide, and it is {light.kind}")
-        elif index not in request.shining:
-            yield Refusal(name, "it is dark")
-        elif not request.lit:
-            yield Refusal(name, "no object in the picture is lit")
-        else:
-            yield Call(index, name, "it has a slide")
+def _cookie_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    light = request.light(index)
+    if light.profile is None:
+        return
+    if light.kind != "spot":
+        yield Rejection(f"only a spot holds a slide, and it is {light.kind}")
+    elif index not in request.shining:
+        yield Rejection("it is dark")
+    elif not request.lit:
+        yield Rejection("no object in the picture is lit")
+    else:
+        yield "it has a slide"
 
 
-def _load_slide(state: RenderState, target: Target) -> LoadedImage:
-    assert target is not None
+def _load_cookie(state: RenderState, target: int) -> LoadedImage:
     light = state.lights[target]
     assert light.profile is not None
     return _image_of(light, state.request.filter_of(light.profile), state.threads)
@@ -182,19 +180,19 @@ def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImag
     assert light.profile is not None
     pixels = colors_from(light.profile.image, color=light.profile.color is not False)
     name = f"{light.name}.profile"
-    return load_slide(light.profile, pixels, filter_name=filter_name, name=name, threads=threads)
+    return load_cookie(light.profile, pixels, filter_name=filter_name, name=name, threads=threads)
 
 
-def slide_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> Slide:
+def cookie_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> LightCookie:
     """Return the slide of a placed spot light; reads its image unless `image` is given."""
     if image is None:
         image = _image_of(light, "bilinear", None)
-    return Slide(image, slide_matrix(light, placed))
+    return LightCookie(image, cookie_matrix(light, placed))
 
 
-def slide_matrix(light: Light, placed: PlacedLight) -> FloatArray:
+def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
     """(4, 4): transforms world space to (s, t, r, q) of a spot's slide."""
-    width, height = slide_extent(light)
+    width, height = cookie_extent(light)
     # A square slide has exactly the angle of the light.
     fov = light.angle if width == height else math.degrees(2.0 * pm.arctan(height))
     place, ahead = placed.position, placed.position + placed.direction
@@ -207,55 +205,54 @@ def slide_matrix(light: Light, placed: PlacedLight) -> FloatArray:
     )
 
 
-def slide_colors(slide: Slide, points: FloatArray, steps: FloatArray | None = None) -> Floats:
-    """(n, 3) float32: factor of the light at points.
-
-    `steps` come from `pixel_steps` if the points belong to pixels.
-    """
-    colors, coverage = thrown(slide.image, slide.matrix, points, steps)
+def cookie_colors(slide: LightCookie, points: FloatArray) -> Floats:
+    """(n, 3) float32: factor of the light at points."""
+    colors, coverage = sample_projection(slide.image, slide.matrix, points)
     return colors * coverage[:, None]
 
 
-def _place_slide(state: RenderState, target: Target) -> FloatArray:
-    assert target is not None
-    return slide_matrix(state.lights[target], state.of(PLACED_LIGHTS, target))
+def _place_cookie(state: RenderState, target: int) -> FloatArray:
+    return cookie_matrix(state.lights[target], state.of(PLACED_LIGHTS, target))
 
 
-def _on_slide(fragments: Fragments, state: RenderState, index: int) -> PicturePoints:
+def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> ProjectedPoints:
     profile = state.lights[index].profile
     assert fragments.positions is not None and profile is not None
     filter_name = state.request.filter_of(profile)
     steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
-    return on_picture(state.of(SLIDE_MATRICES, index), fragments.positions, steps, filter_name)
+    return project_onto(state.of(COOKIE_MATRICES, index), fragments.positions, steps, filter_name)
 
 
-def _leave_out(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+def _leave_out(
+    fragments: Fragments, state: RenderState, index: int, incident: IncidentLight
+) -> None:
     """Set a lamp's light to 0 if its slide falls on no fragment, before drawing its shadow map."""
-    incident.on_slide = _on_slide(fragments, state, index)
-    covered = incident.radiance * incident.on_slide.coverage[:, None]
+    incident.on_cookie = _on_cookie(fragments, state, index)
+    covered = incident.radiance * incident.on_cookie.coverage[:, None]
     if not lights_any(fragments, replace(incident, radiance=covered)):
         incident.radiance = covered
 
 
-def _tint(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
-    found: PicturePoints = incident.on_slide
-    colors = found.values(state.of(SLIDE_IMAGES, index)) * found.coverage[:, None]
+def _tint(fragments: Fragments, state: RenderState, index: int, incident: IncidentLight) -> None:
+    found: ProjectedPoints = incident.on_cookie
+    colors = found.values(state.of(COOKIE_IMAGES, index)) * found.coverage[:, None]
     incident.radiance = incident.radiance * colors
 
 
-SLIDE_IMAGES = Result(_load_slide, deferred=True)
+COOKIE_IMAGES = Result(_load_cookie, deferred=True)
 
-SLIDE_MATRICES = Result(_place_slide, deferred=True)
+COOKIE_MATRICES = Result(_place_cookie, deferred=True)
 
 LIGHT_PROFILES = Effect(
     name="light profiles",
     does="puts slides into spots",
     of="light",
-    called_for=_slides_called_for,
+    activations=for_each("lights", _cookie_reasons),
     left_out="no light has a slide",
-    needs=lambda request, target: ("lights",),
-    load=SLIDE_IMAGES,
-    prepare=SLIDE_MATRICES,
+    needs=("lights",),
+    without=lambda scene: scene.with_lights(profile=None),
+    load=COOKIE_IMAGES,
+    prepare=COOKIE_MATRICES,
     dim=_leave_out,
     tint=_tint,
 )
@@ -264,33 +261,14 @@ LIGHT_PROFILES = Effect(
 ProjectorViews = list[Deferred[ProjectorView] | None]
 
 
-@dataclass(frozen=True, eq=False)
-class ThrownPicture:
-    """A picture to project, with four channels: color premultiplied by opacity, and opacity."""
-
-    image: LoadedImage
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory of its texels."""
-        return self.image.n_bytes
-
-
-def _projected_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        if request.material(index).projected:
-            yield Call(index, request.name(index), "a picture is projected onto it")
-
-
-def _load_projected(state: RenderState, target: Target) -> list[Deferred[ThrownPicture]]:
-    assert target is not None
+def _load_projected(state: RenderState, target: int) -> list[Deferred[LoadedImage]]:
     return [
-        Deferred(partial(_thrown_picture, state, target, i))
+        Deferred(partial(_projected_image, state, target, i))
         for i in range(len(state.request.material(target).projected))
     ]
 
 
-def _thrown_picture(state: RenderState, target: int, place: int) -> ThrownPicture:
+def _projected_image(state: RenderState, target: int, place: int) -> LoadedImage:
     item = state.request.material(target).projected[place]
     with state.reporting_for(target):
         picture = _read_picture(state, item, place)
@@ -298,7 +276,7 @@ def _thrown_picture(state: RenderState, target: int, place: int) -> ThrownPictur
     return picture
 
 
-def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> ThrownPicture:
+def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> LoadedImage:
     texture = item.texture
     colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
     if opacity is None:
@@ -306,18 +284,16 @@ def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> Thr
     factor = np.broadcast_to(np.asarray(texture.factor, np.float32), 3)
     # Premultiply before filtering, so that transparent texels do not bleed into opaque ones.
     texels = np.concatenate([colors * factor * opacity, opacity], axis=2)
-    image = load_slide(
+    return load_cookie(
         replace(texture, factor=1.0, border=(0.0,)),
         texels,
         filter_name=state.request.filter_of(texture),
         name=f"projected[{place}].texture",
         threads=state.threads,
     )
-    return ThrownPicture(image)
 
 
-def _view_from_projectors(state: RenderState, target: Target) -> ProjectorViews:
-    assert target is not None
+def _view_from_projectors(state: RenderState, target: int) -> ProjectorViews:
     projected = state.request.material(target).projected
     return [
         Deferred(partial(_view_from, state, item)) if item.occlusion else None for item in projected
@@ -330,10 +306,10 @@ def _view_from(state: RenderState, item: ProjectedTexture) -> ProjectorView:
     return view
 
 
-def _throw(fragments: Fragments, state: RenderState) -> None:
+def _project(fragments: Fragments, state: RenderState) -> None:
     assert fragments.target is not None
     base = fragments.values.base_color
-    pictures = state.of(THROWN_PICTURES, fragments.target)
+    pictures = state.of(PROJECTED_IMAGES, fragments.target)
     projected = state.request.material(fragments.target).projected
     filters = [state.request.filter_of(item.texture) for item in projected]
     steps = None
@@ -343,32 +319,33 @@ def _throw(fragments: Fragments, state: RenderState) -> None:
     views = state.of(PROJECTOR_VIEWS, fragments.target)
     for picture, item, view, name in zip(pictures, projected, views, filters, strict=True):
         matrix = item.world_matrix
-        found = on_picture(matrix, fragments.positions, steps, name)
+        found = project_onto(matrix, fragments.positions, steps, name)
         coverage = found.coverage
         if item.facing:
             coverage *= facing_projector(fragments, state, projector_position(matrix))
         if view is not None and coverage.any():
-            coverage *= unhidden(fragments, state, view.get())
+            coverage *= visibility_from(fragments, state, view.get())
         if not coverage.any():
             continue
-        values = found.values(picture.get().image)
+        values = found.values(picture.get())
         share = (item.strength * coverage)[:, None]
         base = base * (1.0 - share * values[:, 3:]) + share * values[:, :3]
     fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))
 
 
-THROWN_PICTURES = Result(_load_projected)
+PROJECTED_IMAGES = Result(_load_projected)
 
 PROJECTOR_VIEWS = Result(_view_from_projectors)
 
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
     does="projects pictures onto surfaces",
-    called_for=_projected_called_for,
+    field="projected",
+    why="a picture is projected onto it",
     left_out="nothing in the picture has a projected texture",
-    needs=lambda request, target: ("slots", "positions"),
-    load=THROWN_PICTURES,
+    needs=("slots", "positions"),
+    load=PROJECTED_IMAGES,
     prepare=PROJECTOR_VIEWS,
-    shade=_throw,
+    shade=_project,
     rate="pixel",
 )

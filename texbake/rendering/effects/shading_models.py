@@ -12,7 +12,16 @@ distribution of Trowbridge and Reitz, and V Smith's visibility term, as defined 
 (appendix B). V is in its height-correlated form, as in Khronos' sample viewer. The factor pi
 appears because I_L is defined as the light that a white Lambert surface reflects.
 
-Based on: Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
+With a `shading_rate` of vertex (Gouraud shading), lamps, ambient light and light of the
+environment, with their shadows and slides, are evaluated at the corners of triangles alone, and
+interpolated between them. So are normal maps and bump maps, which is why these show nothing between
+the corners. Images of the base color, light maps, emission and mirrors are looked up at pixels as
+always: at a corner the light that a white surface W and a black surface B reflect is found, and a
+pixel of the base color C shows B + (W - B) C. That is exact for all models but for a surface that
+is partly metal, whose light is not linear in C.
+
+Based on: Gouraud, "Continuous shading of curved surfaces", IEEE Transactions on Computers 20(6),
+1971; Blinn, "Models of light reflection for computer synthesized pictures", SIGGRAPH 1977;
 Khronos, "glTF 2.0 Specification", 2021; Heitz, "Understanding the masking-shadowing function in
 microfacet-based BRDFs", JCGT 3(2), 2014.
 
@@ -22,40 +31,37 @@ Kernel: `core/lamps.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from texbake.core import core
-from texbake.rendering.effect import Call, Effect, RenderState
+from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.lights import incident
-from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Target
+from texbake.rendering.results import Result
 
 # Below this value of alpha, highlights are narrower than float32 normals resolve.
 LEAST_ALPHA = 1e-3
 
 
-def _called_for(shading: str) -> Callable[[RenderRequest], Iterator[Call]]:
-    def called_for(request: RenderRequest) -> Iterator[Call]:
-        for index in request.lit:
-            if request.material(index).shading == shading and request.shining:
-                yield Call(index, request.name(index), f"its shading is {shading}")
-
-    return called_for
+def _lamp_reasons(shading: str, request: RenderRequest, index: int) -> Iterator[str]:
+    if request.material(index).shading == shading and request.shining:
+        yield f"its shading is {shading}"
 
 
-def normals_effect(request: RenderRequest, target: int) -> str:
+def normals_effect(request: RenderRequest, target: int) -> Iterator[str]:
     """Name the effect that computes an object's normals before bump mapping."""
     has_map = request.material(target).normal_map is not None
-    return "normal map" if has_map and request.needs_normals(target) else "normals"
+    yield "normal map" if has_map and request.needs_normals(target) else "normals"
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
-    yield from ("slots", normals_effect(request, target))
-    if request.material(target).shading != "lambert":
-        yield "view directions"
+def lamp_positions(request: RenderRequest, target: int) -> Iterator[str]:
+    """Name the effect that finds positions, if a lamp shines from a point."""
     if any(request.light(index).kind != "directional" for index in request.shining):
         yield "positions"
 
@@ -68,17 +74,17 @@ def head_on(ior: float) -> float:
 _ONE = np.ones((1, 1), np.float32)
 
 
-def add_lambert(normals: Floats, arriving: Incident, base: Floats, light: Floats) -> None:
+def add_lambert(normals: Floats, arriving: IncidentLight, base: Floats, light: Floats) -> None:
     """Add a lamp's diffuse reflection to the outgoing light (n, 3) of points, in place."""
     core.reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
 
 
-def _lambert(fragments: Fragments, light: Incident) -> None:
+def _lambert(fragments: Fragments, light: IncidentLight) -> None:
     assert fragments.normals is not None
     add_lambert(fragments.normals, light, fragments.values.base_color, fragments.light)
 
 
-def _blinn_phong(fragments: Fragments, light: Incident) -> None:
+def _blinn_phong(fragments: Fragments, light: IncidentLight) -> None:
     values = fragments.values
     core.reflect_blinn_phong(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
@@ -87,7 +93,7 @@ def _blinn_phong(fragments: Fragments, light: Incident) -> None:
     )  # fmt: skip
 
 
-def _metallic(fragments: Fragments, light: Incident) -> None:
+def _metallic(fragments: Fragments, light: IncidentLight) -> None:
     values = fragments.values
     core.reflect_metallic(
         fragments.normals, light.directions, light.radiance, fragments.to_eye,
@@ -97,7 +103,7 @@ def _metallic(fragments: Fragments, light: Incident) -> None:
 
 
 def _reflecting(
-    reflect: Callable[[Fragments, Incident], None],
+    reflect: Callable[[Fragments, IncidentLight], None],
 ) -> Callable[[Fragments, RenderState], None]:
     def shade(fragments: Fragments, state: RenderState) -> None:
         for index in state.request.shining:
@@ -106,10 +112,9 @@ def _reflecting(
     return shade
 
 
-def _unlit_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        if request.material(index).shading == "unlit":
-            yield Call(index, request.name(index), "its shading is unlit")
+def _unlit_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    if request.material(index).shading == "unlit":
+        yield "its shading is unlit"
 
 
 def _show_base(fragments: Fragments, state: RenderState) -> None:
@@ -119,9 +124,9 @@ def _show_base(fragments: Fragments, state: RenderState) -> None:
 UNLIT = Effect(
     name="unlit",
     does="shows the base color",
-    called_for=_unlit_called_for,
+    activations=for_each("shaded", _unlit_reasons),
     left_out="no material in the picture is unlit",
-    needs=lambda request, target: ("slots",),
+    needs=("slots",),
     shade=_show_base,
 )
 
@@ -129,15 +134,133 @@ LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
     Effect(
         name=shading,
         does=f"reflects lamps by {title}",
-        called_for=_called_for(shading),
+        activations=for_each("lit", partial(_lamp_reasons, shading)),
         left_out=f"no material in the picture is {shading}, or no lamp shines",
-        needs=_needs,
+        needs=("slots", normals_effect, *looks, lamp_positions),
         shade=_reflecting(reflect),
         rate="vertex",
     )
-    for shading, title, reflect in (
-        ("lambert", "Lambert's law", _lambert),
-        ("blinn-phong", "the model of Blinn and Phong", _blinn_phong),
-        ("metallic-roughness", "the model of glTF 2.0", _metallic),
+    for shading, title, reflect, looks in (
+        ("lambert", "Lambert's law", _lambert, ()),
+        ("blinn-phong", "the model of Blinn and Phong", _blinn_phong, ("view directions",)),
+        ("metallic-roughness", "the model of glTF 2.0", _metallic, ("view directions",)),
     )
+)
+
+
+# Faces shaded together.
+_BAND = 1 << 12
+_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+_WHITE = np.ones((1, 3), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class CornerLight:
+    """Light at the corners of drawn faces, (F, 3, 3) float32.
+
+    `own` is that of a black surface, `reflected` what a white one adds to it.
+    """
+
+    own: Floats
+    reflected: Floats
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of both."""
+        return self.own.nbytes + self.reflected.nbytes
+
+
+def _shade_corners(state: RenderState, target: int) -> CornerLight:
+    n_faces = len(state.drawn(target).faces)
+    own, reflected = (np.zeros((n_faces, 3, 3), np.float32) for _ in range(2))
+
+    def work(start: int, stop: int) -> None:
+        faces = np.repeat(np.arange(start, stop, dtype=np.int32), 3)
+        black = _light(state, target, faces, np.zeros((1, 3), np.float32))
+        white = _light(state, target, faces, _WHITE)
+        own[start:stop] = black.reshape(-1, 3, 3)
+        reflected[start:stop] = (white - black).reshape(-1, 3, 3)
+
+    run_bands(work, n_faces, band=_BAND, threads=state.threads)
+    return CornerLight(own, reflected)
+
+
+def _light(state: RenderState, target: int, faces: IntArray, base: Floats) -> Floats:
+    """(n, 3) float32: light that corners of faces reflect with a base color."""
+    fragments = _at_corners(state, target, faces)
+    for effect in state.plan.for_target(target):
+        if effect.shade is None or effect.rate == "pixel":
+            continue
+        with state.costs.timed(effect.name):
+            effect.shade(fragments, state)
+        if effect.name == "view directions":
+            fragments.to_eye = _toward_eye(fragments, state)
+        if effect.name == "slots":
+            fragments.slots = replace(fragments.values, base_color=base)
+    return fragments.light
+
+
+def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
+    """Make fragments at the corners of faces, each given three times."""
+    drawn = state.drawn(target)
+    n = len(faces)
+    weights = np.tile(_CORNERS, (n // 3, 1))
+    # A corner is not a pixel, so that textures are looked up at their finest level.
+    wanted = state.plan.has("derivatives", target)
+    changes = np.zeros((n if wanted else 0, 4), np.float32)
+    base = (
+        (faces, weights, changes)
+        if drawn.base_faces is None
+        else drawn.on_base(faces, weights, changes)
+    )
+    first, second, third = np.moveaxis(drawn.positions[drawn.faces[faces]], 1, 0)
+    normals = np.cross(second - first, third - first)
+    away = pm.vecdot(normals, state.camera.eye - first) < 0.0
+    return Fragments(
+        target=target,
+        drawn=drawn,
+        drawn_faces=faces,
+        drawn_weights=weights,
+        faces=base[0],
+        weights=base[1],
+        changes=base[2],
+        places=np.zeros((n, 2), np.float32),
+        pixels=np.zeros(n, np.int32),
+        counts=np.ones(n, np.float32),
+        back_facing=np.ascontiguousarray(away),
+        light=np.zeros((n, 3), np.float32),
+    )
+
+
+def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
+    assert fragments.positions is not None
+    way = state.camera.eye - fragments.positions
+    lengths = pm.norm(way, axis=1, keepdims=True)
+    return np.ascontiguousarray(way / np.where(lengths > 0.0, lengths, 1.0), np.float32)
+
+
+def _interpolate(fragments: Fragments, state: RenderState) -> None:
+    corners = state.of(CORNER_LIGHT, fragments.target)
+    second, third = fragments.drawn_weights.T
+    weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
+    own, reflected = (
+        pm.vecmat(weights, values[fragments.drawn_faces])
+        for values in (corners.own, corners.reflected)
+    )
+    fragments.light += own + reflected * fragments.values.base_color
+
+
+CORNER_LIGHT = Result(_shade_corners)
+
+VERTEX_LIGHT = Effect(
+    name="vertex light",
+    does="interpolates light between vertices",
+    field="shading_rate",
+    among="lit",
+    why="its material is shaded per vertex",
+    left_out="no material in the picture is shaded per vertex",
+    needs=("slots", "positions"),
+    prepare=CORNER_LIGHT,
+    shade=_interpolate,
+    rate="pixel",
 )

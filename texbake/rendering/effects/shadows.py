@@ -45,7 +45,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Call, Effect, Refusal, RenderState
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.lights import (
     PLACED_LIGHTS,
     PlacedLight,
@@ -61,11 +61,11 @@ from texbake.rendering.effects.shadow_fit import (
     seen_bounds,
     shading_pairs,
 )
-from texbake.rendering.fragments import Floats, Fragments, Incident
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight
 from texbake.rendering.raster.rasterize import rasterize
 from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light
 
 
@@ -94,7 +94,7 @@ def lit_radiance(
     points: FloatArray,
     normals: Floats,
     faces: IntArray,
-    incident: Incident,
+    incident: IncidentLight,
     *,
     own: tuple[int, int],
 ) -> Floats:
@@ -141,25 +141,19 @@ def _pairs(
     return pairs or "its shadows fall on nothing that is in the picture"
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call | Refusal]:
-    for index, light in enumerate(request.scene.lighting.lights):
-        if light.shadow is not None:
-            name, found = f'light "{light.name}"', _pairs(request, index)
-            if isinstance(found, str):
-                yield Refusal(name, found)
-            else:
-                yield Call(index, name, "it casts shadows")
+def _map_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+    if request.light(index).shadow is not None:
+        found = _pairs(request, index)
+        yield Rejection(found) if isinstance(found, str) else "it casts shadows"
 
 
-def _unneeded(state: RenderState, target: Target) -> str | None:
-    assert target is not None
+def _unneeded(state: RenderState, target: int) -> str | None:
     found = _pairs(state.request, target, state)
     return found if isinstance(found, str) else None
 
 
-def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
+def _prepare(state: RenderState, target: int) -> ShadowMap | None:
     """Rasterize the casters from a light; None if none is in front of a visible receiver."""
-    assert target is not None
     light: Light = state.lights[target]
     placed = state.of(PLACED_LIGHTS, target)
     assert light.shadow is not None
@@ -191,7 +185,7 @@ def _prepare(state: RenderState, target: Target) -> ShadowMap | None:
     )
 
 
-def _dim(fragments: Fragments, state: RenderState, index: int, incident: Incident) -> None:
+def _dim(fragments: Fragments, state: RenderState, index: int, incident: IncidentLight) -> None:
     if not state.plan.has("shadows", fragments.target):
         return
     shadow = state.get(LIGHT_SHADOWS, index)
@@ -212,13 +206,13 @@ def _dim(fragments: Fragments, state: RenderState, index: int, incident: Inciden
     )
 
 
-def _shadows_called_for(request: RenderRequest) -> Iterator[Call]:
+def _receivers(request: RenderRequest) -> Iterator[Activation]:
     for index, light in enumerate(request.scene.lighting.lights):
         found = _pairs(request, index) if light.shadow is not None else "it casts none"
         if not isinstance(found, str):
             for receiver in sorted({receiver for _, receiver in found}):
                 why = f'shadows of light "{light.name}" may fall on it'
-                yield Call(receiver, request.name(receiver), why)
+                yield Activation(receiver, request.name(receiver), why)
 
 
 LIGHT_SHADOWS = Result(_prepare, deferred=True)
@@ -227,9 +221,10 @@ SHADOW_MAPS = Effect(
     name="shadow maps",
     does="renders the depths that lights see",
     of="light",
-    called_for=_called_for,
+    activations=for_each("lights", _map_reasons),
+    without=lambda scene: scene.with_lights(shadow=None),
     left_out="no light casts shadows",
-    needs=lambda request, target: ("lights",),
+    needs=("lights",),
     unneeded=_unneeded,
     prepare=LIGHT_SHADOWS,
     dim=_dim,
@@ -239,7 +234,7 @@ SHADOW_MAPS = Effect(
 SHADOWS = Effect(
     name="shadows",
     does="looks up shadow maps",
-    called_for=_shadows_called_for,
+    activations=_receivers,
     left_out="no shadow falls on anything in the picture",
-    needs=lambda request, target: ("positions",),
+    needs=("positions",),
 )

@@ -9,17 +9,17 @@ Kernel: `core/interpolation.c`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Call, Effect, RenderState
-from texbake.rendering.effects.images import COLOR_SLOTS, look_up
+from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effects.images import COLOR_SLOTS, look_up, without_textures
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Target
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, VolumeTexture
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
@@ -28,13 +28,11 @@ from texbake.texture.procedures import evaluate
 _SHARES = ("roughness", "metalness")
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        yield Call(index, request.name(index), f"its shading is {request.material(index).shading}")
+def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    yield f"its shading is {request.material(index).shading}"
 
 
-def _needs(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
+def _needs(request: RenderRequest, target: int) -> Iterator[str]:
     for _, texture in request.textures(target):
         yield "images" if isinstance(texture, ImageTexture) else "procedures"
 
@@ -126,36 +124,38 @@ def vertex_colors(fragments: Fragments) -> Floats:
     return np.asarray(pm.vecmat(weights, corners), np.float32)
 
 
-def _procedures_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        for name, texture in request.textures(index):
-            if isinstance(texture, ProcedureTexture):
-                yield Call(index, request.name(index), f"{name} is {texture.procedure}")
-
-
-def _procedures_need(request: RenderRequest, target: Target) -> Iterator[str]:
-    assert target is not None
-    for _, texture in request.textures(target):
+def _procedures(request: RenderRequest, index: int) -> Iterator[tuple[str, ProcedureTexture]]:
+    for name, texture in request.textures(index):
         if isinstance(texture, ProcedureTexture):
-            if texture.space == "uv":
-                yield coordinates_effect(texture.uv_set)
-            if request.wants_footprint(texture):
-                yield "derivatives"
+            yield name, texture
+
+
+def _procedure_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    return (f"{name} is {texture.procedure}" for name, texture in _procedures(request, index))
+
+
+def _procedures_need(request: RenderRequest, target: int) -> Iterator[str]:
+    for _, texture in _procedures(request, target):
+        if texture.space == "uv":
+            yield coordinates_effect(texture.uv_set)
+        if request.wants_footprint(texture):
+            yield "derivatives"
 
 
 PROCEDURES = Effect(
     name="procedures",
     does="computes procedural textures",
-    called_for=_procedures_called_for,
+    activations=for_each("shaded", _procedure_reasons),
     left_out="no material in the picture has a procedure",
-    needs=_procedures_need,
+    needs=(_procedures_need,),
+    without=partial(without_textures, ProcedureTexture),
 )
 
 SLOTS = Effect(
     name="slots",
     does="looks up the slots of materials",
-    called_for=_called_for,
+    activations=for_each("shaded", _reasons),
     left_out="nothing is shaded",
-    needs=_needs,
+    needs=(_needs,),
     shade=_look_up_all,
 )

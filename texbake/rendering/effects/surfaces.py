@@ -26,7 +26,7 @@ from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
-from texbake.rendering.effect import Call, Effect, RenderState
+from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import (
     LoadedImage,
     image_values,
@@ -38,7 +38,7 @@ from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Result
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import placed
 from texbake.rendering.scene.textures import (
@@ -50,13 +50,11 @@ from texbake.rendering.scene.textures import (
 from texbake.rendering.tessellation import Places
 
 
-def _placing_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in range(len(request.scene.objects)):
-        yield Call(index, request.name(index), "it is in the scene")
+def _placing_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    yield "it is in the scene"
 
 
-def _place(state: RenderState, target: Target) -> DrawnObject:
-    assert target is not None
+def _place(state: RenderState, target: int) -> DrawnObject:
     item = state.scene.objects[target]
     mesh = placed(item)
     inverse = None if item.transform is None else pm.inv(item.transform)
@@ -74,7 +72,7 @@ PLACED_OBJECTS = Result(_place)
 PLACING = Effect(
     name="placing",
     does="transforms meshes to world space",
-    called_for=_placing_called_for,
+    activations=for_each("objects", _placing_reasons),
     left_out="the scene has no object",
     load=PLACED_OBJECTS,
     moves_surface=True,
@@ -109,15 +107,8 @@ class ObjectRelief:
         return own + (0 if self.image is None else self.image.n_bytes)
 
 
-def _displacement_called_for(request: RenderRequest) -> Iterator[Call]:
-    for index, item in enumerate(request.scene.objects):
-        if item.material.displacement is not None:
-            yield Call(index, request.name(index), "its material has a displacement map")
-
-
-def _load_relief(state: RenderState, target: Target) -> ObjectRelief | DrawnObject:
+def _load_relief(state: RenderState, target: int) -> ObjectRelief | DrawnObject:
     """Prepare the displacement; returns the displaced object if it is the same for all views."""
-    assert target is not None
     relief = _relief(state, target)
     return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
 
@@ -213,8 +204,7 @@ def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
     return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
 
 
-def _displace(state: RenderState, target: Target) -> DrawnObject:
-    assert target is not None
+def _displace(state: RenderState, target: int) -> DrawnObject:
     known = state.of(RELIEFS, target)
     if isinstance(known, DrawnObject):
         return known
@@ -338,17 +328,18 @@ def _is_over_uvs(material: Material) -> bool:
     return isinstance(texture, ImageTexture) or texture.space == "uv"
 
 
-def _displacement_needs(request: RenderRequest, target: Target) -> tuple[str, ...]:
-    assert target is not None
+def _displacement_needs(request: RenderRequest, target: int) -> tuple[str, ...]:
     return mapping_effect(request, target) if _is_over_uvs(request.material(target)) else ()
 
 
 DISPLACEMENT = Effect(
     name="displacement",
     does="subdivides surfaces and displaces them",
-    called_for=_displacement_called_for,
+    field="displacement",
+    among="objects",
+    why="its material has a displacement map",
     left_out="no material has a displacement map",
-    needs=_displacement_needs,
+    needs=(_displacement_needs,),
     load=RELIEFS,
     prepare=DISPLACED_OBJECTS,
     moves_surface=True,

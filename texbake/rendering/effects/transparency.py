@@ -18,14 +18,14 @@ Kernel: `core/compositing.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
-from texbake.rendering.effect import Call, Effect, RenderState, only_when_needed
+from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, Fragments
@@ -35,6 +35,7 @@ from texbake.rendering.raster.world import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
 from texbake.rendering.results import Result, Target
+from texbake.rendering.scene.material import Material
 
 MAX_LAYERS = 16
 
@@ -44,18 +45,21 @@ _BEFORE_ALL = 2.0
 ShadeRows = Callable[..., tuple[FragmentRows, list[Fragments]]]
 
 
-def _called_for(request: RenderRequest) -> Iterator[Call]:
-    for index in request.shaded:
-        material = request.material(index)
-        if material.alpha_mode == "opaque":
-            continue
-        if material.opacity is not None and material.opacity != 1.0:
-            yield Call(index, request.name(index), "its opacity is not 1 everywhere")
-        if request.image_opacity(index) is not None:
-            yield Call(index, request.name(index), "the image of its base color has opacity")
-        colors = request.scene.objects[index].mesh.colors
-        if material.vertex_colors and colors is not None and colors.shape[1] == 4:
-            yield Call(index, request.name(index), "its vertex colors have opacity")
+def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
+    material = request.material(index)
+    if material.alpha_mode == "opaque":
+        return
+    if material.opacity is not None and material.opacity != 1.0:
+        yield "its opacity is not 1 everywhere"
+    if request.image_opacity(index) is not None:
+        yield "the image of its base color has opacity"
+    colors = request.scene.objects[index].mesh.colors
+    if material.vertex_colors and colors is not None and colors.shape[1] == 4:
+        yield "its vertex colors have opacity"
+
+
+def _opaque(material: Material) -> Material:
+    return replace(material, alpha_mode="opaque")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class Layers:
         seen = np.zeros(shape, np.bool_)
         for layer in (*self.layers, self.opaque):
             found, shaded = shade_rows(state, layer, rows, wants_samples=True)
-            put_behind(
+            composite_under(
                 state, found.of_samples, shaded, light, passed, normals, seen,
                 opaque=layer is self.opaque,
             )  # fmt: skip
@@ -92,7 +96,7 @@ class Layers:
             )  # fmt: skip
 
 
-def put_behind(
+def composite_under(
     state: RenderState,
     of_samples: IntArray,
     shaded: list[Fragments],
@@ -192,7 +196,6 @@ LAYERS = Effect(
     name="layers",
     does="peels transparent surfaces from front to back",
     of="picture",
-    called_for=only_when_needed,
     left_out="nothing in the picture is transparent",
     prepare=PEELED_LAYERS,
     finds_objects=_objects_in_layers,
@@ -201,7 +204,8 @@ LAYERS = Effect(
 TRANSPARENCY = Effect(
     name="transparency",
     does="blends transparent surfaces in order of depth",
-    called_for=_called_for,
+    activations=for_each("shaded", _reasons),
+    without=lambda scene: scene.with_materials(_opaque),
     left_out="nothing in the picture is transparent",
-    needs=lambda request, target: ("layers", "slots"),
+    needs=("layers", "slots"),
 )

@@ -383,3 +383,6 @@ class Material:
             raise OptionError(f"{self.name}.exponent: {self.exponent} is below 0")
         if self.ior != 0.0 and not 1.0 <= self.ior < math.inf:
             raise OptionError(f"{self.name}.ior: {self.ior} is not 1 or more")
+
+
+DEFAULT_MATERIAL = Material()

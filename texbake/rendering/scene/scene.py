@@ -7,7 +7,7 @@ and its mirror image both show their outside, with the same relief.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -138,6 +138,27 @@ class Scene:
     def options(self, **changes: Any) -> RenderOptions:
         """Return the render options set in the file, with `changes` applied."""
         return replace(RenderOptions(), **{**self.render, **changes})
+
+    def with_materials(self, change: Callable[[Material], Material]) -> Scene:
+        """Return the scene with changed materials."""
+        objects = tuple(replace(item, material=change(item.material)) for item in self.objects)
+        return replace(self, objects=objects)
+
+    def with_lighting(self, **changes: Any) -> Scene:
+        """Return the scene with changed fields of its lighting."""
+        return replace(self, lighting=replace(self.lighting, **changes))
+
+    def with_lights(self, **changes: Any) -> Scene:
+        """Return the scene with changed fields of all lights."""
+        lights = tuple(replace(light, **changes) for light in self.lighting.lights)
+        return self.with_lighting(lights=lights)
+
+    def with_environment(self, **changes: Any) -> Scene:
+        """Return the scene with changed fields of its environment, if it has one."""
+        around = self.lighting.environment
+        return (
+            self if around is None else self.with_lighting(environment=replace(around, **changes))
+        )
 
 
 def checked_transform(transform: FloatArray, name: str) -> FloatArray:

@@ -16,7 +16,7 @@ from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelSampler, S
 PixelIds = npt.NDArray[np.int64]
 
 
-class KeptPixels:
+class PixelCache:
     """Samples pixels, or returns what they gave before.
 
     `shape` (int, int).
