@@ -22,7 +22,7 @@ import numpy as np
 import texbake
 from texbake.jobs.preview_scene import with_lighting
 from texbake.progress import Stages
-from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
 from texbake.rendering.request import RenderRequest

@@ -20,8 +20,8 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import weld_corners
 from texbake.raycast import outside
 from texbake.raycast.morton_tree import MortonTree
-from texbake.rendering.raster import rasterize as rasterizer
-from texbake.rendering.raster.world import SHOW_BACK, joined
+from texbake.rendering import rasterize as rasterizer
+from texbake.rendering.rasterize import SHOW_BACK, joined
 
 N = 3000
 

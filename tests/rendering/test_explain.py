@@ -7,7 +7,6 @@ import pytest
 
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
-from texbake.rendering.costs import Costs
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
@@ -17,6 +16,7 @@ from texbake.rendering.plan import (
     plan_rows,
     plan_table,
 )
+from texbake.rendering.results import Costs
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject

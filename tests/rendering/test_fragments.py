@@ -6,9 +6,9 @@ import pytest
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
+from texbake.rendering.fragments import fragment_rows, weights_at
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.raster.fragments import fragment_rows, weights_at
-from texbake.rendering.raster.world import World
+from texbake.rendering.rasterize import World
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 

@@ -5,14 +5,16 @@ from hypothesis import given, settings, strategies as st
 from texbake.mesh.shapes import grid_sphere, icosphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.raster.clip import SUBPIXELS
-from texbake.rendering.raster.rasterize import BAND_ROWS, Window, rasterize
-from texbake.rendering.raster.world import (
+from texbake.rendering.rasterize import (
+    BAND_ROWS,
     CULL_BACK,
     SHOW_BACK,
     SKIP,
+    SUBPIXELS,
     VisibilityBuffer,
+    Window,
     joined,
+    rasterize,
 )
 
 # Clip space is (x, y) of the positions as they are, in front of the camera, z the depth itself.

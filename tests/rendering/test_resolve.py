@@ -3,11 +3,11 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
-from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import DrawnObject, Fragments
-from texbake.rendering.raster.world import VisibilityBuffer
+from texbake.rendering.rasterize import VisibilityBuffer
 from texbake.rendering.resolve import Frame, Sums
+from texbake.rendering.results import Costs
 from texbake.rendering.scene.material import Material
 
 

@@ -5,11 +5,9 @@ import pytest
 
 from texbake.mesh.shapes import cube, grid_sphere, icosphere
 from texbake.rendering.camera import Camera
+from texbake.rendering.fragments import fragment_rows, weights_at
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.raster.fragments import fragment_rows, weights_at
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.scanline import rasterize_scanlines
-from texbake.rendering.raster.world import CULL_BACK, SHOW_BACK, joined
+from texbake.rendering.rasterize import CULL_BACK, SHOW_BACK, joined, rasterize, rasterize_scanlines
 
 WIDTH, HEIGHT = 200, 150
 

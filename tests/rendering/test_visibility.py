@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from texbake.rendering.camera import Camera
-from texbake.rendering.raster.fragments import fragment_rows, weights_at
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.world import CULL_BACK, SHOW_BACK, joined
+from texbake.rendering.fragments import fragment_rows, weights_at
+from texbake.rendering.rasterize import CULL_BACK, SHOW_BACK, joined, rasterize
 
 WIDTH, HEIGHT = 160, 120
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import DependencyError
-from texbake.pages.figures import duration, memory, number
+from texbake.pages.page import duration, memory, number
 from texbake.pages.pictures import png_of
 from texbake.study import plots
 from texbake.study.findings import findings

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from texbake.building.file import AssetRule, Pipeline
 from texbake.building.locations import is_url, matches
 from texbake.errors import OptionError, quoted
-from texbake.rendering.scene.file.faults import nearest
+from texbake.rendering.scene.file.values import nearest
 
 DEFAULT_NAME = "{stem}"
 _PLACE = re.compile(r"\{([^{}]*)\}")

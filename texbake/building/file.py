@@ -26,17 +26,17 @@ from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import folder_beside, toml_content
-from texbake.rendering.scene.file.faults import (
-    fault,
-    first_fault,
-    key_fault,
-    nearest,
-    option_fault,
-    place_of,
-    shown,
-)
 from texbake.rendering.scene.file.tables import Table, described, list_of, table
-from texbake.rendering.scene.file.values import Text
+from texbake.rendering.scene.file.values import (
+    Text,
+    first_error,
+    format_value,
+    key_error,
+    nearest,
+    option_error,
+    place_of,
+    validation_error,
+)
 from texbake.verbs.step import Settings, StepKind
 
 FOLDER = "build"
@@ -45,7 +45,7 @@ FOLDER = "build"
 def _references(value: Any) -> Any:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise fault(f"{shown(value)} is neither a name in quotes nor a list of some")
+        raise validation_error(f"{format_value(value)} is neither a name in quotes nor a list of some")
     return names
 
 
@@ -173,9 +173,9 @@ class Pipeline:
             settings = kind.settings(values)
         except (ValidationError, OptionError) as error:
             if isinstance(error, ValidationError):
-                what = first_fault(error)
+                what = first_error(error)
             else:
-                what = option_fault((), error)
+                what = option_error((), error)
             key = what.partition(":")[0].partition(".")[0].partition("[")[0]
             where: tuple[int | str, ...] = base
             if key in own:
@@ -217,7 +217,7 @@ def read_pipeline(path: PathLike) -> Pipeline:
     try:
         found = PipelineTable.model_validate(content)
     except ValidationError as error:
-        what = first_fault(error)
+        what = first_error(error)
         line = line_of(text, what.partition(": ")[0])
         where = path if line is None else f"{path}:{line}"
         raise FileFormatError(f"{where}: {what}") from error
@@ -252,31 +252,31 @@ def _check_names(pipeline: Pipeline) -> None:
 
 def _word(value: Any) -> str:
     if not isinstance(value, str) or not value or any(sign in value for sign in "./\\{}"):
-        raise fault(f"{shown(value)} is not a name; use one without . / \\ and braces")
+        raise validation_error(f"{format_value(value)} is not a name; use one without . / \\ and braces")
     return value
 
 
 def _some(items: list[Any]) -> list[Any]:
     if not items:
-        raise fault("it is empty; a pipeline needs at least one asset")
+        raise validation_error("it is empty; a pipeline needs at least one asset")
     return items
 
 
 def _known_kinds(steps: dict[str, Any]) -> dict[str, Any]:
     if not steps:
-        raise fault("it is empty; a pipeline needs at least one step")
+        raise validation_error("it is empty; a pipeline needs at least one step")
     return steps
 
 
 def _step(value: Any) -> Any:
     if not isinstance(value, dict):
-        raise fault(f"{shown(value)} is not a table; give one with: do = ...")
+        raise validation_error(f"{format_value(value)} is not a table; give one with: do = ...")
     if "do" not in value:
-        raise key_fault("do", f"it is missing; it is one of {', '.join(STEP_KINDS)}")
+        raise key_error("do", f"it is missing; it is one of {', '.join(STEP_KINDS)}")
     if value["do"] not in STEP_KINDS:
-        raise key_fault(
+        raise key_error(
             "do",
-            f"{shown(value['do'])} is not a kind of step; {nearest(str(value['do']), STEP_KINDS)}",
+            f"{format_value(value['do'])} is not a kind of step; {nearest(str(value['do']), STEP_KINDS)}",
         )
     return value
 

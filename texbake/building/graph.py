@@ -12,7 +12,7 @@ from texbake.building.assets import PipelineAsset, absolute, filled
 from texbake.building.file import Pipeline, StepTable
 from texbake.building.locations import is_url
 from texbake.errors import OptionError, quoted
-from texbake.rendering.scene.file.faults import nearest
+from texbake.rendering.scene.file.values import nearest
 
 Id = tuple[str, str]
 

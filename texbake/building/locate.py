@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from texbake.rendering.scene.file.faults import place_of
+from texbake.rendering.scene.file.values import place_of
 
 # What a statement is cut at: line ends, unless they are in brackets or in a text of several lines.
 # Whatever is not closed reaches to the end, so that nothing is read twice.

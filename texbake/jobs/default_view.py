@@ -17,10 +17,10 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import Camera
 from texbake.rendering.framing import framed
+from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.scene import Scene, camera_of, outline
-from texbake.rendering.simplified_material import is_hidden
 from texbake.texture.encoding import quantize_srgb
 
 # Light below this has the 8-bit code 0.

@@ -34,8 +34,7 @@ from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, relit
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture_error import picture_error
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, picture_error
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import BumpMap, Displacement, Material, NormalMap
 from texbake.rendering.scene.scene import Scene, SceneObject

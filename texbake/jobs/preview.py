@@ -27,7 +27,6 @@ from texbake.jobs.preview_scene import open_preview
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.contributions import Contribution, contributions_of
-from texbake.rendering.costs import Costs
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
 from texbake.rendering.exposure import exposed
@@ -36,6 +35,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame
+from texbake.rendering.results import Costs
 from texbake.rendering.scene.scene import Scene, turntable_cameras
 from texbake.sampling.time_budget import BudgetClock, with_actual_time
 from texbake.texture.image import FloatImage, write_image

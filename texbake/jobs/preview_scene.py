@@ -65,7 +65,7 @@ def open_preview(
             scene = studio_scene(mesh, **maps, space=space, options=chosen)
             return scene, _exposing(chosen)
         # Imported here, so that files without materials do not load it.
-        from texbake.rendering.scene.from_materials import scene_from_materials
+        from texbake.rendering.scene.read import scene_from_materials
 
         scene = _with_sides_as_asked(scene_from_materials(mesh, materials))
         scene = replace(scene, name=mesh.name, files=(Path(path),))

@@ -25,7 +25,7 @@ from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
 from texbake.rendering.effects.projectors import LightCookie, cookie_colors, cookie_of
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
-from texbake.rendering.raster.world import joined
+from texbake.rendering.rasterize import joined
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import Scene
 

@@ -16,9 +16,17 @@ from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.metadata import SPACE
-from texbake.pages.figures import duration, number
 from texbake.pages.histogram import histogram_svg
-from texbake.pages.page import as_json, asset, page_html, render, three_js, write_page
+from texbake.pages.page import (
+    as_json,
+    asset,
+    duration,
+    number,
+    page_html,
+    render,
+    three_js,
+    write_page,
+)
 from texbake.pages.pictures import (
     MapPicture,
     baked_pictures,

@@ -16,8 +16,7 @@ from urllib.parse import quote
 import numpy as np
 
 from texbake.files import PathLike
-from texbake.pages.figures import duration, number
-from texbake.pages.page import asset, page_html, render, write_page
+from texbake.pages.page import asset, duration, number, page_html, render, write_page
 from texbake.pages.pictures import data_uri, picture_codes
 from texbake.texture.image import FloatImage
 

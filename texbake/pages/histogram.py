@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.pages.figures import number
-from texbake.pages.page import render
+from texbake.pages.page import number, render
 
 if TYPE_CHECKING:
     from markupsafe import Markup

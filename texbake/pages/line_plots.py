@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from texbake.files import PathLike, replacing
-from texbake.pages.figures import number
 from texbake.pages.histogram import ticks
-from texbake.pages.page import render
+from texbake.pages.page import number, render
 
 if TYPE_CHECKING:
     from markupsafe import Markup

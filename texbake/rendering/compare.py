@@ -33,7 +33,7 @@ from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
 from texbake.rendering.resolve import Frame
-from texbake.rendering.scene.from_materials import scene_from_materials
+from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb

@@ -25,9 +25,9 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
-from texbake.rendering.scene.from_materials import scene_from_materials
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.lights import Environment, Lighting
+from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene, outline
 from texbake.rendering.studio import STUDIO_ROOM
 from texbake.texture.encoding import quantize_srgb

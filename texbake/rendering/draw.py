@@ -21,21 +21,20 @@ import numpy as np
 from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.costs import Costs
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.effects.environment import OF_ENVIRONMENT
 from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
 from texbake.rendering.effects.transparency import PEELED_LAYERS
-from texbake.rendering.identities import Identity, without_identities
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.passes import find_visible, shaded_fragments
 from texbake.rendering.plan import compile_plan
-from texbake.rendering.raster.world import World, joined
+from texbake.rendering.rasterize import World, joined
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
-from texbake.rendering.results import Deferred, Result, Results, Target
+from texbake.rendering.results import Costs, Deferred, Result, Results, Target
 from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene_simplification import RemovedPart, simplify_scene
 from texbake.rendering.texture_order import base_colors_alone, in_texture_order
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
@@ -67,7 +66,7 @@ class SceneCache:
 class Prepared:
     """A scene with its cache of results that do not depend on the camera.
 
-    `scene` is without the parts that change no pixel, which `identities` lists.
+    `scene` is without the parts that change no pixel, which `removed` lists.
     """
 
     scene: Scene
@@ -75,7 +74,7 @@ class Prepared:
     effects: Sequence[Effect] = EFFECTS
     threads: int | None = None
     loaded: SceneCache = field(default_factory=SceneCache)
-    identities: tuple[Identity, ...] = ()
+    removed: tuple[RemovedPart, ...] = ()
     keeps_materials: bool = False
 
     def request(self, camera: Camera, keep: Collection[str]) -> RenderRequest:
@@ -85,7 +84,7 @@ class Prepared:
             self.options,
             camera,
             frozenset(keep),
-            identities=self.identities,
+            removed=self.removed,
             keeps_materials=self.keeps_materials,
         )
 
@@ -102,11 +101,9 @@ def prepare(
     if options.mapping_order != "screen":
         scene, options = base_colors_alone(scene), replace(options, supersampling=1)
     keeps_materials = options.buffer is not None or effects is not EFFECTS
-    active, options, identities = without_identities(
-        scene, options, keeps_materials=keeps_materials
-    )
+    active, options, removed = simplify_scene(scene, options, keeps_materials=keeps_materials)
     return Prepared(
-        scene=active, options=options, effects=effects, threads=threads, identities=identities,
+        scene=active, options=options, effects=effects, threads=threads, removed=removed,
         keeps_materials=keeps_materials,
     )  # fmt: skip
 

@@ -30,12 +30,11 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, OptionError
 from texbake.rendering.camera import Camera
-from texbake.rendering.costs import Costs
 from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.raster.world import VisibilityBuffer, World
+from texbake.rendering.rasterize import VisibilityBuffer, World
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Deferred, Result, Results, Target, Value
+from texbake.rendering.results import Costs, Deferred, Result, Results, Target, Value
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import DEFAULT_MATERIAL
 from texbake.rendering.scene.scene import Scene
@@ -221,7 +220,7 @@ class VisibleScene:
     """The result of rasterization."""
 
     visibility: VisibilityBuffer  # opaque triangles at the samples
-    # (O,): which faces of each object are drawn; see `texbake.rendering.raster.world`
+    # (O,): which faces of each object are drawn; see `texbake.rendering.rasterize`
     modes: npt.NDArray[np.uint8]
     objects: frozenset[int]  # objects that are visible in some sample, and transparent objects
     # (h, w, 2): barycentric weights at each sample, if the scanline rasterizer was used

@@ -12,16 +12,21 @@ from texbake.core import core
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Effect, RenderState, VisibleScene
-from texbake.rendering.fragments import BRIGHTEST, Fragments
-from texbake.rendering.raster.fragments import FragmentRows, fragment_rows, weights_at
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.scanline import rasterize_scanlines
-from texbake.rendering.raster.world import (
+from texbake.rendering.fragments import (
+    BRIGHTEST,
+    FragmentRows,
+    Fragments,
+    fragment_rows,
+    weights_at,
+)
+from texbake.rendering.rasterize import (
     CULL_BACK,
     SHOW_BACK,
     SKIP,
     VisibilityBuffer,
     World,
+    rasterize,
+    rasterize_scanlines,
 )
 
 _GIVE_NORMALS = ("normals", "normal map", "bump map")

@@ -11,10 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection, SkippedEffect
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Target
+from texbake.rendering.results import Costs, Target
 
 # Passes that every picture has, in the order in which they run.
 EVERY_PICTURE = {
@@ -58,9 +57,9 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
             else:
                 rejections[effect.name].append(answer)
     passes = [Pass(each, tuple(active[each.name])) for each in effects if active[each.name]]
-    skipped = [SkippedEffect(item.name, item.by, item.why) for item in request.identities]
-    shown = {item.name for item in request.identities}
-    removed = {(item.name, item.by) for item in request.identities}
+    skipped = [SkippedEffect(item.name, item.by, item.why) for item in request.removed]
+    shown = {item.name for item in request.removed}
+    removed = {(item.name, item.by) for item in request.removed}
     for effect in effects:
         skipped += [
             SkippedEffect(effect.name, item.requested_by, item.why)

@@ -9,12 +9,16 @@ from functools import cached_property
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.rendering.aim import lights_object
 from texbake.rendering.camera import Camera
-from texbake.rendering.identities import Identity
 from texbake.rendering.maps import has_opacity
+from texbake.rendering.material_simplification import (
+    ALWAYS_READ_SLOTS,
+    LIT_SLOTS,
+    SHADING_SLOTS,
+    is_hidden,
+)
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.raster.rasterize import Window
+from texbake.rendering.rasterize import Window
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.scene import Scene, SceneObject
@@ -25,12 +29,7 @@ from texbake.rendering.scene.textures import (
     Texture,
     uv_set_of,
 )
-from texbake.rendering.simplified_material import (
-    ALWAYS_READ_SLOTS,
-    LIT_SLOTS,
-    SHADING_SLOTS,
-    is_hidden,
-)
+from texbake.rendering.scene_simplification import RemovedPart, lights_object
 
 # Features of a material whose textures parallax moves.
 _MOVED = ("normal_map", "bump_map", "reflection", "refraction")
@@ -42,7 +41,7 @@ class RenderRequest:
 
     `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
     is 1 in an environment rendered for a reflecting object. `window` has the pixels of the camera's
-    picture that are drawn, None for all. `identities` lists what was taken out of the scene;
+    picture that are drawn, None for all. `removed` lists what was taken out of the scene;
     with `keeps_materials`, effects of the caller's own may read all that is left.
     """
 
@@ -52,7 +51,7 @@ class RenderRequest:
     keep: frozenset[str] = frozenset()
     depth: int = 0
     window: Window | None = None
-    identities: tuple[Identity, ...] = ()
+    removed: tuple[RemovedPart, ...] = ()
     keeps_materials: bool = False
 
     @property

@@ -17,12 +17,13 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.costs import Costs
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.raster.world import VisibilityBuffer
+from texbake.rendering.rasterize import VisibilityBuffer
+from texbake.rendering.results import Costs
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.time_budget import TimeBudget
+from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage, write_image
 
 # Rows of pixels per band.
@@ -209,3 +210,17 @@ class Sums:
 
         run_bands(work, len(self.color), band=_BAND, threads=threads)
         return self.color, self.coverage, normals
+
+
+def picture_error(
+    picture: FloatImage, truth: FloatImage, where: npt.NDArray[np.bool_] | None = None
+) -> float:
+    """Return the root mean square difference in the 255 steps of an 8-bit screen.
+
+    `picture`, `truth` (H, W, 3 or 4) float32, linear light; `where` (H, W) bool: pixels to compare.
+    """
+    difference = 255.0 * (
+        encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])
+    )
+    squares = np.square(difference).mean(axis=-1)
+    return float(np.sqrt(squares.mean() if where is None else squares[where].mean()))

@@ -29,8 +29,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import image_of
 from texbake.rendering.effects.points import textured_mesh
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.world import SHOW_BACK, World, read_only
+from texbake.rendering.rasterize import SHOW_BACK, World, rasterize, read_only
 from texbake.rendering.resolve import Frame, TexelReport
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject

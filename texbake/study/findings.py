@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from texbake.core import portable_math as pm
-from texbake.pages.figures import duration, number
+from texbake.pages.page import duration, number
 from texbake.study.result import KnobResult, Measurement, pareto_front, payoff
 
 

@@ -7,7 +7,7 @@ from texbake.files import PathLike, check_folder
 from texbake.jobs.outputs import JobResult
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.pages.figures import duration
+from texbake.pages.page import duration
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.read import read_scene
 from texbake.study.findings import amount

@@ -14,7 +14,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import DependencyError
-from texbake.pages.figures import duration, number
+from texbake.pages.page import duration, number
 from texbake.study.labels import place_labels
 from texbake.study.result import KnobResult
 

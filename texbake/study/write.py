@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.files import PathLike, write_files
-from texbake.pages.figures import duration
+from texbake.pages.page import duration
 from texbake.pages.pictures import picture_codes
 from texbake.progress import ProgressSink, Stages
 from texbake.study.findings import amount

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from texbake.rendering.adaptive_pixels.pixel_error import code_means, edge_errors, shading_errors
-from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import (
+    PixelSums,
+    code_means,
+    edge_errors,
+    shading_errors,
+)
 from texbake.texture.encoding import encode_srgb
 
 

@@ -8,7 +8,7 @@ import pytest
 from texbake.mesh.shapes import cube, icosphere
 from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels import sampler
-from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
 from texbake.rendering.draw import laid_out, prepare
 from texbake.rendering.options import RenderOptions

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import Float32Array, PixelSums
 from texbake.rendering.adaptive_pixels.recheck import SIDE, chosen_pixels
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.rendering.options import RenderOptions

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.rendering.adaptive_pixels.pixel_error import code_means
-from texbake.rendering.adaptive_pixels.pixel_sums import PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums, code_means
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, Sides
 from texbake.sampling.bounds import CODES, format_codes
 from texbake.sampling.report import (

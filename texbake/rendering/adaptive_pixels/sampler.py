@@ -2,7 +2,7 @@
 
 A pixel has `sides.seen` x `sides.seen` visibility samples and is divided into `sides.shaded` x
 `sides.shaded` cells. In each cell every visible triangle is shaded once, at the mean position of
-the samples that see it, as `texbake.rendering.raster.fragments` does for whole pixels. An edge thus
+the samples that see it, as `texbake.rendering.fragments` does for whole pixels. An edge thus
 takes many samples and few shadings, a sharp highlight few samples and many shadings. Texture
 filters use the footprint of a whole pixel for every cell, so that refinement does not change the
 picture.
@@ -23,16 +23,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import Float32Array, PixelSums
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import PEELED_LAYERS, composite_under
+from texbake.rendering.fragments import FragmentRows, fragment_rows
 from texbake.rendering.passes import find_visible, shaded_objects
-from texbake.rendering.raster.fragments import FragmentRows, fragment_rows
-from texbake.rendering.raster.rasterize import Window
-from texbake.rendering.raster.world import VisibilityBuffer
+from texbake.rendering.rasterize import VisibilityBuffer, Window
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -243,3 +242,50 @@ def _behind_all(state: RenderState) -> Float32Array | None:
                 behind = item.effect.prepare.compute(empty, None)
             return behind_surfaces(empty.including(item.effect.prepare, None, behind))
     return behind_surfaces(state)
+
+
+PixelIds = npt.NDArray[np.int64]
+
+
+class PixelCache:
+    """Samples pixels, or returns what they gave before.
+
+    `shape` (int, int).
+    """
+
+    def __init__(self, sampler: PixelSampler, shape: tuple[int, int]) -> None:
+        self._sampler, self._n_pixels = sampler, shape[0] * shape[1]
+        self._rows: dict[Sides, IntArray] = {}  # of each pixel among the kept ones, or -1
+        self._kept: dict[Sides, tuple[FloatArray, FloatArray, Float32Array]] = {}
+
+    def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
+        """Do as `PixelSampler.take` does."""
+        if sides not in self._rows:
+            self._rows[sides] = np.full(self._n_pixels, -1, dtype=np.int32)
+            self._kept[sides] = np.empty((0, 4)), np.empty((0, 4)), np.empty(0, np.float32)
+        pixels = np.flatnonzero(wanted)
+        is_new = self._rows[sides][pixels] < 0
+        self._put(pixels[~is_new], sides, sums)
+        if is_new.any():
+            new = np.zeros(self._n_pixels, np.bool_)
+            new[pixels[is_new]] = True
+            self._sampler.take(new.reshape(wanted.shape), sides, sums)
+            self._keep(pixels[is_new], sides, sums)
+
+    def _put(self, pixels: PixelIds, sides: Sides, sums: PixelSums) -> None:
+        """Write the sums of some pixels that are kept."""
+        rows = self._rows[sides][pixels]
+        light, squares, covered = self._kept[sides]
+        sums.light.reshape(-1, 4)[pixels] = light[rows]
+        sums.squares.reshape(-1, 4)[pixels] = squares[rows]
+        sums.covered.reshape(-1)[pixels] = covered[rows]
+        sums.counts.reshape(-1)[pixels] = sides.seen**2
+
+    def _keep(self, pixels: PixelIds, sides: Sides, sums: PixelSums) -> None:
+        light, squares, covered = self._kept[sides]
+        self._rows[sides][pixels] = np.arange(len(light), len(light) + len(pixels), dtype=np.int32)
+        self._kept[sides] = (
+            np.concatenate([light, sums.light.reshape(-1, 4)[pixels]]),
+            np.concatenate([squares, sums.squares.reshape(-1, 4)[pixels]]),
+            np.concatenate([covered, sums.covered.reshape(-1)[pixels]]),
+        )

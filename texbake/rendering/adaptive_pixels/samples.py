@@ -21,11 +21,15 @@ import numpy as np
 from texbake.mesh.mesh import IntArray
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.adaptive_pixels.picture_rounds import PictureRounds
-from texbake.rendering.adaptive_pixels.pixel_cache import PixelCache
-from texbake.rendering.adaptive_pixels.pixel_error import code_means, edge_errors, shading_errors
-from texbake.rendering.adaptive_pixels.pixel_sums import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import (
+    Float32Array,
+    PixelSums,
+    code_means,
+    edge_errors,
+    shading_errors,
+)
 from texbake.rendering.adaptive_pixels.recheck import recheck
-from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelSampler, Sides
+from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelCache, PixelSampler, Sides
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, laid_out, shaded_sums
 from texbake.rendering.effect import RenderState

@@ -24,10 +24,10 @@ from texbake.parallel import run_bands
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.material_simplification import is_diffuse, reflects_environment
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Ambient
-from texbake.rendering.simplified_material import is_diffuse, reflects_environment
 from texbake.texture.image import FloatImage
 
 # Default radius, as a share of half the diagonal of the scene's bounding box.

@@ -18,7 +18,7 @@ from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.raster.rasterize import rasterize
+from texbake.rendering.rasterize import rasterize
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.textures import ImageTexture

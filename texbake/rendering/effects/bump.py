@@ -67,7 +67,7 @@ from texbake.rendering.effects.points import (
 from texbake.rendering.effects.shading_models import lamp_positions, normals_effect
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
-from texbake.rendering.raster.world import read_only
+from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap, Material

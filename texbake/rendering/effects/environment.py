@@ -31,10 +31,10 @@ from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.maps import colors_from
+from texbake.rendering.material_simplification import reflects_environment, scatters
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.lights import Environment
-from texbake.rendering.simplified_material import reflects_environment, scatters
 from texbake.rendering.studio import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
 from texbake.texture.cube_map import CubeChain, CubeMap

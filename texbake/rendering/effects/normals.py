@@ -32,7 +32,7 @@ from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
-from texbake.rendering.raster.world import read_only
+from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 

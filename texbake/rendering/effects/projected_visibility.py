@@ -24,8 +24,7 @@ from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
 from texbake.rendering.effects.shadows import ShadowMap, lit_radiance
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.world import SHOW_BACK, SKIP
+from texbake.rendering.rasterize import SHOW_BACK, SKIP, rasterize
 from texbake.rendering.scene.lights import Shadow
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.transforms import projector_position

@@ -62,8 +62,7 @@ from texbake.rendering.effects.shadow_fit import (
     shading_pairs,
 )
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight
-from texbake.rendering.raster.rasterize import rasterize
-from texbake.rendering.raster.world import SHOW_BACK, SKIP, World
+from texbake.rendering.rasterize import SHOW_BACK, SKIP, World, rasterize
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light

@@ -28,10 +28,9 @@ from texbake.mesh.mesh import IntArray
 from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Floats, FragmentRows, Fragments
 from texbake.rendering.passes import rasterized, seen_objects
-from texbake.rendering.raster.fragments import FragmentRows
-from texbake.rendering.raster.world import SKIP, VisibilityBuffer
+from texbake.rendering.rasterize import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
 from texbake.rendering.results import Result, Target

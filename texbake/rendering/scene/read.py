@@ -1,13 +1,18 @@
-"""Reading scenes from files: TOML scene files, and glTF files with their own materials."""
+"""Reading scenes: TOML scene files, glTF files with their own materials, and meshes in memory."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from texbake.errors import FileFormatError, quoted
-from texbake.files import PathLike, read_bytes, require_file
+from texbake.files import PathLike, read_bytes, require_file, scratch_folder
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import Materials
+from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
+from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.scene import Scene
+from texbake.texture.gltf_images import gltf_images
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
@@ -45,9 +50,19 @@ def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene
     require_file(path)
     # pydantic, which validates scene files, is slow to import.
     if suffix == ".toml":
-        from texbake.rendering.scene.file.parse import parse_scene
+        from texbake.rendering.scene.file.schema import parse_scene
 
         return parse_scene(path, read_bytes(path), progress=progress)
     from texbake.rendering.scene.gltf import read_gltf_scene
 
     return read_gltf_scene(path, progress=progress)
+
+
+def scene_from_materials(mesh: Mesh, materials: Materials | None) -> Scene:
+    """Return a scene of a mesh with its materials, an object for each, and the default light."""
+    if materials is not None:
+        materials = gltf_images(materials if mesh.uvs is not None else materials.without_images())
+    with scratch_folder() as folder:
+        copy = folder / "model.glb"
+        write_glb(mesh, copy, materials=materials)
+        return read_gltf_scene(copy)

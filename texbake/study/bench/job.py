@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from texbake.files import PathLike, check_folder
 from texbake.jobs.outputs import JobResult
-from texbake.pages.figures import duration, number
+from texbake.pages.page import duration, number
 from texbake.progress import ProgressSink
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.result import BenchResult

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from texbake.pages.figures import duration, memory, number
-from texbake.pages.page import page_html, render
+from texbake.pages.page import duration, memory, number, page_html, render
 from texbake.study.bench.options import PROGRAM_NAMES
 from texbake.study.bench.programs import PROGRAMS
 from texbake.study.bench.result import OURS, BenchResult, Contest, Match

@@ -14,9 +14,8 @@ from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture_error import picture_error
 from texbake.rendering.render import render
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, picture_error
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject

@@ -14,7 +14,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture_error import picture_error
+from texbake.rendering.resolve import picture_error
 from texbake.rendering.scene.lights import Environment, Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of

@@ -13,8 +13,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture_error import picture_error
 from texbake.rendering.render import render_scene
+from texbake.rendering.resolve import picture_error
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture

@@ -11,7 +11,6 @@ from pydantic import PlainValidator, ValidationInfo, WithJsonSchema
 from texbake.errors import FileError, OptionError
 from texbake.mapping.classical.projector import read_matrix, whole_matrix
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.scene.file.faults import fault, shown
 from texbake.rendering.scene.file.tables import described, list_of, made, table
 from texbake.rendering.scene.file.textures import (
     AmountSlot,
@@ -26,7 +25,9 @@ from texbake.rendering.scene.file.values import (
     Vector,
     choice,
     existing_file,
+    format_value,
     is_number,
+    validation_error,
 )
 from texbake.rendering.scene.material import (
     ALPHA_MODES,
@@ -94,7 +95,7 @@ def _read(value: Any, info: ValidationInfo, *, projector: bool) -> FloatArray:
         try:
             return np.array(read_matrix(existing_file(value, info), projector=projector))
         except FileError as error:
-            raise fault(str(error)) from error
+            raise validation_error(str(error)) from error
     flat = [
         number
         for row in (value if isinstance(value, list) else [])
@@ -102,7 +103,9 @@ def _read(value: Any, info: ValidationInfo, *, projector: bool) -> FloatArray:
     ]
     if len(flat) not in ((12, 16) if projector else (16,)) or not all(map(is_number, flat)):
         numbers = "12 or 16" if projector else "16"
-        raise fault(f"{shown(value)} is neither {numbers} numbers, row by row, nor a file of them")
+        raise validation_error(
+            f"{format_value(value)} is neither {numbers} numbers, row by row, nor a file of them"
+        )
     rows = np.array(flat, np.float64).reshape(-1, 4)
     return np.array(whole_matrix(rows.tolist()))
 

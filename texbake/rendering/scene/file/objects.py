@@ -21,7 +21,6 @@ from texbake.mesh.normals import face_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
-from texbake.rendering.scene.file.faults import at, nearest
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
 from texbake.rendering.scene.file.tables import (
     Table,
@@ -35,7 +34,9 @@ from texbake.rendering.scene.file.values import (
     Text,
     Vector,
     Whole,
+    at,
     choice,
+    nearest,
     numbers,
 )
 from texbake.rendering.scene.gltf import read_gltf_scene

@@ -1,29 +1,28 @@
-"""The tables of a scene file, and the objects that they become.
+"""The tables of a scene file, and the scene that they become.
 
 `TABLES` lists the tables by their headings in the documentation.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator, WithJsonSchema, create_model
-
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.file.faults import fault, shown
-from texbake.rendering.scene.file.lighting import (
-    AmbientOf,
-    AmbientTable,
-    EnvironmentOf,
-    EnvironmentTable,
-    FogOf,
-    FogTable,
-    Lights,
-    LightTable,
-    OcclusionOf,
-    OcclusionTable,
-    ShadowTable,
+from pydantic import (
+    Field,
+    PlainValidator,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
 )
+
+from texbake.errors import FileFormatError, OptionError, first_few
+from texbake.files import PathLike
+from texbake.limits import toml_content
+from texbake.progress import ProgressSink
+from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.file.materials import (
     BumpMapTable,
     DisplacementTable,
@@ -35,20 +34,137 @@ from texbake.rendering.scene.file.materials import (
     ReflectionTable,
     RefractionTable,
 )
-from texbake.rendering.scene.file.objects import MappingTable, ObjectTable
+from texbake.rendering.scene.file.objects import MappingTable, ObjectMaker, ObjectTable
 from texbake.rendering.scene.file.tables import (
     Table,
     described,
     file_schema,
     list_of,
     made,
+    switched,
     table,
 )
-from texbake.rendering.scene.file.textures import ImageTable, ProcedureTable, VolumeTable
-from texbake.rendering.scene.file.values import COLOR, Text, color_of, is_number
-from texbake.rendering.scene.scene import CameraView
+from texbake.rendering.scene.file.textures import ImageOnly, ImageTable, ProcedureTable, VolumeTable
+from texbake.rendering.scene.file.values import (
+    COLOR,
+    FILE,
+    Place,
+    Text,
+    Vector,
+    at,
+    choice,
+    color_of,
+    existing_file,
+    first_error,
+    format_value,
+    is_number,
+    validation_error,
+)
+from texbake.rendering.scene.lights import (
+    FOG_MODES,
+    GATES,
+    KINDS,
+    Ambient,
+    AmbientOcclusion,
+    Environment,
+    Fog,
+    Light,
+    Lighting,
+    Shadow,
+)
+from texbake.rendering.scene.scene import CameraView, Scene, check_view
+from texbake.rendering.studio import STUDIO_ROOM
 from texbake.schema import JsonSchema, option
 from texbake.texture.encoding import encode_srgb
+
+# Keys that only some kinds of light use.
+_READ_BY = {
+    "position": ("point", "spot"),
+    "direction": ("directional", "spot"),
+    "target": ("directional", "spot"),
+    "up": ("spot",),
+    "angle": ("spot",),
+    "blend": ("spot",),
+    "decay": ("point", "spot"),
+    "profile": ("spot",),
+    "gate": ("spot",),
+    "aspect": ("spot",),
+}
+
+
+ShadowTable = table(Shadow, switchable=True)
+
+
+def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> Light:
+    for key in [*given, *(["target"] if target is not None else [])]:
+        if kind not in _READ_BY.get(key, (kind,)):
+            raise OptionError(f"{key}: a {kind} light does not use it; leave it out")
+    if kind != "directional" and "position" not in given:
+        raise OptionError(f"position: it is missing; a {kind} light needs one")
+    if target is not None:
+        if "direction" in given:
+            raise OptionError("direction: it conflicts with the target; give only one")
+        start = given.get("position", (0.0, 0.0, 0.0))
+        given["direction"] = tuple(b - a for a, b in zip(start, target, strict=True))
+    return Light(kind=kind, **given)
+
+
+LightTable = table(
+    Light,
+    {
+        "kind": choice(KINDS),
+        "shadow": switched(ShadowTable, Shadow),
+        "profile": ImageOnly,
+        "gate": choice(GATES),
+    },
+    required=("kind",),
+    more={
+        "target": described(
+            Vector, "Point that the light shines at, in place of its direction; world space."
+        )
+    },
+)
+
+
+def _faces(value: Any, info: ValidationInfo) -> Any:
+    if not isinstance(value, list) or len(value) != 6:
+        raise validation_error(
+            f"{format_value(value)} is not a list of six files: +x, -x, +y, -y, +z, -z"
+        )
+    return tuple(existing_file(name, info) for name in value)
+
+
+def _room_or_file(value: Any, info: ValidationInfo) -> Any:
+    return value if value == STUDIO_ROOM else existing_file(value, info)
+
+
+_SIX_FILES = {"type": "array", "items": FILE, "minItems": 6, "maxItems": 6}
+EnvironmentTable = table(
+    Environment,
+    {
+        "image": Annotated[Any, PlainValidator(_room_or_file), WithJsonSchema(FILE)],
+        "faces": Annotated[Any, PlainValidator(_faces), WithJsonSchema(_SIX_FILES)],
+    },
+)
+AmbientTable = table(Ambient)
+FogTable = table(Fog, {"mode": choice(FOG_MODES)})
+OcclusionTable = table(AmbientOcclusion)
+
+
+def _named(lights: list[Light]) -> tuple[Light, ...]:
+    """Give lights without a name a distinct one."""
+    return tuple(
+        replace(light, name=f"{light.kind} {i + 1}") if light.name == Light.name else light
+        for i, light in enumerate(lights)
+    )
+
+
+Lights = list_of(made(LightTable, _light), _named)
+EnvironmentOf = made(EnvironmentTable, Environment)
+AmbientOf = made(AmbientTable, Ambient)
+FogOf = made(FogTable, Fog)
+OcclusionOf = made(OcclusionTable, AmbientOcclusion)
+
 
 # Render options that are not keys of [render]: for the camera, for bare meshes or per picture.
 NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
@@ -56,9 +172,11 @@ NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 
 def _angles(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) not in (2, 3) or not all(map(is_number, value)):
-        raise fault(f"{shown(value)} is not [azimuth, elevation] nor with a distance as third")
+        raise validation_error(
+            f"{format_value(value)} is not [azimuth, elevation] nor with a distance as third"
+        )
     if len(value) == 3 and not value[2] > 0:
-        raise fault(f"{shown(value)} has a distance that is not above 0")
+        raise validation_error(f"{format_value(value)} has a distance that is not above 0")
     return tuple(map(float, value))
 
 
@@ -106,7 +224,7 @@ RenderTable = table(
 
 def _some(objects: list[Table]) -> list[Table]:
     if not objects:
-        raise fault("it is empty; a scene needs at least one object")
+        raise validation_error("it is empty; a scene needs at least one object")
     return objects
 
 
@@ -169,3 +287,37 @@ TABLES: dict[str, type[Table]] = {
     "refraction": RefractionTable,
     "projected": ProjectedTable,
 }
+
+
+def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:
+    """Parse the content of a scene file."""
+    place = Place(Path(path).parent)
+    try:
+        content = toml_content(path, text.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: it is not a scene file; it is not text in UTF-8") from error
+    try:
+        found: Any = SceneTable.model_validate(content, context=place)
+    except ValidationError as error:
+        raise FileFormatError(f"{path}: {first_error(error)}") from error
+    materials = {name: replace(material, name=name) for name, material in found.materials.items()}
+    maker = ObjectMaker(path, materials, progress)
+    objects = tuple(item for i, each in enumerate(found.objects) for item in maker.made(i, each))
+    scene = Scene(
+        objects=objects,
+        lighting=Lighting(
+            lights=found.lights,
+            ambient=found.ambient or Ambient(),
+            environment=found.environment,
+            occlusion=found.ambient_occlusion,
+            fog=found.fog,
+        ),
+        view=found.camera,
+        name=found.name or Path(path).name,
+        render=found.render or {},
+        notes=first_few(maker.notes),
+        files=tuple(dict.fromkeys([*place.files, *maker.files])),
+    )
+    with at(path, "camera"):
+        check_view(scene)
+    return scene

@@ -26,12 +26,6 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema
 
 from texbake.errors import quoted
-from texbake.rendering.scene.file.faults import (
-    fault,
-    key_fault,
-    nearest,
-    shown,
-)
 from texbake.rendering.scene.file.values import (
     Color,
     Colors,
@@ -40,7 +34,11 @@ from texbake.rendering.scene.file.values import (
     Switch,
     Text,
     Whole,
+    format_value,
+    key_error,
+    nearest,
     numbers,
+    validation_error,
 )
 from texbake.schema import JsonSchema, OptionField, option_fields
 
@@ -72,15 +70,17 @@ class Table(BaseModel):
             value = {}
         if not isinstance(value, dict):
             if cls.short is None:
-                raise fault(f"{shown(value)} is not a table; its keys are {', '.join(cls.keys())}")
+                raise validation_error(
+                    f"{format_value(value)} is not a table; its keys are {', '.join(cls.keys())}"
+                )
             value = {cls.short: value}
         if not cls.takes_more:
             for key in value:
                 if key not in cls.model_fields:
-                    raise key_fault(key, f"unknown key; {cls._nearest_key(key)}")
+                    raise key_error(key, f"unknown key; {cls._nearest_key(key)}")
         for key, field in cls.model_fields.items():
             if field.is_required() and key not in value:
-                raise key_fault(key, "it is missing; it must be given")
+                raise key_error(key, "it is missing; it must be given")
         return value
 
     @classmethod

@@ -14,12 +14,6 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, PlainValidator, Tag, WithJsonSchema
 
-from texbake.rendering.scene.file.faults import (
-    fault,
-    key_fault,
-    nearest,
-    shown,
-)
 from texbake.rendering.scene.file.tables import (
     Table,
     converted,
@@ -34,10 +28,14 @@ from texbake.rendering.scene.file.values import (
     Files,
     Switch,
     choice,
+    format_value,
     is_number,
+    key_error,
     linear,
+    nearest,
     numbers,
     one_or_two,
+    validation_error,
 )
 from texbake.rendering.scene.textures import (
     FILTERS,
@@ -79,7 +77,7 @@ def _procedure_texture(found: Table) -> ProcedureTexture:
     for key in parameters:
         if key not in known:
             keys = [*known, *ProcedureTable.keys()]
-            raise key_fault(key, f"unknown key of {given['procedure']}; {nearest(key, keys)}")
+            raise key_error(key, f"unknown key of {given['procedure']}; {nearest(key, keys)}")
     full = checked_parameters(given["procedure"], parameters)
     return ProcedureTexture(**given, parameters={key: full[key] for key in parameters})
 
@@ -143,9 +141,13 @@ def _number_in(low: float, high: float) -> Callable[[Any], float]:
 
     def check(value: Any) -> float:
         if not is_number(value):
-            raise fault(f"{shown(value)} is not a number; give {wanted}, an image or a procedure")
+            raise validation_error(
+                f"{format_value(value)} is not a number; give {wanted}, an image or a procedure"
+            )
         if not low <= value <= high:
-            raise fault(f"{shown(value)} is out of range; give {wanted}, an image or a procedure")
+            raise validation_error(
+                f"{format_value(value)} is out of range; give {wanted}, an image or a procedure"
+            )
         return float(value)
 
     return check
@@ -158,14 +160,14 @@ def _color(value: Any) -> tuple[float, ...]:
         return (float(value),) * 3
     if isinstance(value, list) and len(value) == 3 and all(is_number(v) and v >= 0 for v in value):
         return tuple(map(float, value))
-    raise fault(
-        f"{shown(value)} is not a color; give a number, [r, g, b] (linear), '#rrggbb' (sRGB), "
-        "an image or a procedure"
+    raise validation_error(
+        f"{format_value(value)} is not a color; give a number, [r, g, b] (linear), "
+        "'#rrggbb' (sRGB), an image or a procedure"
     )
 
 
 def _nothing(value: Any) -> Any:
-    raise fault(f"{shown(value)} is not a texture; give an image or a procedure")
+    raise validation_error(f"{format_value(value)} is not a texture; give an image or a procedure")
 
 
 _AMOUNT: JsonSchema = {"type": "number", "minimum": 0}

@@ -1,15 +1,20 @@
-"""Single values of a scene file: numbers, vectors, colors, words, files.
+"""Single values of a scene file, such as numbers, colors and files, and the errors of all tables.
 
 Colors given as lists are linear; "#rrggbb", as shown by color pickers, is sRGB-coded.
+
+An error is one line: the place, the value and what was expected. Checks raise `validation_error`,
+pydantic records the place, and `first_error` combines both to a message.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
+from difflib import get_close_matches
+from pathlib import Path, PurePath
 from typing import Annotated, Any
 
 from pydantic import (
@@ -17,15 +22,115 @@ from pydantic import (
     Field,
     PlainValidator,
     Strict,
+    ValidationError,
     ValidationInfo,
     WithJsonSchema,
 )
+from pydantic_core import PydanticCustomError
 
-from texbake.errors import FileError, TexbakeError, quoted
-from texbake.files import require_file
+from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError, quoted, shortened
+from texbake.files import PathLike, require_file
 from texbake.limits import LONGEST_NAME
-from texbake.rendering.scene.file.faults import fault, nearest, shown
 from texbake.schema import JsonSchema
+
+# Kinds of errors to report first, since they may cause others: a misspelled key is also missing.
+_FIRST = ("key", "fault")
+_MOST_KNOWN = 400  # characters of a list of words, which a file can make as long as it likes
+_EXPECTED = {
+    "float_type": "not a number; give one such as 0.5",
+    "finite_number": "not finite; give a number such as 0.5",
+    "int_type": "not a whole number; give one such as 4",
+    "bool_type": "neither true nor false",
+    "string_type": "not text; put it in quotes",
+    "list_type": "not a list; give one in brackets",
+    "dict_type": "not a table",
+}
+# Message of an options class: an optional owner, the option, and what is wrong.
+_OPTION = re.compile(r"(?:[^:]*\.)?([\w-]+): (.*)", re.DOTALL)
+
+
+def validation_error(what: str) -> PydanticCustomError:
+    """Error for a value; `what` says what is wrong and what was expected."""
+    return PydanticCustomError("fault", "{what}", {"what": what})
+
+
+def key_error(key: str, what: str) -> PydanticCustomError:
+    """Error for a key in a table."""
+    return PydanticCustomError("key", "{what}", {"what": what, "key": key})
+
+
+def format_value(value: Any) -> str:
+    """Format a value of a file for a message: shortened, with text in quotes."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, PurePath):
+        return quoted(str(value))
+    return "a table" if isinstance(value, dict) else quoted(value)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Suggest a similar word (`did you mean 'x'?`), or list the known words."""
+    words = list(known)
+    close = get_close_matches(word, words, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean {quoted(close[0])}?"
+    return shortened(f"known: {', '.join(words)}", _MOST_KNOWN)
+
+
+def place_of(steps: Sequence[int | str]) -> str:
+    """Format a place as `objects[1].material.roughness`, without steps in angle brackets."""
+    place = ""
+    for step in steps:
+        if isinstance(step, int):
+            place += f"[{step}]"
+        elif not step.startswith("<"):
+            place += f".{shortened(step)}" if place else shortened(step)
+    return place
+
+
+def first_error(error: ValidationError) -> str:
+    """Format the first error with its place: `camera.fov: 'wide' is not a number`."""
+    errors = error.errors(include_url=False)
+    order = {kind: rank for rank, kind in enumerate(_FIRST)}
+    worst = min(errors, key=lambda item: order.get(item["type"], len(order)))
+    steps, kind = list(worst["loc"]), worst["type"]
+    context = worst.get("ctx", {})
+    if kind == "key":
+        return f"{place_of([*steps, context['key']])}: {context['what']}"
+    if kind == "fault":
+        what = str(context["what"])
+    elif kind == "value_error":
+        return option_error(steps, context["error"])
+    elif kind == "missing":
+        what = "it is missing"
+    else:
+        what = f"{format_value(worst['input'])} is {_EXPECTED.get(kind, worst['msg'])}"
+    return _line(steps, what)
+
+
+def option_error(steps: Sequence[int | str], error: Exception) -> str:
+    """Format an error raised while building the object at a place; it may start with an option."""
+    message = str(error)
+    named = _OPTION.fullmatch(message) if isinstance(error, OptionError) else None
+    if named is None:
+        return _line(steps, message)
+    key, what = named[1].replace("-", "_"), named[2]
+    return _line(steps if steps and steps[-1] == key else [*steps, key], what)
+
+
+@contextmanager
+def at(path: PathLike, *steps: int | str) -> Iterator[None]:
+    """Add the place in the file to errors raised in this context."""
+    try:
+        yield
+    except TexbakeError as error:
+        raise FileFormatError(f"{path}: {option_error(steps, error)}") from error
+
+
+def _line(steps: Sequence[int | str], what: str) -> str:
+    place = place_of(steps)
+    return f"{place}: {what}" if place else what
+
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -75,7 +180,9 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
         if or_one and is_number(value):
             return (float(value),) * (n or 1)
         if not _is_list(value, n):
-            raise fault(f"{shown(value)} is not {'a number or ' if or_one else ''}{wanted}")
+            raise validation_error(
+                f"{format_value(value)} is not {'a number or ' if or_one else ''}{wanted}"
+            )
         return tuple(map(float, value))
 
     if or_one:
@@ -89,7 +196,7 @@ def linear(value: str) -> tuple[float, float, float]:
     Raises a `fault` for other text.
     """
     if not _HEX.fullmatch(value):
-        raise fault(
+        raise validation_error(
             f"{quoted(value)} is not a color; write '#rrggbb', or a list of three linear numbers"
         )
     from texbake.texture.encoding import decode_srgb
@@ -105,9 +212,13 @@ def color_of(value: Any) -> tuple[float, ...]:
     if isinstance(value, str):
         return linear(value)
     if not _is_list(value, 3):
-        raise fault(f"{shown(value)} is not a color; give three linear numbers or '#rrggbb'")
+        raise validation_error(
+            f"{format_value(value)} is not a color; give three linear numbers or '#rrggbb'"
+        )
     if min(value) < 0:
-        raise fault(f"{shown(value)} is not a color; its numbers must be 0 or more")
+        raise validation_error(
+            f"{format_value(value)} is not a color; its numbers must be 0 or more"
+        )
     return tuple(map(float, value))
 
 
@@ -139,8 +250,8 @@ def choice(words: Sequence[str]) -> Any:
         if not isinstance(value, str) or value not in words:
             advice = nearest(value, words) if isinstance(value, str) else ""
             advice = advice if advice.startswith("did") else ""
-            listed = f"{shown(value)} is not one of {', '.join(words)}"
-            raise fault(f"{listed}; {advice}" if advice else listed)
+            listed = f"{format_value(value)} is not one of {', '.join(words)}"
+            raise validation_error(f"{listed}; {advice}" if advice else listed)
         return value
 
     return Annotated[Any, PlainValidator(check), WithJsonSchema({"enum": list(words)})]
@@ -155,11 +266,15 @@ def one_or_two(words: Sequence[str]) -> Any:
             if not isinstance(word, str) or word not in words:
                 advice = nearest(word, words) if isinstance(word, str) else ""
                 advice = f"; {advice}" if advice.startswith("did") else ""
-                raise fault(f"{shown(word)} is not one of {', '.join(words)}{advice}")
+                raise validation_error(
+                    f"{format_value(word)} is not one of {', '.join(words)}{advice}"
+                )
         if found is not value:
             return str(value)
         if len(found) != 2:
-            raise fault(f"{shown(value)} is not one word, or two: for u and for v")
+            raise validation_error(
+                f"{format_value(value)} is not one word, or two: for u and for v"
+            )
         return found[0], found[1]
 
     word: JsonSchema = {"enum": list(words)}
@@ -170,15 +285,15 @@ def one_or_two(words: Sequence[str]) -> Any:
 def existing_file(value: Any, info: ValidationInfo) -> Path:
     """Path of an existing file, given relative to the scene file."""
     if not isinstance(value, str) or not value:
-        raise fault(f"{shown(value)} is not a file name")
+        raise validation_error(f"{format_value(value)} is not a file name")
     assert isinstance(info.context, Place)
     if len(value) > LONGEST_NAME:
-        raise fault(f"{shown(value)} is too long for a file name")
+        raise validation_error(f"{format_value(value)} is too long for a file name")
     path = info.context.folder / value
     try:
         require_file(path)
     except FileError as error:
-        raise fault(str(error)) from error
+        raise validation_error(str(error)) from error
     info.context.files.append(path)
     return path
 
@@ -206,7 +321,9 @@ def _channel(value: Any) -> int:
         return "rgba".index(value)
     if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 3:
         return value
-    raise fault(f"{shown(value)} is not a channel; give 'r', 'g', 'b', 'a' or 0 to 3")
+    raise validation_error(
+        f"{format_value(value)} is not a channel; give 'r', 'g', 'b', 'a' or 0 to 3"
+    )
 
 
 Channel = Annotated[
@@ -227,7 +344,9 @@ def _colors(value: Any, info: ValidationInfo) -> tuple[tuple[float, ...], ...]:
     if isinstance(value, str) and not value.startswith("#"):
         return _row_of(existing_file(value, info))
     if not isinstance(value, list) or len(value) < 2:
-        raise fault(f"{shown(value)} is not a list of two or more colors, nor an image of them")
+        raise validation_error(
+            f"{format_value(value)} is not a list of two or more colors, nor an image of them"
+        )
     return tuple(map(color_of, value))
 
 
@@ -237,9 +356,9 @@ def _row_of(path: Path) -> tuple[tuple[float, ...], ...]:
     try:
         row = colors_from(path)[0].astype(float)
     except TexbakeError as error:
-        raise fault(str(error)) from error
+        raise validation_error(str(error)) from error
     if len(row) < 2:
-        raise fault(f"{path}: it is one pixel wide; a ramp needs two colors or more")
+        raise validation_error(f"{path}: it is one pixel wide; a ramp needs two colors or more")
     return tuple(tuple(color) for color in row.tolist())
 
 

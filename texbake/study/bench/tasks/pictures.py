@@ -16,7 +16,7 @@ from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.picture_error import picture_error
+from texbake.rendering.resolve import picture_error
 from texbake.study.bench.cases import BenchCase, mesh_file
 from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product

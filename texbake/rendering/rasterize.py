@@ -1,15 +1,27 @@
-"""Rasterizing triangles into a visibility buffer.
+"""Rasterization: which triangle each sample of the picture sees, in a visibility buffer.
+
+The screen has width x height samples, each at the center of its cell, with row 0 at the top.
+Vertices are snapped to 1/256 of a sample, so coverage is decided exactly. Triangles with a corner
+off this grid are clipped when they are drawn.
 
 Two passes, each split into independent bands of work: the first sorts triangles into bands of rows,
 the second draws each band on one thread, in the order of the triangles. Barycentric weights are
-computed later, and only where they are needed (`texbake.rendering.raster.fragments`). With `behind`
-and `before`, transparent surfaces are peeled layer by layer.
+computed later, and only where they are needed (`texbake.rendering.fragments`). With `behind` and
+`before`, transparent surfaces are peeled layer by layer.
 
-Kernel: `core/visibility_buffer.c`.
+The classical scanline rasterizer walks down the edges row by row, then along each row. It exists
+for teaching and as an independent check: it runs on one thread, and rounding errors accumulate
+along a span.
+
+Based on: Burns and Hunt, "The visibility buffer: a cache-friendly approach to deferred shading",
+JCGT 2(2), 2013.
+
+Kernels: `core/clipping.c`, `core/visibility_buffer.c`, `core/scanline_rasterizer.c`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +32,97 @@ from texbake.core import core
 from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.raster.clip import OFF_GRID, project
-from texbake.rendering.raster.world import VisibilityBuffer, World
+
+# Which faces of an object are drawn.
+SKIP, CULL_BACK, SHOW_BACK = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Triangles in world space."""
+
+    positions: FloatArray  # (V, 3)
+    faces: IntArray  # (F, 3): front faces are counter-clockwise
+    starts: npt.NDArray[np.int64]  # (O + 1,): faces of object k are at starts[k] to starts[k + 1]
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def n_objects(self) -> int:
+        """Number of objects."""
+        return len(self.starts) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class VisibilityBuffer:
+    """The nearest triangle at each sample of a screen; row 0 is at the top."""
+
+    face_ids: IntArray  # (h, w): index of the nearest triangle in the world; -1 where there is none
+    # (h, w): reversed depth z / w (greater is nearer); 0 where there is no triangle
+    depths: npt.NDArray[np.float32]
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the buffer in bytes."""
+        return self.face_ids.nbytes + self.depths.nbytes
+
+
+def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
+    """Join the positions and faces of objects; a single object's arrays are shared, not copied."""
+    counts = [len(faces) for _, faces in parts]
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    if len(parts) == 1:
+        positions, faces = parts[0]
+    else:
+        positions = np.concatenate([positions for positions, _ in parts])
+        firsts = np.cumsum([0, *(len(positions) for positions, _ in parts[:-1])], dtype=np.int32)
+        faces = np.concatenate(
+            [faces + first for (_, faces), first in zip(parts, firsts, strict=True)]
+        )
+    return World(read_only(positions, np.float64), read_only(faces, np.int32), starts)
+
+
+def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
+    """Return a contiguous, read-only array of a type, as the kernels expect their inputs."""
+    view = np.require(array, dtype, "C").view()
+    view.flags.writeable = False
+    return view
+
+
+# Units of the grid in a sample, and the column that marks a vertex outside the grid; as in
+# `core/clipping.h`.
+SUBPIXELS = 256
+OFF_GRID = np.iinfo(np.int32).min
+
+# Vertices per band: about a millisecond of work.
+_BAND = 65536
+
+
+def project(
+    positions: FloatArray,
+    clip_from_world: FloatArray,
+    width: int,
+    height: int,
+    *,
+    threads: int | None = None,
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+    """Snap vertices to the grid of the screen.
+
+    `positions` (V, 3) float64: world space; `clip_from_world` (4, 4) float64. Returns `grid` (V, 2)
+    int32, `depths` (V,) float32: z / w of the vertices that are on the grid.
+    """
+    grid = np.zeros((len(positions), 2), np.int32)
+    depths = np.zeros(len(positions), np.float32)
+
+    def work(start: int, stop: int) -> None:
+        core.project_vertices(positions, clip_from_world, width, height, grid, depths, start, stop)
+
+    run_bands(work, len(positions), band=_BAND, threads=threads)
+    return grid, depths
+
 
 # Rows of samples per band, drawn by one thread: small enough to balance the load and to keep the
 # band's part of the depth buffer in cache. As in `core/visibility_buffer.c`.
@@ -191,3 +292,26 @@ def rasterize(
 
     run_bands(draw, -(-n_rows // BAND_ROWS), band=1, threads=threads)
     return VisibilityBuffer(face_ids, depths)
+
+
+def rasterize_scanlines(
+    world: World,
+    clip_from_world: FloatArray,
+    width: int,
+    height: int,
+    *,
+    modes: npt.NDArray[np.uint8],
+) -> tuple[VisibilityBuffer, FloatArray]:
+    """Rasterize triangles by scanlines, with the barycentric weights at each sample.
+
+    Returns `weights` (height, width, 2) float64: weights of the second and third corner; 0 where
+    there is no triangle.
+    """
+    face_ids = np.full((height, width), -1, np.int32)
+    depths = np.zeros((height, width), np.float32)
+    weights = np.zeros((height, width, 2))
+    core.draw_scanlines(
+        world.positions, world.faces, world.starts, modes, clip_from_world,
+        face_ids, depths, weights,
+    )  # fmt: skip
+    return VisibilityBuffer(face_ids, depths), weights

@@ -109,8 +109,8 @@ def _without_opacity(material: Material, *, vertex_opacity: bool) -> Iterator[St
 
 def without_zeros(material: Material) -> Iterator[Step]:
     """Parts whose strength is 0, and textures whose factor is 0."""
-    for name, part, test in _TESTS:
-        if getattr(material, part) is not None and (why := test(material)):
+    for name, part, key in _PARTS:
+        if getattr(material, part) is not None and (why := _why_nothing(material, part, key)):
             material = _changed(material, {part: None})
             yield name, why, material
     for slot, zero in _ZEROS.items():
@@ -278,49 +278,16 @@ def _is_perfect(mirror: Reflection | Refraction | None) -> bool:
     return bool(np.all(np.asarray(mirror.strength) >= 1.0))
 
 
-def _no_normals(material: Material) -> str:
-    holder = material.normal_map
-    assert holder is not None
-    return "its strength is 0" if holder.strength == 0.0 else ""
-
-
-def _no_bumps(material: Material) -> str:
-    assert material.bump_map is not None
-    return "its height is 0" if material.bump_map.height == 0.0 else ""
-
-
-def _no_displacement(material: Material) -> str:
-    assert material.displacement is not None
-    return "its height is 0" if material.displacement.height == 0.0 else ""
-
-
-def _no_parallax(material: Material) -> str:
-    assert material.parallax is not None
-    return "its depth is 0" if material.parallax.depth == 0.0 else ""
-
-
-def _no_reflection(material: Material) -> str:
-    assert material.reflection is not None
-    if material.reflection.fresnel:  # it grows toward grazing angles whatever the strength
+def _why_nothing(material: Material, part: str, key: str) -> str:
+    """Why a part of a material changes nothing, by its own value or a key of it; "" if it may."""
+    holder = getattr(material, part)
+    if part == "reflection" and holder.fresnel:  # grows toward grazing angles at any strength
         return ""
-    return "its strength is 0" if _is_black(material.reflection.strength) else ""
-
-
-def _no_refraction(material: Material) -> str:
-    assert material.refraction is not None
-    return "its strength is 0" if _is_black(material.refraction.strength) else ""
-
-
-def _no_occlusion(material: Material) -> str:
-    return "its strength is 0" if material.occlusion_strength == 0.0 else ""
-
-
-def _no_emission(material: Material) -> str:
-    return "it is black" if _is_black(material.emission) else ""
-
-
-def _no_light_map(material: Material) -> str:
-    return "it is black" if _is_black(material.light_map) else ""
+    if part == "occlusion":
+        return "its strength is 0" if material.occlusion_strength == 0.0 else ""
+    if not _is_black(getattr(holder, key) if key else holder):
+        return ""
+    return f"its {key} is 0" if key else "it is black"
 
 
 def _holds_opacity(material: Material, slot: str) -> bool:
@@ -359,17 +326,17 @@ _ZEROS: Mapping[str, float | tuple[float, float, float]] = MappingProxyType(
         "roughness": 0.0, "metalness": 0.0, "opacity": 0.0, "occlusion": 0.0,
     }
 )  # fmt: skip
-# Effect, field of the material, and why it changes nothing: "" if it may.
-_TESTS: tuple[tuple[str, str, Callable[[Material], str]], ...] = (
-    ("normal map", "normal_map", _no_normals),
-    ("bump map", "bump_map", _no_bumps),
-    ("displacement", "displacement", _no_displacement),
-    ("parallax", "parallax", _no_parallax),
-    ("reflection", "reflection", _no_reflection),
-    ("refraction", "refraction", _no_refraction),
-    ("emission", "emission", _no_emission),
-    ("light map", "light_map", _no_light_map),
-    ("occlusion map", "occlusion", _no_occlusion),
+# Effect, field of the material, and key of the value that makes it show nothing if it is 0.
+_PARTS = (
+    ("normal map", "normal_map", "strength"),
+    ("bump map", "bump_map", "height"),
+    ("displacement", "displacement", "height"),
+    ("parallax", "parallax", "depth"),
+    ("reflection", "reflection", "strength"),
+    ("refraction", "refraction", "strength"),
+    ("emission", "emission", ""),
+    ("light map", "light_map", ""),
+    ("occlusion map", "occlusion", ""),
 )
 _STEPS: tuple[Callable[[Material, Surroundings], Iterator[Step]], ...] = (
     _without_unread_slots,

@@ -1,30 +1,111 @@
-"""Parts of a scene whose own values say that they change no pixel: a strength of 0, a black color.
+"""The simplest scene that looks the same: parts that change no pixel are removed before the plan.
 
-They are taken out before the picture is planned, so that nothing is read or computed for them. So
-are spot lights and projected pictures that are aimed at nothing, by the bounding boxes of objects.
-What only the texels of an image would tell, such as a height map of one height, is not known here.
+Their own values say so: a strength of 0, a black color. So do the bounding boxes of objects for
+spot lights and projected pictures that are aimed at nothing. Nothing is read or computed for what
+is removed. What only the texels of an image would tell, such as a height map of one height, is not
+known here.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from texbake.rendering.aim import hits_object, lights_object
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.simplified_material import (
+import numpy as np
+
+from texbake.core import portable_math as pm
+from texbake.errors import TexbakeError
+from texbake.mesh.mesh import FloatArray
+from texbake.rendering.camera import Camera
+from texbake.rendering.material_simplification import (
     Surroundings,
     is_hidden,
     simplifications,
     without_zeros,
 )
+from texbake.rendering.options import RenderOptions
+from texbake.rendering.scene.lights import Light, Lighting
+from texbake.rendering.scene.material import Material, ProjectedTexture
+from texbake.rendering.scene.scene import Scene, SceneObject
+
+# Radians by which a cone counts as wider.
+_ROUNDING = 1e-6
+
+
+def lights_object(light: Light, item: SceneObject, camera: Camera | None = None) -> bool:
+    """Whether the cone of a spot may meet the bounding sphere of an object.
+
+    `camera` is needed for a light that follows the camera.
+    """
+    corners = _corners(item)
+    if corners is None:
+        return True
+    center = corners.mean(axis=0)
+    radius = float(pm.norm(corners - center, axis=1).max())
+    position, direction = (
+        np.asarray(vector, np.float64) for vector in (light.position, light.direction)
+    )
+    if light.follows_camera and camera is not None:
+        position = camera.eye + pm.matmul(position, camera.axes)
+        direction = pm.matmul(direction, camera.axes)
+    way = center - position
+    distance = float(pm.norm(way))
+    if not radius < distance < math.inf:
+        return True
+    reach = pm.tan(math.radians(light.angle) / 2.0)
+    if light.profile is not None and light.gate == "rectangle":
+        reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
+    cosine = float(pm.matmul(way, direction)) / (distance * float(pm.norm(direction)))
+    angle = pm.arccos(min(max(cosine, -1.0), 1.0))
+    return angle - pm.arcsin(radius / distance) <= pm.arctan(reach) + _ROUNDING
+
+
+def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
+    """Whether a projected picture, with a margin, may meet an object's bounding box.
+
+    The margin is the width and height of the picture on each side. If the result depends on the
+    aspect of a file, the file is opened only for objects in front of the projector and between the
+    upper and lower bounds; a file that cannot be read counts as square.
+    """
+    corners = _corners(item)
+    if corners is None:
+        return True
+    points = np.concatenate([corners, np.ones((8, 1))], 1).T
+    matrix = picture.matrix
+    if callable(matrix):
+        square = matrix(aspect=1.0)
+        if _passes(square, points, across=False):
+            return False
+        try:
+            matrix = picture.world_matrix
+        except TexbakeError:
+            matrix = square
+    return not _passes(matrix, points, across=True)
+
+
+def _passes(matrix: FloatArray, points: FloatArray, *, across: bool) -> bool:
+    """Whether all points (4, n) are behind a projector or beyond one side of its picture."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        s, t, _, q = pm.matmul(matrix, points)
+        beyond = [q <= 0.0, t < -q, t > 2.0 * q]
+        beyond += [s < -q, s > 2.0 * q] if across else []
+    return any(side.all() for side in beyond)
+
+
+def _corners(item: SceneObject) -> FloatArray | None:
+    """(8, 3): corners of the bounding box in the world; None for a surface that leaves its box."""
+    if item.material.displacement is not None:
+        return None
+    corners = item.box_corners()
+    if item.transform is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            corners = pm.matmul(corners, item.transform[:3, :3].T) + item.transform[:3, 3]
+    return corners if np.isfinite(corners).all() else None
 
 
 @dataclass(frozen=True)
-class Identity:
+class RemovedPart:
     """A part of a scene that was taken out."""
 
     name: str  # name of the effect that it would call for, or of the map
@@ -32,15 +113,15 @@ class Identity:
     why: str
 
 
-def without_identities(
+def simplify_scene(
     scene: Scene, options: RenderOptions, *, keeps_materials: bool = False
-) -> tuple[Scene, RenderOptions, tuple[Identity, ...]]:
+) -> tuple[Scene, RenderOptions, tuple[RemovedPart, ...]]:
     """Return a scene and its options without what changes no pixel, and what that was.
 
     `keeps_materials` says whether something else than shading may read materials, such as a buffer
     that is shown or an effect of the caller's own. Only what is 0 is left out of them then.
     """
-    found: list[Identity] = []
+    found: list[RemovedPart] = []
     original = scene
     scene = replace(scene, objects=tuple(_without_zeros(item, found) for item in scene.objects))
     lights = _active_lights(scene, found)
@@ -52,15 +133,15 @@ def without_identities(
     return replace(scene, objects=objects, lighting=lighting), options, tuple(found)
 
 
-def _without_zeros(item: SceneObject, found: list[Identity]) -> SceneObject:
+def _without_zeros(item: SceneObject, found: list[RemovedPart]) -> SceneObject:
     material = item.material
     for name, why, simpler in without_zeros(material):
-        found.append(Identity(name, f'object "{item.name}"', why))
+        found.append(RemovedPart(name, f'object "{item.name}"', why))
         material = simpler
     return item if material is item.material else replace(item, material=material)
 
 
-def _active_lights(scene: Scene, found: list[Identity]) -> tuple[Light, ...]:
+def _active_lights(scene: Scene, found: list[RemovedPart]) -> tuple[Light, ...]:
     """Lights, of which spots that shine past all objects are dark."""
     active = []
     for light in scene.lighting.lights:
@@ -72,7 +153,7 @@ def _active_lights(scene: Scene, found: list[Identity]) -> tuple[Light, ...]:
         ):
             active.append(light)
         else:
-            found.append(Identity("lights", f'light "{light.name}"', "its cone meets no object"))
+            found.append(RemovedPart("lights", f'light "{light.name}"', "its cone meets no object"))
             active.append(replace(light, intensity=0.0, profile=None, shadow=None))
     return tuple(active)
 
@@ -82,7 +163,7 @@ def _shines(light: Light) -> bool:
 
 
 def _active_lighting(
-    lighting: Lighting, options: RenderOptions, found: list[Identity]
+    lighting: Lighting, options: RenderOptions, found: list[RemovedPart]
 ) -> tuple[Lighting, RenderOptions]:
     """Leave out an environment that is dark; where it was seen, the background is black."""
     environment = lighting.environment
@@ -92,7 +173,7 @@ def _active_lighting(
     if environment.intensity != 0.0 and not is_black:
         return lighting, options
     why = "the environment is black" if is_black else "the environment's intensity is 0"
-    found.append(Identity("environment", "the scene", why))
+    found.append(RemovedPart("environment", "the scene", why))
     if environment.background:
         options = replace(options, background=(0.0, 0.0, 0.0))
     return replace(lighting, environment=None), options
@@ -117,18 +198,18 @@ def _active_object(
     item: SceneObject,
     lighting: Lighting,
     around: Surroundings | None,
-    found: list[Identity],
+    found: list[RemovedPart],
 ) -> SceneObject:
     material = item.material
     by = f'object "{item.name}"'
     for name, why, simpler in _steps(item, around):
         if why:
-            found.append(Identity(name, by, why))
+            found.append(RemovedPart(name, by, why))
         material = simpler
     if material.displacement is not None and not (
         _may_be_seen(scene, item, material) or _casts_shadows(scene, item, lighting)
     ):
-        found.append(Identity("displacement", by, "the object is not seen and casts no shadow"))
+        found.append(RemovedPart("displacement", by, "the object is not seen and casts no shadow"))
         material = replace(material, displacement=None)
     return item if material is item.material else replace(item, material=material)
 
