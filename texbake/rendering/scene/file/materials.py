@@ -23,23 +23,12 @@ from texbake.rendering.scene.file.values import (
     FILE,
     Number,
     Vector,
-    choice,
     existing_file,
     format_value,
     is_number,
     validation_error,
 )
 from texbake.rendering.scene.material import (
-    ALPHA_MODES,
-    BUMP_FORMS,
-    CONVENTIONS,
-    DIFFERENCES,
-    DISPLACEMENT_SPACES,
-    ENVIRONMENTS,
-    LIGHT_SPACES,
-    NORMAL_SPACES,
-    SHADING_RATES,
-    SHADINGS,
     BumpMap,
     Displacement,
     Material,
@@ -54,30 +43,18 @@ from texbake.rendering.scene.transforms import projector_matrix
 
 NormalMapTable = table(
     NormalMap,
-    {
-        "texture": ImageOnly,
-        "space": choice(NORMAL_SPACES),
-        "convention": choice(CONVENTIONS),
-    },
+    {"texture": ImageOnly},
     short="texture",
 )
 BumpMapTable = table(
     BumpMap,
-    {
-        "texture": Texture,
-        "form": choice(BUMP_FORMS),
-        "light_space": choice(LIGHT_SPACES),
-        "difference": choice(DIFFERENCES),
-    },
+    {"texture": Texture},
     short="texture",
 )
-DisplacementTable = table(
-    Displacement, {"texture": Texture, "space": choice(DISPLACEMENT_SPACES)}, short="texture"
-)
+DisplacementTable = table(Displacement, {"texture": Texture}, short="texture")
 ParallaxTable = table(Parallax, {"texture": ImageOnly}, short="texture")
-_ENVIRONMENT = {"strength": ColorSlot, "environment": choice(ENVIRONMENTS)}
-ReflectionTable = table(Reflection, _ENVIRONMENT, short="strength")
-RefractionTable = table(Refraction, _ENVIRONMENT, short="strength")
+ReflectionTable = table(Reflection, {"strength": ColorSlot}, short="strength")
+RefractionTable = table(Refraction, {"strength": ColorSlot}, short="strength")
 
 
 def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
@@ -166,9 +143,6 @@ ProjectedTable = table(
 MaterialTable = table(
     Material,
     {
-        "shading": choice(SHADINGS),
-        "shading_rate": choice(SHADING_RATES),
-        "alpha_mode": choice(ALPHA_MODES),
         "base_color": ColorSlot,
         "specular": ColorSlot,
         "exponent": AmountSlot,

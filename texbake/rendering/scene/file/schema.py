@@ -52,7 +52,6 @@ from texbake.rendering.scene.file.values import (
     Text,
     Vector,
     at,
-    choice,
     color_of,
     existing_file,
     first_error,
@@ -61,9 +60,6 @@ from texbake.rendering.scene.file.values import (
     validation_error,
 )
 from texbake.rendering.scene.lights import (
-    FOG_MODES,
-    GATES,
-    KINDS,
     Ambient,
     AmbientOcclusion,
     Environment,
@@ -112,10 +108,8 @@ def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> 
 LightTable = table(
     Light,
     {
-        "kind": choice(KINDS),
         "shadow": switched(ShadowTable, Shadow),
         "profile": ImageOnly,
-        "gate": choice(GATES),
     },
     required=("kind",),
     more={
@@ -147,7 +141,7 @@ EnvironmentTable = table(
     },
 )
 AmbientTable = table(Ambient)
-FogTable = table(Fog, {"mode": choice(FOG_MODES)})
+FogTable = table(Fog)
 OcclusionTable = table(AmbientOcclusion)
 
 

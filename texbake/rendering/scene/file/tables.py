@@ -34,6 +34,7 @@ from texbake.rendering.scene.file.values import (
     Switch,
     Text,
     Whole,
+    choice,
     format_value,
     key_error,
     nearest,
@@ -229,6 +230,8 @@ def _check_of(item: OptionField) -> Any:
     if len(item.kinds) != 1:
         return Plain
     (only,) = item.kinds
+    if only is str and item.option.choices:
+        return choice(item.option.choices)
     if get_origin(only) is tuple:
         parts = get_args(only)
         if all(part in (float, int, ...) for part in parts):

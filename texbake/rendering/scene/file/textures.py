@@ -38,9 +38,7 @@ from texbake.rendering.scene.file.values import (
     validation_error,
 )
 from texbake.rendering.scene.textures import (
-    FILTERS,
     SPACES,
-    VOLUME_FILTERS,
     WRAPS,
     ImageTexture,
     ProcedureTexture,
@@ -58,14 +56,12 @@ ImageTable = table(
     ImageTexture,
     {
         "image": File,
-        "filter": choice(FILTERS),
         "wrap": one_or_two(WRAPS),
         "border": numbers(None, or_one=True),
         "scale": numbers(2, or_one=True),
         "channel": Channel,
         "factor": Factor,
         "color": Switch,
-        "range": numbers(2),
     },
     short="image",
 )
@@ -86,7 +82,6 @@ ProcedureTable = table(
     ProcedureTexture,
     {
         "procedure": choice(PROCEDURE_NAMES),
-        "space": choice(SPACES),
         "scale": numbers(3, or_one=True),
         "factor": Factor,
     },
@@ -100,10 +95,6 @@ VolumeTable = table(
         "volume": Files,
         "space": choice(SPACES[:2]),
         "scale": numbers(3, or_one=True),
-        "offset": numbers(3),
-        "filter": choice(VOLUME_FILTERS),
-        "wrap": choice(WRAPS),
-        "range": numbers(2),
         "factor": Factor,
     },
     without=("procedure", "parameters", "filtered", "uv_set"),
