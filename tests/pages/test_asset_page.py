@@ -360,8 +360,7 @@ def test_a_page_is_the_same_each_time(pair, baked, tmp_path) -> None:
     assert pages[0].read_bytes() == pages[1].read_bytes()
 
 
-@pytest.mark.parametrize("width", [1280, 390])
-def test_a_figure(browser, tmp_path_factory, width: int) -> None:
+def test_a_figure(browser, tmp_path_factory) -> None:
     from texbake.pages.asset_page import page_options
 
     high, low = models.pair("figure")
@@ -370,7 +369,7 @@ def test_a_figure(browser, tmp_path_factory, width: int) -> None:
     comparison = write_bake_page(path, high, low, result)
     assert comparison is not None and comparison.mapped.mean_deg < comparison.bare.mean_deg
     assert path.stat().st_size < 15_000_000
-    browser.open(path, width=width)
+    browser.open(path)
     browser.wait(f"{READY} && {MAPS_READY}")
     browser.set("[name=wipe]", 0)
     baked_view = canvas_alone(browser)

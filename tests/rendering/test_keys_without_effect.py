@@ -7,6 +7,7 @@ lamp. Every file that it names is damaged, so that opening one, even for its siz
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -209,6 +210,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@cache
 def picture_of(folder: Path, text: str) -> tuple[bytes, set[tuple[str, Any]], list[str]]:
     """Pixels, effects that ran, and the plan."""
     (folder / "scene.toml").write_text(text)

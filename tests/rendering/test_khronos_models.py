@@ -123,15 +123,19 @@ def test_arrows_point_at_their_targets(data_dir):
 
 def test_alpha_is_cut_off_where_the_arrows_stand(data_dir):
     scene = read_scene(data_dir / "gltf/AlphaBlendModeTest.glb")
-    center, side = (0.0, 1.0, 0.0), 8.0
-    picture = drawn(scene, center, side, 640)  # 80 pixels per unit
     arrows = next(placed(item) for item in scene.objects if item.name == "GreenArrows").positions
     for name in "TestCutoff25", "TestCutoffDefault", "TestCutoff75":
         (item,) = (item for item in scene.objects if item.name == name)
         without = tuple(other for other in scene.objects if other is not item)
-        bare = drawn(replace(scene, objects=without), center, side, 640)
-        (left, _, _), (right, _, _) = placed(item).bounds
-        middle = round(((left + right) / 2 + 0.05 - center[0] + side / 2) * 80)
+        (left, bottom, _), (right, top, _) = placed(item).bounds
+        center = (left + right) / 2 + 0.05, (bottom + top) / 2, 0.0
+        size = math.ceil(80 * (top - bottom + 0.5))
+        side = size / 80  # 80 pixels per unit
+        picture, bare = (
+            drawn(replace(scene, objects=objects), center, side, size)
+            for objects in (scene.objects, without)
+        )
+        middle = size // 2
         shown = np.abs(picture - bare).max(axis=2)[:, middle - 15 : middle + 15].mean(axis=1) > 0.1
         regions, _ = label(shown)
         tallest = np.bincount(regions[regions > 0]).argmax()

@@ -37,7 +37,7 @@ def from_grid(points, width, height, depth=0.5):
 
 
 def owned(points, width, height):
-    """Which samples lie in a triangle on the grid, in Python integers.
+    """Which samples lie in a triangle on the grid.
 
     Independent of edge biases: the sample is moved right by an infinitesimal and down by an
     infinitesimally smaller one, then it lies on no edge; what then is inside is just what the
@@ -45,23 +45,13 @@ def owned(points, width, height):
     """
     a, b, c = (tuple(int(x) for x in point) for point in points)
     turn = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    inside = np.zeros((height, width), bool)
-    if turn == 0:
-        return inside
     if turn < 0:
         b, c = c, b
-    for row in range(height):
-        for column in range(width):
-            x, y = column * SUBPIXELS + SUBPIXELS // 2, row * SUBPIXELS + SUBPIXELS // 2
-            inside[row, column] = all(
-                (
-                    (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]),
-                    -(q[1] - p[1]),
-                    q[0] - p[0],
-                )
-                > (0, 0, 0)
-                for p, q in ((a, b), (b, c), (c, a))
-            )
+    y, x = np.mgrid[:height, :width] * SUBPIXELS + SUBPIXELS // 2
+    inside = np.full((height, width), turn != 0)
+    for p, q in (a, b), (b, c), (c, a):
+        side = (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0])
+        inside &= (side > 0) | ((side == 0) & ((p[1] - q[1], q[0] - p[0]) > (0, 0)))
     return inside
 
 

@@ -341,12 +341,11 @@ def test_maps_finer_than_pieces_are_averaged_and_not_picked_from():
             np.testing.assert_allclose(z, 0.5, atol=0.02)
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-def test_threads_change_nothing(threads):
+def test_threads_change_nothing():
     noise = 0.1 * np.random.default_rng(9).uniform(-1, 1, (256, 256))
     holder = Displacement(texture=image(noise, filter="trilinear"), edge_px=0.5)
     one, first = displaced(uv_sphere(8, 16), holder, shading="lambert")
-    several, second = displaced(uv_sphere(8, 16), holder, shading="lambert", threads=threads)
+    several, second = displaced(uv_sphere(8, 16), holder, shading="lambert", threads=5)
     for name in "positions", "faces", "base_faces", "base_weights", "normals":
         assert getattr(one, name).tobytes() == getattr(several, name).tobytes()
     assert first.color.tobytes() == second.color.tobytes()

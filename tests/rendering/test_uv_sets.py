@@ -22,7 +22,7 @@ from texbake.texture.sample import FILTERS, sample_texture
 
 NOISE = np.random.default_rng(4).random((16, 16, 3)).astype(np.float32)
 VIEW = CameraView(position=(0.5, -0.8, 2.5), target=(0.1, 0.0, 0.0), fov=50.0)
-OPTIONS = RenderOptions(width=96, height=80, supersampling=1)
+OPTIONS = RenderOptions(width=48, height=40, supersampling=1, max_triangles=20_000)
 LIGHTING = Lighting(lights=(Light(direction=(0.4, -0.3, -1.0)),))
 
 
