@@ -304,7 +304,7 @@ def test_wrong_files(folder, text, message):
          "camera.near: it belongs to a camera with a position; give that too"),
         ("[render]\nwidth = 0", "render.width: 0 is out of range; it must be 1 to 16384 pixels"),
         ("[render]\nwidth = 1.5", "render.width: 1.5 is not a whole number; give one such as 4"),
-        ("[render]\nup = 'x'", "render.up: x is not one of y, z"),
+        ("[render]\nup = 'x'", "render.up: 'x' is not one of y, z"),
         ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
          "supersampling, background, exposure, back_faces, edges, interpolation, filter, buffer, "
          "mapping_order, bounces, "

@@ -7,12 +7,12 @@ from texbake.rendering.tessellation import (
     MOST_CUTS,
     cut,
     edges_to_cut,
-    unclipped_triangles,
+    undivided_triangles,
 )
 
 
 def start(mesh):
-    pieces, places = unclipped_triangles(mesh.faces)
+    pieces, places = undivided_triangles(mesh.faces)
     return pieces, mesh.positions.copy(), places
 
 
@@ -116,7 +116,7 @@ def test_weights_stay_exact_for_as_many_cuts_as_are_made():
 def test_the_shorter_diagonal_is_taken():
     # Two edges of a long triangle are cut: from (0, 0) to the middle of the far side is longer.
     points = np.array([(0.0, 0, 0), (1, 0, 0), (9, 1, 0)])
-    pieces, _ = unclipped_triangles(np.array([[0, 1, 2]], np.int32))
+    pieces, _ = undivided_triangles(np.array([[0, 1, 2]], np.int32))
     marked = np.array([set(ends) in ({0, 1}, {1, 2}) for ends in pieces.ends.tolist()])
     finer, points, _ = cut_once(pieces, points, marked)
     ends = {frozenset(pair) for pair in finer.ends.tolist()}
@@ -129,7 +129,7 @@ def test_edges_of_length_zero_are_never_cut():
     # A triangle with two corners in one vertex is cut along its other edge, like its neighbor.
     faces = np.array([[0, 1, 1], [1, 0, 2]], np.int32)
     points = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0)])
-    pieces, _ = unclipped_triangles(faces)
+    pieces, _ = undivided_triangles(faces)
     for _ in range(3):
         marked = edges_to_cut(pieces, np.full(len(pieces.ends), 2.0), points, 10**6)
         np.testing.assert_array_equal(marked, pieces.ends[:, 0] != pieces.ends[:, 1])
@@ -141,7 +141,7 @@ def test_edges_of_length_zero_are_never_cut():
 def test_no_triangle_is_cut_without_its_longest_edge():
     mesh = icosphere(3)
     points = mesh.positions * (1.0, 1.3, 2.0)
-    pieces, _ = unclipped_triangles(mesh.faces)
+    pieces, _ = undivided_triangles(mesh.faces)
     random = np.random.default_rng(4)
     excess = np.where(random.random(len(pieces.ends)) < 0.02, 2.0, 0.5)
     marked = edges_to_cut(pieces, excess, points, 10**6)

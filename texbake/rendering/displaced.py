@@ -48,7 +48,7 @@ from texbake.rendering.tessellation import (
     Places,
     cut,
     edges_to_cut,
-    unclipped_triangles,
+    undivided_triangles,
 )
 
 
@@ -95,7 +95,7 @@ def displaced(
     """
     welded = weld_rows(surface.points, threads=threads)
     used, faces = np.unique(welded[surface.faces], return_inverse=True)
-    pieces, places = unclipped_triangles(faces.reshape(-1, 3).astype(np.int32))
+    pieces, places = undivided_triangles(faces.reshape(-1, 3).astype(np.int32))
     points, normals = surface.points[used], surface.normals[used]
     now = Displaced(pieces, points, normals, _moved(surface, points, normals, places, moves))
     for _ in range(MOST_CUTS):

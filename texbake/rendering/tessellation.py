@@ -68,7 +68,7 @@ class Places:
     weights: Floats  # (S, 2): weights of the second and third corner
 
 
-def unclipped_triangles(faces: IntArray) -> tuple[Pieces, Places]:
+def undivided_triangles(faces: IntArray) -> tuple[Pieces, Places]:
     """Return triangles without any cut, and the places of their vertices.
 
     `faces` (F, 3) int32.

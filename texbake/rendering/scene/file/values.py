@@ -193,7 +193,7 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
 def linear(value: str) -> tuple[float, float, float]:
     """Linear color of an sRGB-coded "#rrggbb" or "#rgb".
 
-    Raises a `fault` for other text.
+    Raises a `validation_error` for other text.
     """
     if not _HEX.fullmatch(value):
         raise validation_error(
