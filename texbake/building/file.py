@@ -45,7 +45,9 @@ FOLDER = "build"
 def _references(value: Any) -> Any:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise validation_error(f"{format_value(value)} is neither a name in quotes nor a list of some")
+        raise validation_error(
+            f"{format_value(value)} is neither a name in quotes nor a list of some"
+        )
     return names
 
 
@@ -252,7 +254,9 @@ def _check_names(pipeline: Pipeline) -> None:
 
 def _word(value: Any) -> str:
     if not isinstance(value, str) or not value or any(sign in value for sign in "./\\{}"):
-        raise validation_error(f"{format_value(value)} is not a name; use one without . / \\ and braces")
+        raise validation_error(
+            f"{format_value(value)} is not a name; use one without . / \\ and braces"
+        )
     return value
 
 
@@ -274,10 +278,8 @@ def _step(value: Any) -> Any:
     if "do" not in value:
         raise key_error("do", f"it is missing; it is one of {', '.join(STEP_KINDS)}")
     if value["do"] not in STEP_KINDS:
-        raise key_error(
-            "do",
-            f"{format_value(value['do'])} is not a kind of step; {nearest(str(value['do']), STEP_KINDS)}",
-        )
+        advice = nearest(str(value["do"]), STEP_KINDS)
+        raise key_error("do", f"{format_value(value['do'])} is not a kind of step; {advice}")
     return value
 
 
