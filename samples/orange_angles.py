@@ -13,7 +13,7 @@ import numpy as np
 
 import texbake
 from texbake.jobs.orange_turns import METHODS, TRUTH, measure_turns, turns_svg
-from texbake.pages.line_plots import write_svg
+from texbake.pages.plots import write_svg
 from texbake.rendering.panels import Panel, side_by_side
 
 # What is shown: (what turns, degrees).

@@ -17,9 +17,9 @@ from texbake.baking.options import BakeOptions
 from texbake.mesh.shapes import plane
 from texbake.pages import page, pictures
 from texbake.pages.asset_page import as_asked, page_options
-from texbake.pages.histogram import histogram_svg, ticks
 from texbake.pages.page import as_json, duration, memory, page_html, three_js
 from texbake.pages.pictures import baked_pictures, file_pictures, miss_picture
+from texbake.pages.plots import histogram_svg, ticks
 from texbake.texture.image import write_image
 
 

@@ -154,7 +154,7 @@ def measure_turns(
 
 def turns_svg(turns: OrangeTurns) -> Markup:
     """Draw the errors over the angles: one frame for the light, one for the viewer."""
-    from texbake.pages.line_plots import LineFrame, line_plots_svg
+    from texbake.pages.plots import LineFrame, line_plots_svg
 
     frames = [
         LineFrame(

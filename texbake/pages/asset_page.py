@@ -16,7 +16,6 @@ from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.metadata import SPACE
-from texbake.pages.histogram import histogram_svg
 from texbake.pages.page import (
     as_json,
     asset,
@@ -36,6 +35,7 @@ from texbake.pages.pictures import (
     picture_codes,
     png_of,
 )
+from texbake.pages.plots import histogram_svg
 from texbake.pages.viewer import angle_colors, view_data
 from texbake.progress import ProgressSink, StageRecord
 from texbake.rendering.compare import Comparison, compare

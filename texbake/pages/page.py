@@ -12,19 +12,18 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
-import math
-
-from texbake.core import portable_math as pm
 
 _ASSETS = Path(__file__).with_name("assets")
 _TEMPLATES = Path(__file__).with_name("templates")

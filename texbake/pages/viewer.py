@@ -1,16 +1,33 @@
-"""Data for the 3D viewer of an asset's page: both meshes, the camera and the maps."""
+"""Data for the 3D viewer of an asset's page: both meshes, the camera and the maps.
+
+Meshes are packed as compact text, for the script of the page to unpack. All values are integers:
+points on a grid over the bounding box, directions on an octahedron, texture coordinates in steps of
+2^-20. Each column is stored as differences from row to row, with their bytes grouped by
+significance, and deflated: 7 to 9 bytes per triangle. `unpack` in `assets/page.js` is the inverse.
+
+Based on: Cigolle et al., "A survey of efficient representations for independent unit vectors", JCGT
+3(2), 2014, for the octahedron.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import base64
+import json
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from texbake.mapping.seams import border_edges
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.normals import shading_normals
 from texbake.mesh.simplify import simplify
-from texbake.pages.packing import packed_mesh
+from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.weld import weld_rows
 from texbake.pages.page import as_json
 from texbake.pages.pictures import MapPicture, picture_codes
 from texbake.rendering.camera import Camera
@@ -75,3 +92,96 @@ def angle_colors() -> list[str]:
     angles = np.linspace(0.0, MAX_ANGLE_DEG, _LEGEND_STEPS, dtype=np.float32)
     codes = picture_codes(colored_angles(angles[None, :]))[0]
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in codes.tolist()]
+
+
+Ints = npt.NDArray[np.int32]
+
+POSITION_STEPS = 65_535  # along the longest side of the box: far finer than a pixel
+# Half the number of steps along an axis of the octahedron: accurate to 0.06 degrees.
+DIRECTION_STEPS = 2_047
+UV_STEPS = 1 << 20  # 1/256 of a texel of a 4096² map
+
+
+def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
+    """Return integer arrays as base64 text."""
+    head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
+    words = json.dumps(head, separators=(",", ":")).encode()
+    planes = [_planes(values) for values in arrays.values()]
+    packed = zlib.compress(b"".join([struct.pack("<I", len(words)), words, *planes]), 9)
+    return base64.b64encode(packed).decode("ascii")
+
+
+def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
+    """Pack a mesh for drawing.
+
+    The arrays are `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, if the mesh has texture
+    coordinates, `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1),
+    in which bit k is set if the edge from corner k to the next is on the outline of its chart.
+    """
+    normals, normal_faces = shading_normals(mesh)
+    corners = [mesh.faces.ravel(), normal_faces.ravel()]
+    tangents = None
+    if mesh.uv_faces is not None:
+        tangents = corner_tangents(mesh).reshape(-1, 4)
+        corners += [mesh.uv_faces.ravel(), weld_rows(tangents)]
+    index, chosen = _numbered(np.column_stack(corners).astype(np.int32))
+    points = frame.to_local(mesh.positions[mesh.faces.ravel()[chosen]])
+    low, side = points.min(axis=0), float(np.ptp(points, axis=0).max()) or 1.0
+    arrays = {
+        "index": index[:, None],
+        "position": np.rint((points - low) / side * POSITION_STEPS).astype(np.int32),
+        "normal": octahedral(normals[normal_faces.ravel()[chosen]]),
+    }
+    if tangents is not None and mesh.uvs is not None and mesh.uv_faces is not None:
+        uvs = mesh.uvs[mesh.uv_faces.ravel()[chosen]]
+        signs = tangents[chosen, 3:].astype(np.int32)
+        arrays["uv"] = np.rint(np.clip(uvs, -1000.0, 1000.0) * UV_STEPS).astype(np.int32)
+        arrays["tangent"] = np.hstack([octahedral(tangents[chosen, :3]), signs])
+        arrays["borders"] = (border_edges(mesh) * np.array([1, 2, 4], np.int32)).sum(
+            axis=1, keepdims=True, dtype=np.int32
+        )
+    steps = {
+        "low": low.tolist(),
+        "step": side / POSITION_STEPS,
+        "directionSteps": DIRECTION_STEPS,
+        "uvSteps": UV_STEPS,
+    }
+    return pack(arrays, steps)
+
+
+def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
+    """Map unit vectors to an octahedron that is unfolded to a square, (N, 2) int32.
+
+    `directions` (N, 3) float.
+    """
+    vectors = np.asarray(directions, np.float64)
+    sums = np.abs(vectors).sum(axis=1, keepdims=True)
+    vectors = np.divide(
+        vectors, sums, out=np.tile([0.0, 0.0, 1.0], (len(vectors), 1)), where=sums > 0
+    )
+    folded = vectors[:, :2]
+    below = vectors[:, 2] < 0.0
+    turned = (1.0 - np.abs(folded[:, ::-1])) * np.where(folded < 0.0, -1.0, 1.0)
+    folded = np.where(below[:, None], turned, folded)
+    return np.asarray(np.rint(folded * DIRECTION_STEPS), np.int32)
+
+
+def _numbered(rows: IntArray) -> tuple[Ints, npt.NDArray[np.intp]]:
+    """Number distinct rows in order of first use; also return the first row of each number."""
+    firsts = weld_rows(rows)
+    is_first = firsts == np.arange(len(firsts))
+    return (np.cumsum(is_first) - 1)[firsts].astype(np.int32), np.flatnonzero(is_first)
+
+
+def _planes(values: Ints) -> bytes:
+    """Return the bytes of zigzag-coded differences down the columns, grouped by significance."""
+    steps = np.diff(values, axis=0, prepend=np.zeros((1, values.shape[1]), np.int32))
+    codes = ((steps << 1) ^ (steps >> 31)).astype("<u4")
+    return (
+        codes.T.reshape(-1, 1)
+        .copy()
+        .view(np.uint8)
+        .reshape(values.shape[1], -1, 4)
+        .transpose(0, 2, 1)
+        .tobytes()
+    )

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 if TYPE_CHECKING:
     from texbake.rendering.effect import RenderState
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 # Index of an object or a light; None for the whole picture.
 Target = int | None

@@ -16,7 +16,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.pages.packing import DIRECTION_STEPS, octahedral, pack, packed_mesh
+from texbake.pages.viewer import DIRECTION_STEPS, octahedral, pack, packed_mesh
 
 INTS = npst.arrays(np.int32, st.tuples(st.integers(0, 6), st.integers(1, 3)))
 

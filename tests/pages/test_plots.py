@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from texbake.pages.line_plots import LineFrame, line_plots_svg, write_svg
+from texbake.pages.plots import LineFrame, line_plots_svg, write_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 FRAMES = [
