@@ -194,7 +194,7 @@ def test_a_camera_inside_a_closed_mesh_sees_its_back_or_nothing():
 @pytest.mark.parametrize("kind", ["point", "spot"])
 @pytest.mark.parametrize("shadow", [None, Shadow(size=32)])
 def test_a_light_at_a_surface(kind, shadow):
-    for position in (0.5, 0.5, 0.0), (0.0, 0.0, 0.0), (0.5, 0.5, 1e-12):
+    for position in (0.5, 0.5, 0.0), (0.0, 0.0, 0.0), (0.5, 0.5, 1e-12), (0.5, 0.5, 1e-30):
         light = Light(kind=kind, position=position, direction=(0, 0, -1), shadow=shadow)
         for material in MATERIALS:
             scene = Scene(

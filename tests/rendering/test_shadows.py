@@ -256,18 +256,6 @@ def test_the_faces_of_a_point_light_meet_without_a_seam() -> None:
     assert (found[on_shell & outside] == 1.0).all()
 
 
-@pytest.mark.parametrize("kind", ["point", "spot"])
-@pytest.mark.parametrize(
-    "position", [(0.0, 0.0, 0.0), (-3.0, 0.0, 3.0), (0.2, 1.6, -0.1), (0.0, 1e-30, 0.0)]
-)
-def test_a_light_at_a_surface_gives_a_finite_picture(
-    kind: str, position: tuple[float, float, float]
-) -> None:
-    source = light(kind, size=64, position=position, direction=(0.1, -1.0, 0.0))
-    frame = drawn(floor(), ball(CENTER, RADIUS), light=source)
-    assert np.isfinite(frame.color).all()
-
-
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_size_and_place_change_nothing(scale: float) -> None:
     def scene(factor: float) -> np.ndarray:
