@@ -114,7 +114,7 @@ def hand() -> Crowd:
         for i in range(4)
     }
     palm = Part(block((0.0, 0.0, 0.0), (0.5, 0.16, 0.4)), lump(0.2, (0.0, -1.0, 0.0)))
-    return crowd({**fingers, "palm": palm}, high_rings=96, low_rings=14)
+    return crowd({**fingers, "palm": palm}, high_rings=48, low_rings=14)
 
 
 def hinge() -> Crowd:
@@ -134,4 +134,4 @@ def hinge() -> Crowd:
         for i in range(4)
     }
     pin = {"pin": Part(capsule((0.0, 0.0, 0.0), 0.06, 0.85))}
-    return crowd({**plates, **knuckles, **bolts, **pin}, high_rings=96, low_rings=14)
+    return crowd({**plates, **knuckles, **bolts, **pin}, high_rings=48, low_rings=14)

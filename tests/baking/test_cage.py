@@ -83,12 +83,12 @@ def test_no_vertex_could_move_in_on_its_own(peel: tuple[Mesh, Mesh]) -> None:
     # Face centers too: the points that hold a vertex out may lie over an edge of the cage.
     points = np.vstack([high.positions, high.positions[high.faces].mean(axis=1)])
     loose = 0
-    for vertex in moved[:: max(len(moved) // 12, 1)]:
+    for vertex in moved[:: max(len(moved) // 6, 1)]:
         positions = cage.mesh.positions.copy()
         positions[vertex] -= 0.05 * directions[vertex]
-        near = np.linalg.norm(points - cage.mesh.positions[vertex], axis=1) < 0.4 * high.diagonal
+        near = np.linalg.norm(points - cage.mesh.positions[vertex], axis=1) < 0.15 * high.diagonal
         loose += _outside(points[near], cage.mesh.replace(positions=positions)) == 0
-    assert loose <= 2
+    assert loose <= 1
 
 
 def test_rays_from_a_cage_miss_nothing_and_are_shorter(peel: tuple[Mesh, Mesh]) -> None:

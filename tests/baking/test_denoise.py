@@ -130,9 +130,9 @@ def test_the_edge_of_a_step_stays_sharp():
 
 
 def test_a_ball_has_less_noise_than_its_raw_map():
-    high = uv_sphere(96, 192, lambda t, p: 1 + 0.02 * np.sin(9 * t) * np.sin(11 * p))
+    high = uv_sphere(64, 128, lambda t, p: 1 + 0.05 * np.sin(4 * t) * np.sin(5 * p))
     low = uv_sphere(16, 17)
-    options = BakeOptions(size=256, maps=("ao",), padding=0, keep_hits=True)
+    options = BakeOptions(size=128, maps=("ao",), padding=0, keep_hits=True)
     clean = bake(high, low, options)
     truth = bake(high, low, dataclasses.replace(options, secondary_rays=512, denoise=False))
     raw = remap(clean, high, low, dataclasses.replace(options, denoise=False))

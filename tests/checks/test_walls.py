@@ -59,14 +59,14 @@ def shell(n: int, outer_only: bool = False) -> Mesh:
 
 @pytest.mark.parametrize("flip", [False, True])
 @pytest.mark.parametrize("outer_only", [False, True])
-@pytest.mark.parametrize("n", [4, 8, 32])
+@pytest.mark.parametrize("n", [4, 16])
 def test_thin_walls_do_not_face_opposite_ways_unless_flipped(
     n: int, outer_only: bool, flip: bool
 ) -> None:
     """The faces of the low-poly mesh bulge less than the shell by up to ten times its thickness."""
     low = shell(n, outer_only)
     low = low.replace(faces=low.faces[:, ::-1]) if flip else low
-    found = check(shell(100), low).finding("opposite-sides")
+    found = check(shell(50), low).finding("opposite-sides")
     n_flat = 2 * n * (1 if outer_only else 2)  # triangles at the pole without area
     assert (found.count if found else 0) == (low.n_faces - n_flat if flip else 0)
 

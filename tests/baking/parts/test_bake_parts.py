@@ -478,7 +478,7 @@ def test_pairs_baked_together_equal_each_baked_alone():
         name: [mesh.replace(name=f"{name}_{end}.obj") for mesh, end in zip(both, ends, strict=True)]
         for (name, both), ends in zip(meshes.items(), [("HIGH", "low")] * 2, strict=True)
     }
-    chosen = BakeOptions(size=256, maps=("normal", "displacement"), fill="push-pull")
+    chosen = BakeOptions(size=64, maps=("normal", "displacement"), fill="push-pull")
     parts = PartsOptions(match_by_name=True, texture_sets="groups")
     highs, lows = zip(*pairs.values(), strict=True)
     result = bake_parts(highs, lows, chosen, parts)

@@ -49,7 +49,8 @@ def test_levels_of_all_are_those_of_the_map_whose_values_have_the_widest_range(n
         shared = with_common_levels(maps, bits)
         assert all(levels(item, bits) == levels(widest, bits) for item in shared)
         assert not any(code(item, FileEncoding(bits)).n_clipped for item in shared)
-    assert levels(with_common_levels([other], bits)[0], bits) == levels(other, bits)
+    for alone in ([other], [empty, empty]):
+        assert levels(with_common_levels(alone, bits)[0], bits) == levels(alone[0], bits)
 
 
 @pytest.mark.parametrize("mid", [None, 0.5])
