@@ -82,6 +82,8 @@ def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
         more = dict(part.more)
         if "choices" in more:
             more["type"] = click.Choice(more.pop("choices"))
+        if not part.flag.startswith("-"):
+            return click.argument(part.flag, **more)
         return click.option(*part.flag.split(), help=part.help, **more)
     if isinstance(part, Reads):
         return _input(part)

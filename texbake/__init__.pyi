@@ -66,7 +66,6 @@ from .errors import (
     heard_warnings as heard_warnings,
     is_out_of_memory as is_out_of_memory,
 )
-from .jobs.cages import cage_file as cage_file
 from .jobs.channels import (
     ChannelsReport as ChannelsReport,
     pack_channel_files as pack_channel_files,
@@ -80,7 +79,6 @@ from .jobs.comparison import (
     compare_files as compare_files,
     comparison_table as comparison_table,
 )
-from .jobs.convert import transform_file as transform_file
 from .jobs.demo import demo as demo
 from .jobs.export.export import (
     ExportResult as ExportResult,
@@ -112,10 +110,7 @@ from .jobs.maps import (
 )
 from .jobs.meshes import (
     MeshFileInfo as MeshFileInfo,
-    Relief as Relief,
     info_file as info_file,
-    make_file as make_file,
-    remesh_file as remesh_file,
 )
 from .jobs.options import (
     DEMO_FOLDER as DEMO_FOLDER,
@@ -138,10 +133,6 @@ from .jobs.run import (
     RunResult as RunResult,
     run as run,
     run_files as run_files,
-)
-from .jobs.simplifying import (
-    simplify_file as simplify_file,
-    simplify_levels as simplify_levels,
 )
 from .jobs.textures import bake_texture_files as bake_texture_files
 from .jobs.unwrapping import (
@@ -339,6 +330,17 @@ from .texture.pack import (
     pack_textures as pack_textures,
 )
 from .texture.sample import sample_texture as sample_texture
+from .verbs.cage import cage_file as cage_file
+from .verbs.make import (
+    Relief as Relief,
+    make_file as make_file,
+)
+from .verbs.remesh import remesh_file as remesh_file
 from .verbs.repair import repair_file as repair_file
+from .verbs.simplify import (
+    simplify_file as simplify_file,
+    simplify_levels as simplify_levels,
+)
+from .verbs.transform import transform_file as transform_file
 
 __version__: str

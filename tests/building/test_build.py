@@ -501,9 +501,7 @@ def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.Monkey
 def test_bugs_are_reported_with_their_traceback(
     scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from texbake.jobs import convert
-
-    monkeypatch.setattr(convert, "repair", lambda mesh, options: 1 // 0)
+    monkeypatch.setattr("texbake.mesh.repair.repair", lambda mesh, options: 1 // 0)
     result, _ = run(scans)
     step = result.failed[0].steps[0]
     assert step.error == (

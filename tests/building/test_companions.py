@@ -267,7 +267,6 @@ def test_one_that_changes_after_the_plan(tmp_path: Path, write: Any, inline: Any
 def test_one_that_changes_while_it_is_read(
     tmp_path: Path, write: Any, run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from texbake.jobs import convert
     from texbake.mesh.repair import RepairReport
 
     (tmp_path / "a.obj").write_text(OBJ)
@@ -277,7 +276,7 @@ def test_one_that_changes_while_it_is_read(
         (tmp_path / "my stuff.mtl").write_text("# another")
         return mesh, RepairReport(mesh.n_faces, {})
 
-    monkeypatch.setattr(convert, "repair", change)
+    monkeypatch.setattr("texbake.mesh.repair.repair", change)
     result, _ = run(write('[[assets]]\ninputs.high = "a.obj"\n', STEPS))
     assert "my stuff.mtl: it changed while r read it" in result.failed[0].error
 

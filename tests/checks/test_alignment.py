@@ -9,13 +9,13 @@ from texbake.baking.options import BakeOptions
 from texbake.checks.alignment import require_alignment
 from texbake.checks.check import check
 from texbake.errors import MeshError
-from texbake.jobs.cages import cage_file
 from texbake.jobs.maps import bake_files
 from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.verbs.cage import cage_file
 
 SIDES = np.array([1.0, 0.7, 0.4])
 

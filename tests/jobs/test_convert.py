@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileError
-from texbake.jobs.convert import transform_file
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     ChannelImage,
@@ -22,6 +21,7 @@ from texbake.mesh.shapes import uv_sphere
 from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.image import write_image
 from texbake.verbs.repair import repair_file
+from texbake.verbs.transform import transform_file
 
 CODES = np.random.default_rng(3).integers(0, 255, (4, 6, 8, 4), np.uint8)
 

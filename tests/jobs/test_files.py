@@ -10,6 +10,7 @@ import texbake
 from texbake import BakeOptions, FileFormatError, MeshError, OptionError
 from texbake.mesh.shapes import uv_sphere
 
+SIXTY = texbake.SimplifyOptions(n_faces=60)
 OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, samples=1)
 
 
@@ -42,7 +43,7 @@ def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) 
 
 
 def test_meshes_one_after_another(folder: Path) -> None:
-    low = texbake.simplify_file("bare.ply", "low.obj", 60, report="low.json")
+    low = texbake.simplify_file("bare.ply", "low.obj", SIXTY, report="low.json")
     assert low.report.n_faces <= 60 and low.files == (Path("low.obj"), Path("low.json"))
     fine, coarse = texbake.simplify_levels("bare.ply", [(100, "a.obj"), (60, "b.obj")])
     assert fine.report.n_faces > coarse.report.n_faces
@@ -76,7 +77,7 @@ def test_a_repair_counts_its_changes(folder: Path) -> None:
     [
         lambda: texbake.bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
         lambda: texbake.bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
-        lambda: texbake.simplify_file("ball.obj", "a.obj", 60, report="ball.obj"),
+        lambda: texbake.simplify_file("ball.obj", "a.obj", SIXTY, report="ball.obj"),
         lambda: texbake.cage_file("ball.obj", "bare.ply", "bare.ply"),
         lambda: texbake.unwrap_files("ball.obj", "a.obj", checker="c.png", layout="c.png"),
         lambda: texbake.compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),

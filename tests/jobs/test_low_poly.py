@@ -33,12 +33,14 @@ def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> Non
         MeshError,
         match=r"200 triangles cannot be reached, because .* need [3-9]\d\d; request more",
     ):
-        texbake.simplify_file("sponge.ply", "low.ply", 200)
+        texbake.simplify_file("sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200))
     assert not Path("low.ply").exists()
 
 
 def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
-    done = texbake.simplify_file("sponge.ply", "low.ply", 200, topology="simplify")
+    done = texbake.simplify_file(
+        "sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200, topology="simplify")
+    )
     low = texbake.read_mesh("low.ply")
     assert 198 <= low.n_faces <= 200
     assert handles(low) <= 200 / 20  # the widest tunnels, of a third of its side, stay

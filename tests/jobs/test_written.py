@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.jobs.simplifying import simplify_file, simplify_levels
 from texbake.jobs.unwrapping import unwrap_files
 from texbake.jobs.written import MaterialBorders, SourceMaterials
 from texbake.mesh.files import read_mesh, write_mesh
@@ -18,7 +17,9 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.simplify_options import SimplifyOptions
 from texbake.texture.image import write_image
+from texbake.verbs.simplify import simplify_file, simplify_levels
 
 
 def halves(mesh: Mesh) -> np.ndarray:
@@ -49,7 +50,9 @@ def found_in(path: Path) -> tuple[Mesh, Materials]:
 @pytest.mark.parametrize("quality", ["fast", "best"])
 @pytest.mark.parametrize("suffix", [".glb", ".obj"])
 def test_simplify_keeps_materials(ball: Path, tmp_path: Path, quality: str, suffix: str) -> None:
-    done = simplify_file(ball, tmp_path / f"low{suffix}", 600, quality=quality)
+    done = simplify_file(
+        ball, tmp_path / f"low{suffix}", SimplifyOptions(n_faces=600, quality=quality)
+    )
     assert not any("materials" in line for line in done.warnings)
     low, materials = found_in(tmp_path / f"low{suffix}")
     assert low.n_faces <= 600
@@ -68,13 +71,13 @@ def test_simplify_says_what_formats_cannot_hold(ball: Path, tmp_path: Path) -> N
     ply, stl = simplify_levels(ball, levels)
     assert ply.warnings[-1] == f"{tmp_path / 'low.ply'}: written without materials"
     assert stl.warnings[-1].endswith("low.stl: written without texture coordinates, materials")
-    plain = simplify_file(ball, tmp_path / "bare.obj", 600, mtl=False)
+    plain = simplify_file(ball, tmp_path / "bare.obj", SimplifyOptions(n_faces=600), mtl=False)
     assert plain.files == (tmp_path / "bare.obj",)
     assert plain.warnings[-1].endswith("bare.obj: written without materials")
 
 
 def test_images_go_with_texture_coordinates(ball: Path, tmp_path: Path) -> None:
-    done = simplify_file(ball, tmp_path / "low.glb", 600, seams="drop")
+    done = simplify_file(ball, tmp_path / "low.glb", SimplifyOptions(n_faces=600, seams="drop"))
     assert done.warnings[-1].endswith("images, for which there are no texture coordinates")
     low, materials = found_in(tmp_path / "low.glb")
     assert low.uvs is None
@@ -107,7 +110,7 @@ def test_unwrap_names_the_command_that_carries_images_over(ball: Path, tmp_path:
 
 
 def test_unwrap_does_not_write_over_the_mtl_file_of_images(ball: Path, tmp_path: Path) -> None:
-    simplify_file(ball, tmp_path / "low.obj", 600)
+    simplify_file(ball, tmp_path / "low.obj", SimplifyOptions(n_faces=600))
     before = (tmp_path / "low.mtl").read_bytes()
     done = unwrap_files(tmp_path / "low.obj", tmp_path / "low.obj")
     assert (tmp_path / "low.mtl").read_bytes() == before

@@ -9,7 +9,6 @@ import pytest
 
 from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.jobs.carried import compared_without
-from texbake.jobs.convert import transform_file
 from texbake.mesh.files import mtl, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import (
@@ -21,6 +20,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.scene.read import read_scene
+from texbake.verbs.transform import transform_file
 
 SQUARES = """mtllib {library}
 v 0 0 0

@@ -6,11 +6,11 @@ import pytest
 
 from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.errors import ReadWarning
-from texbake.jobs.convert import transform_file
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.shapes import cube
+from texbake.verbs.transform import transform_file
 
 
 def gltf_with(path, **fields):

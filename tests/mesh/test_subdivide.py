@@ -5,13 +5,13 @@ import pytest
 
 from tests.mesh.test_polygons import polygons_of, prism
 from texbake.errors import OptionError, ReadWarning
-from texbake.jobs.convert import transform_file
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import TransformOptions
 from texbake.mesh.shapes import plane
 from texbake.mesh.subdivide import subdivide
+from texbake.verbs.transform import transform_file
 
 BOX = """#usda 1.0
 (metersPerUnit = 1

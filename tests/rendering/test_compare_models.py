@@ -84,7 +84,7 @@ def test_a_coarser_model_is_further_off(tmp_path: Path) -> None:
 
 def test_other_formats_show_their_materials(tmp_path: Path) -> None:
     """An OBJ file with an image for its roughness, and its GLB, packed as glTF has it."""
-    from texbake.jobs.convert import transform_file
+    from texbake.verbs.transform import transform_file
 
     write_mesh(uv_sphere(8, 12), tmp_path / "a.obj")
     text = (tmp_path / "a.obj").read_text()

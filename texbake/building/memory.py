@@ -13,17 +13,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from texbake.baking.memory import MB, PROCESS, TEXEL, bake_memory
-from texbake.verbs.step import InputSize, Settings, Sizes
+from texbake.verbs.step import READ_FACE, InputSize, Settings, Sizes
 
 # Bytes of a worker that has loaded everything, with what it keeps between steps.
 IDLE_WORKER = PROCESS
-# Bytes per triangle of a mesh that is read, simplified, or unwrapped ...
-READ_FACE = 130
-SIMPLIFIED_FACE = 300
+# Bytes per triangle of a mesh that is unwrapped ...
 FLATTENED_FACE = 6_000
-# Bytes per voxel of a grid, and per face of the surface in it that is moved onto a mesh.
-_VOXEL = 5
-_NET_FACE = 300
 # ... and of the small triangles that displacement divides a mesh into.
 _DISPLACED_FACE = 150
 # Bytes per sample of a picture.
@@ -75,31 +70,6 @@ def _bytes(sizes: Sizes, *roles: str) -> int:
 def _texels(settings: Settings) -> int:
     side = settings["size"]
     return int(side[0] * side[1] if isinstance(side, list) else side * side)
-
-
-def make_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for a mesh that is made."""
-    sides = settings["resolution"] or 128
-    n_u, n_v = sides if isinstance(sides, list) else (sides, sides)
-    n_faces = settings["triangles"] if settings["shape"] == "orange" else 2 * n_u * n_v
-    return int(IDLE_WORKER + 2 * READ_FACE * n_faces + 8 * _bytes(sizes, "image"))
-
-
-def repair_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for repairing a mesh."""
-    return IDLE_WORKER + 2 * SIMPLIFIED_FACE * _faces(sizes, "mesh")
-
-
-def remesh_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for wrapping a mesh that fills a cube, whose surface is folded."""
-    side = settings["resolution"] + 32
-    surface = _NET_FACE * 20 * side**2
-    return int(IDLE_WORKER + SIMPLIFIED_FACE * _faces(sizes, "mesh") + _VOXEL * side**3 + surface)
-
-
-def simplify_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for levels of detail, which are made one after another."""
-    return IDLE_WORKER + SIMPLIFIED_FACE * _faces(sizes, "mesh")
 
 
 def unwrap_memory(settings: Settings, sizes: Sizes) -> int:

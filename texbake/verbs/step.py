@@ -24,6 +24,8 @@ MESH_FORMATS = ("obj", "ply", "glb", "stl", "off")
 IMAGE_FORMATS = ("png", "exr", "tif", "tga")
 FORMAT_OF_MESH = Option("Format of the mesh files.", choices=MESH_FORMATS)
 FORMAT_OF_IMAGE = Option("Format of the images.", choices=IMAGE_FORMATS)
+# Bytes per triangle of a mesh that is read.
+READ_FACE = 130
 # Figures that depend on the machine and the moment.
 _UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
 

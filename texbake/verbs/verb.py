@@ -93,12 +93,12 @@ class Options:
 
 
 class Extra:
-    """A parameter of the function that is in no class of options.
+    """A parameter of the function that is in no class of options: a flag, or an argument.
 
     `more` is what `click.option` takes, and `choices`.
     """
 
-    def __init__(self, flag: str, help: str, **more: Any) -> None:  # noqa: A002
+    def __init__(self, flag: str, help: str = "", **more: Any) -> None:  # noqa: A002
         self.flag, self.help, self.more = flag, help, more
 
 
@@ -219,7 +219,10 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
     """Raise where an output cannot be written, or is an input or another output as well."""
     from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct
 
-    inputs = {part.name: paths_of(given.get(part.name)) for part in made.of_kind(Reads)}
+    inputs = {
+        part.name: paths_of(given.get(part.name, getattr(given.get("options"), part.name, None)))
+        for part in made.of_kind(Reads)
+    }
     outputs: dict[Writes, list[Path]] = {}
     for part in made.of_kind(Writes):
         output = given.get(part.name)

@@ -7,13 +7,13 @@ from texbake.errors import OptionError, UvError
 from texbake.jobs.export.export import export_asset, export_files
 from texbake.jobs.export.levels import share_elsewhere
 from texbake.jobs.export.options import ExportOptions
-from texbake.jobs.simplifying import simplify_levels
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.simplify import simplify
-from texbake.mesh.simplify_options import QUALITIES
+from texbake.mesh.simplify_options import QUALITIES, SimplifyOptions
+from texbake.verbs.simplify import simplify_levels
 
 ATLAS = UnwrapOptions(size=256, padding=2, quality="fast")
 WEB = ExportOptions(to="threejs")
@@ -92,6 +92,7 @@ def test_levels_become_coarser(tmp_path, finest):
 def test_level_files_of_an_unwrapped_mesh_go_into_one_export(tmp_path, finest):
     write_mesh(finest, tmp_path / "lod0.obj")
     levels = [tmp_path / "lod1.obj", tmp_path / "lod2.obj"]
-    simplify_levels(tmp_path / "lod0.obj", list(zip([400, 100], levels, strict=True)), seams="keep")
+    options = SimplifyOptions(n_faces=400, seams="keep")
+    simplify_levels(tmp_path / "lod0.obj", list(zip([400, 100], levels, strict=True)), options)
     assert [read_mesh(path).n_faces for path in levels] == [400, 100]
     export_files(tmp_path / "lod0.obj", tmp_path / "out", WEB, levels=levels)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from texbake.building.steps.channels import PACK_CHANNELS, SPLIT_CHANNELS
 from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
-from texbake.building.steps.meshes import MAKE, REMESH, SIMPLIFY, TRANSFORM, UNWRAP
+from texbake.building.steps.meshes import UNWRAP
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
 from texbake.verbs.step import StepKind, find_step
 
@@ -12,11 +12,7 @@ from texbake.verbs.step import StepKind, find_step
 STEP_KINDS: dict[str, StepKind] = {
     kind.name: kind
     for kind in (
-        MAKE,
-        find_step("repair"),
-        TRANSFORM,
-        REMESH,
-        SIMPLIFY,
+        *map(find_step, ("make", "repair", "transform", "remesh", "simplify")),
         UNWRAP,
         CHECK,
         BAKE,

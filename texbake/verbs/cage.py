@@ -1,22 +1,36 @@
-"""Cages for mesh files."""
+"""`cage`: create a cage that fits the high-poly and the low-poly mesh."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
-from texbake.baking.cage import Cage, fit_cage
-from texbake.baking.parts.high_parts import HighMeshes, match_objects
-from texbake.baking.parts.options import PartsOptions
-from texbake.files import PathLike, appearing_together
-from texbake.jobs.fit import check_fit, why_rays_would_miss
-from texbake.jobs.outputs import JobResult, check_distinct, check_mesh, given
-from texbake.mesh.compose import excerpt
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink
+from texbake.files import PathLike
+from texbake.verbs.verb import THREADS, Extra, Reads, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.baking.cage import Cage
+    from texbake.jobs.outputs import JobResult
+    from texbake.mesh.mesh import Mesh
+    from texbake.progress import ProgressSink
 
 
-@appearing_together()
+@verb(
+    Reads("high"),
+    Reads("low"),
+    Writes("output", "mesh", "The cage."),
+    Extra(
+        "--margin",
+        "Distance in model units that is added everywhere.  "
+        "[default: 0.0001 of the size of both meshes]",
+        type=float,
+        metavar="LENGTH",
+    ),
+    THREADS,
+    examples="""
+      texbake cage scan.ply low.obj -o cage.obj
+      texbake cage scan.ply low.obj -o cage.ply --margin 0.01
+    """,
+)
 def cage_file(
     high: PathLike,
     low: PathLike,
@@ -26,25 +40,24 @@ def cage_file(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[Cage]:
-    """Fit a cage around a high-poly mesh file, and write it.
+    """Fit a cage around HIGH, starting from LOW.
 
-    If the names of all objects pair up, each is fitted to the one with its name, as it is baked.
-    The high-poly mesh may face either way. A low-poly mesh that is inside out gets a
-    warning, because its cage lies on the wrong side.
+    The cage has the faces and texture coordinates of LOW, and no part of HIGH lies outside it. It
+    is as tight as possible: no vertex could move farther in on its own. Use it with bake --cage,
+    or in any other program that takes cages.
 
     Parameters
     ----------
-    high, low
-        Mesh files.
-    output
-        The cage: the low-poly mesh with its vertices moved outwards.
-    margin, threads
-        As for `fit_cage`.
-    progress
-        Receives the stages.
+    high
+        It may face either way. If the names of all objects pair up, each object of `low` is fitted
+        to the one with its name, as it is baked.
+    low
+        If it is inside out, a warning says so, because its cage lies on the wrong side.
     """
-    check_distinct([output], [high, low])
-    check_mesh(output)
+    from texbake.jobs.fit import check_fit, why_rays_would_miss
+    from texbake.jobs.outputs import JobResult, given
+    from texbake.mesh.files import read_mesh, write_mesh
+
     high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
     check_fit(high_mesh, low_mesh, threads=threads)
     cage = _fitted(high_mesh, low_mesh, margin, threads)
@@ -55,6 +68,13 @@ def cage_file(
 
 def _fitted(high: Mesh, low: Mesh, margin: float | None, threads: int | None) -> Cage:
     """Fit a cage, object by object if their names pair up."""
+    import numpy as np
+
+    from texbake.baking.cage import Cage, fit_cage
+    from texbake.baking.parts.high_parts import HighMeshes, match_objects
+    from texbake.baking.parts.options import PartsOptions
+    from texbake.mesh.compose import excerpt
+
     paired = match_objects([high], [low], PartsOptions())
     if paired is None:
         return fit_cage(high, low, margin=margin, threads=threads)

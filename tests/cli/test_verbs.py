@@ -1,0 +1,127 @@
+"""What every command that is made from a verb does alike: outputs checked, reported and listed."""
+
+import json
+import shlex
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+from texbake_cli.lazy import COMMANDS
+from texbake_cli.main import texbake
+from writing_commands import LINES, make_inputs
+
+from texbake import write_mesh
+from texbake.mesh.shapes import uv_sphere
+from texbake.verbs.verb import Reads, Verb, Writes, find_verb
+
+VERBS = {name: verb for name in COMMANDS if (verb := find_verb(name)) is not None}
+Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with everything that the lines of commands read."""
+    folder = tmp_path_factory.mktemp("inputs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        write_mesh(uv_sphere(12, 24).replace(uvs=None, uv_faces=None), "high.ply")
+        write_mesh(uv_sphere(8, 12), "low.obj")
+        make_inputs(folder)
+    return folder
+
+
+@pytest.fixture
+def run(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command where its inputs are."""
+    folder = tmp_path / "here"
+    shutil.copytree(inputs, folder)
+    monkeypatch.chdir(folder)
+
+    def run(words: list[str]) -> Result:
+        return CliRunner().invoke(texbake, words, standalone_mode=True)
+
+    return run
+
+
+def prepared(name: str, run: Run) -> list[str]:
+    """Run what comes before the line of a command; return the words of the line."""
+    *before, line = LINES[name]
+    for earlier in before:
+        assert run(shlex.split(earlier)).exit_code == 0
+    return [word for word in shlex.split(line) if word != "--report" and word != "r.json"]
+
+
+def with_output(words: list[str], output: str) -> list[str]:
+    """Return the words of a line with another output."""
+    if "-o" not in words:
+        return [*words[:-1], "-o", output]
+    place = words.index("-o") + 1
+    return [*words[:place], output, *words[place + 1 :]]
+
+
+def values(name: str, words: list[str]) -> dict[str, object]:
+    command = texbake.get_command(click.Context(texbake), name)
+    assert command is not None
+    return command.make_context(name, words[1:]).params
+
+
+def files() -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+
+
+def output_of(verb: Verb) -> Writes:
+    return next(part for part in verb.of_kind(Writes) if part.name == "output")
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_help_is_listed_and_names_every_parameter(name: str) -> None:
+    verb = VERBS[name]
+    assert " ".join(verb.help.split("\n\n")[0].split()) == COMMANDS[name]
+    parts = [part.name for part in (*verb.of_kind(Reads), *verb.of_kind(Writes))]
+    options = verb.parameters["options"].annotation if "options" in verb.parameters else ""
+    assert all(part in verb.parameters or options for part in parts)
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_a_report_is_written_and_quiet_says_nothing(name: str, run: Run) -> None:
+    words = prepared(name, run)
+    reports = any(part.kind == "report" for part in VERBS[name].of_kind(Writes))
+    done = run([*words, "--quiet", *(["--report", "figures.json"] if reports else [])])
+    assert (done.exit_code, done.stdout) == (0, "")
+    if reports:
+        assert json.loads(Path("figures.json").read_text())
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_no_output_replaces_an_input_or_another_output(name: str, run: Run) -> None:
+    verb, words = VERBS[name], prepared(name, run)
+    given = values(name, words)
+    read = [
+        str(given[part.name])
+        for part in verb.of_kind(Reads)
+        if isinstance(given.get(part.name), Path) and part.name != output_of(verb).over
+    ]
+    before = files()
+    for path in read:
+        done = run(with_output(words, path))
+        assert done.exit_code in (1, 2) and len(done.stderr.splitlines()) == 1, done.stderr
+    if any(part.kind == "report" for part in verb.of_kind(Writes)):
+        same = str(given["output"])
+        done = run([*words, "--report", same])
+        assert done.exit_code == 2 and "two outputs have this name" in done.stderr
+    assert files() == before
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> None:
+    words = prepared(name, run)
+    suffix = Path(str(values(name, words)["output"])).suffix
+    before = files()
+    done = run(with_output(words, f"low.obj/inside{suffix}"))
+    assert done.exit_code == 1 and done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("texbake: low.obj/inside")
+    assert files() == before

@@ -1,0 +1,253 @@
+"""`simplify`: reduce the triangles of a mesh, to one level of detail or several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+from texbake.baking.memory import PROCESS
+from texbake.errors import OptionError
+from texbake.files import PathLike, appearing_together
+from texbake.mesh.options import check_angle
+from texbake.mesh.simplify_options import (
+    ERROR_OPTION,
+    MIN_FACES,
+    SimplifyOptions,
+    check_target,
+    error_limit,
+)
+from texbake.schema import CheckedOptions, Option, option
+from texbake.verbs.step import FORMAT_OF_MESH, Job, Settings, n_faces, step_of
+from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.jobs.outputs import JobResult
+    from texbake.jobs.written import SourceMaterials
+    from texbake.mesh.mesh import Mesh
+    from texbake.mesh.simplify import SimplifyReport
+    from texbake.progress import ProgressSink
+
+_CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
+_MORE = "request more, or use `topology` simplify, which closes holes and tunnels"
+
+
+def _table(done: JobResult[SimplifyReport]) -> Rows:
+    report, distance = done.report, done.report.distance
+    return [
+        ("triangles", f"{report.n_faces_before:,} to {report.n_faces:,}"),
+        ("vertices", f"{report.n_vertices:,}"),
+        ("method", report.method),
+        (
+            "distance, both ways",
+            f"RMS {distance.rms:.4g} ({100 * distance.rms_relative:.3f} % of the diagonal), "
+            f"greatest {distance.max:.4g} ({100 * distance.max_relative:.3f} %)",
+        ),
+        ("time", f"{report.seconds:.2f} s"),
+    ]
+
+
+@verb(
+    Reads("mesh"),
+    Writes("output", "mesh", "The simplified mesh.", over="mesh"),
+    Options(SimplifyOptions),
+    REPORT,
+    THREADS,
+    examples="""
+      texbake simplify scan.ply -o low.obj --faces 500
+      texbake simplify scan.ply -o low.obj --faces 2000 --quality best
+      texbake simplify scan.ply -o low.obj --error 0.1%
+    """,
+    table=_table,
+)
+def simplify_file(
+    mesh: PathLike,
+    output: PathLike,
+    options: SimplifyOptions,
+    *,
+    report: PathLike | None = None,
+    mtl: bool = True,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[SimplifyReport]:
+    """Reduce MESH to fewer triangles.
+
+    Keeps boundaries, hard edges and seams of texture coordinates; GLB and OBJ files keep materials,
+    too. Prints how many faces were reached and how far the two surfaces lie apart, measured both
+    ways.
+
+    Parameters
+    ----------
+    mtl
+        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
+
+    Returns
+    -------
+    JobResult of SimplifyReport
+        A warning names what the output cannot hold of the materials of `mesh`.
+    """
+    levels = [(options.n_faces, output)]
+    (done,) = simplify_levels(mesh, levels, options, mtl=mtl, threads=threads, progress=progress)
+    return done
+
+
+@appearing_together()
+def simplify_levels(
+    mesh: PathLike,
+    levels: Sequence[tuple[int | None, PathLike]],
+    options: SimplifyOptions | SimplifyStep | None = None,
+    *,
+    mtl: bool = True,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> list[JobResult[SimplifyReport]]:
+    """Write several levels of detail of a mesh file.
+
+    Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
+    all of them; seams that are kept let no level lose them.
+
+    Parameters
+    ----------
+    levels
+        Number of triangles and file of each level; without a number, as few as the error allows.
+    options
+        Of all levels; their numbers of triangles do not count. None for the defaults.
+    """
+    from texbake.jobs.outputs import check_mesh
+    from texbake.jobs.written import read_with_materials
+    from texbake.mesh.objects import joined_objects
+    from texbake.raycast.orientation import oriented
+
+    options = options or SimplifyOptions(n_faces=levels[0][0])
+    for count, output in levels:
+        check_target(count, options.error)
+        check_mesh(output)
+    read, materials = read_with_materials(mesh, progress)
+    if options.join_objects:
+        read = joined_objects(read)
+    high, turned = oriented(read, options.orientation, threads=threads)
+    done = []
+    for count, output in levels:
+        # Each from the mesh itself: the errors of levels made from one another add up.
+        level = _level(high, materials, count, output, options, mtl, threads, progress)
+        figures = replace(level.report, notes=(*turned.notes, *level.report.notes))
+        done.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
+    return done
+
+
+def _level(
+    high: Mesh,
+    materials: SourceMaterials,
+    count: int | None,
+    output: PathLike,
+    options: SimplifyOptions | SimplifyStep,
+    mtl: bool,
+    threads: int | None,
+    progress: ProgressSink | None,
+) -> JobResult[SimplifyReport]:
+    """Write one level of detail."""
+    from texbake.jobs.written import MaterialBorders, written
+    from texbake.mesh.hard_edges import with_normals
+    from texbake.mesh.simplify import check_count, simplify_with_report
+    from texbake.mesh.wrapping import wrapped
+
+    fits = materials.fit(output, mtl=mtl)
+    bordered = MaterialBorders.of(high, materials) if fits else None
+    low, figures = simplify_with_report(
+        high if bordered is None else bordered.mesh,
+        count,
+        error=options.error,
+        quality=options.quality,
+        seams=options.seams,
+        threads=threads,
+        progress=progress,
+    )
+    if options.error is None and options.seams != "keep":
+        if options.topology == "simplify" and count is not None and not figures.is_whole:
+            wrap, _ = wrapped(high, count, has_tunnels=True, threads=threads)
+            low, figures = simplify_with_report(
+                wrap, count, quality="best", threads=threads, progress=progress
+            )
+            figures, bordered = replace(figures, notes=(_CLOSED, *figures.notes)), None
+        check_count(figures, high.name, _MORE)
+    if bordered is not None:
+        low, materials = bordered.taken_from(low, high)
+    low = with_normals(low, options.normals, angle=options.angle)
+    return written(low, output, materials, figures, mtl=mtl)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimplifyStep(CheckedOptions):
+    """How many triangles a mesh is reduced to."""
+
+    faces: Annotated[
+        int | tuple[int, ...] | None,
+        Option(
+            "Triangles of each level of detail, the finest first; lod0 is the first.",
+            low=MIN_FACES,
+            default="one level, as small as the error allows",
+        ),
+    ] = None
+    error: Annotated[str | float | None, ERROR_OPTION] = None
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    seams: Annotated[str, option(SimplifyOptions, "seams")] = SimplifyOptions.seams
+    topology: Annotated[str, option(SimplifyOptions, "topology")] = SimplifyOptions.topology
+    orientation: Annotated[str, option(SimplifyOptions, "orientation")] = (
+        SimplifyOptions.orientation
+    )
+    join_objects: Annotated[bool, option(SimplifyOptions, "join_objects")] = False
+    normals: Annotated[str, option(SimplifyOptions, "normals")] = SimplifyOptions.normals
+    angle: Annotated[float, option(SimplifyOptions, "angle")] = SimplifyOptions.angle
+    format: Annotated[str, FORMAT_OF_MESH] = "obj"
+
+    def __post_init__(self) -> None:
+        if not self.levels:
+            raise OptionError("faces: it is empty; give the triangles of at least one level")
+        super().__post_init__()
+        if self.faces is None and self.error is None:
+            raise OptionError("faces, error: neither is given; give one of them, or both")
+        error_limit(self.error, 1.0)
+        check_angle(self.normals, self.angle)
+        if isinstance(self.faces, tuple) and any(
+            fine <= coarse for fine, coarse in zip(self.faces, self.faces[1:], strict=False)
+        ):
+            raise OptionError("faces: each level must have fewer triangles than the one before")
+
+    @property
+    def levels(self) -> tuple[int | None, ...]:
+        """Triangles of each level; None for as few as the error allows."""
+        return self.faces if isinstance(self.faces, tuple) else (self.faces,)
+
+
+def _step(job: Job) -> dict[str, Any]:
+    options: SimplifyStep = STEP.made(job.settings)
+    levels = list(zip(options.levels, job.outputs.values(), strict=True))
+    done = simplify_levels(job.file("mesh"), levels, options, mtl=False, threads=job.threads)
+    return {
+        "levels": [
+            {
+                "faces": level.report.n_faces,
+                "distance_rms_relative": level.report.distance.rms_relative,
+                "distance_max_relative": level.report.distance.max_relative,
+                "notes": list(level.warnings),
+            }
+            for level in done
+        ]
+    }
+
+
+def _levels(settings: Settings) -> dict[str, str]:
+    levels = settings["faces"] if isinstance(settings["faces"], list) else [settings["faces"]]
+    return {f"lod{level}": f"lod{level}.{settings['format']}" for level in range(len(levels))}
+
+
+STEP = step_of(
+    simplify_file,
+    does="reduces a mesh to one or several levels of detail",
+    options=SimplifyStep,
+    without=(),
+    outputs=_levels,
+    run=_step,
+    memory=lambda settings, sizes: PROCESS + 300 * n_faces(sizes, "mesh"),
+    revision=2,
+)

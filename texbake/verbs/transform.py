@@ -1,0 +1,90 @@
+"""`transform`: scale, turn and move a mesh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from texbake.baking.memory import PROCESS
+from texbake.files import PathLike
+from texbake.mesh.options import TransformOptions
+from texbake.verbs.step import FORMAT_OF_MESH, n_faces, step_of
+from texbake.verbs.verb import Options, Reads, Rows, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.jobs.outputs import JobResult
+    from texbake.mesh.mesh import Mesh
+    from texbake.progress import ProgressSink
+
+
+def size_table(done: JobResult[Mesh]) -> Rows:
+    """Return rows about the size of a mesh."""
+    mesh, (low, high) = done.report, done.report.bounds
+    bounds = " to ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (low, high))
+    return [
+        ("faces", f"{mesh.n_polygons:,}"),
+        ("vertices", f"{mesh.n_vertices:,}"),
+        ("size", " x ".join(f"{side:.6g}" for side in high - low)),
+        ("bounds", bounds),
+    ]
+
+
+@verb(
+    Reads("mesh"),
+    Writes("output", "mesh", "The mesh; it may replace MESH.", over="mesh"),
+    Options(TransformOptions),
+    examples="""
+      texbake transform low.obj -o low.obj --scale 0.1
+      texbake transform scan.ply -o scan.ply --up z --move 0,0.5,0
+      texbake transform inside_out.stl -o turned.stl --flip
+    """,
+    table=size_table,
+)
+def transform_file(
+    mesh: PathLike,
+    output: PathLike,
+    options: TransformOptions | None = None,
+    *,
+    mtl: bool = True,
+    progress: ProgressSink | None = None,
+) -> JobResult[Mesh]:
+    """Scale, rotate and move MESH, or flip its faces.
+
+    The mesh is scaled and turned upright, then rotated about the origin, then moved.
+
+    Parameters
+    ----------
+    options
+        None leaves the mesh as it is, so that only the format changes.
+    mtl
+        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
+
+    Returns
+    -------
+    JobResult of Mesh
+        The report is the mesh that was written. A warning names what the output cannot hold.
+    """
+    from texbake.jobs.written import MaterialBorders, read_with_materials, written
+    from texbake.mesh.transform import transform
+
+    read, materials = read_with_materials(mesh, progress)
+    if options is not None and options.subdivide:
+        borders = MaterialBorders.of(read, materials)
+        moved, materials = borders.taken_from(transform(borders.mesh, options), read)
+    else:
+        moved = transform(read, options)
+    return written(moved, output, materials, moved, mtl=mtl)
+
+
+def _figures(done: JobResult[Mesh]) -> dict[str, Any]:
+    return {"faces": done.report.n_polygons, "notes": list(done.warnings)}
+
+
+STEP = step_of(
+    transform_file,
+    does="scales, turns and moves a mesh, or changes its format",
+    format=(FORMAT_OF_MESH, "ply"),
+    without=(),
+    outputs=lambda settings: {"mesh": f"transformed.{settings['format']}"},
+    memory=lambda settings, sizes: PROCESS + 600 * n_faces(sizes, "mesh"),
+    figures=_figures,
+)
