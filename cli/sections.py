@@ -58,7 +58,9 @@ class SectionedCommand(click.Command):
         in_sections = {name for names in self._sections.values() for name in names}
         is_whole = ctx.meta.get(_ALL) or not self._sections
         hidden = in_sections.difference(() if is_whole else _COMMON.get(str(self.name), ()))
-        described = {"Options": [name for name in options if name not in hidden]}
+        described: dict[str, Sequence[str]] = {
+            "Options": [name for name in options if name not in hidden]
+        }
         if is_whole:
             described |= self._sections
         for heading, names in described.items():
