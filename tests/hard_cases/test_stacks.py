@@ -10,7 +10,6 @@ from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
-from texbake.mesh.copies import later_copies, without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.remeshing import band
@@ -18,6 +17,7 @@ from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import weld_corners
+from texbake.mesh.weld import later_copies, without_copies
 from texbake.raycast import outside
 from texbake.raycast.morton_tree import MortonTree
 from texbake.rendering import rasterize as rasterizer

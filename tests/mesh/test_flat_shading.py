@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.mesh.test_simplify import assert_same
-from texbake.mesh.flat_shading import is_flat_shaded
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.mesh.simplify import simplify, simplify_with_report
+from texbake.mesh.smoothing_groups import is_flat_shaded
 
 
 def with_facet_normals(mesh, facet_of_face=None):

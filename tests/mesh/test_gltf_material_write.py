@@ -8,8 +8,8 @@ import pytest
 from texbake.errors import OptionError, UvError
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.gltf import read_gltf
-from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.files.gltf_material_read import GLTF_CHANNELS
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import (
     CHANNELS,

@@ -418,7 +418,7 @@ def test_a_projective_row_of_a_collada_matrix_is_left_out(tmp_path, row):
     with heard_warnings(lines.append):
         mesh = read_mesh(tmp_path / "a.dae")
     np.testing.assert_array_equal(mesh.bounds, 2 * cube().bounds)
-    assert lines == ["a.dae: left out the projective row of 1 matrix"]
+    assert lines == [f"{tmp_path / 'a.dae'}: left out the projective row of 1 matrix"]
 
 
 @pytest.mark.parametrize("name", ["C:\\art\\red.png", "..\\..\\red.png", "/home/art/red.png"])

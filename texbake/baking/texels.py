@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import UvError
-from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.raycast.rays import Rows

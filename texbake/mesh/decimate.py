@@ -17,11 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.vertex_stream import VertexStream
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import later_copies, weld_rows
 from texbake.parallel import run_bands
 
 # Larger meshes are first reduced in pieces to this many faces, or to this multiple of the requested

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects, object_groups
+from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13

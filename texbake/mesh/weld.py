@@ -1,7 +1,10 @@
 """Rows that are equal, bit for bit: vertices at one place, corners that share all attributes.
 
 Vertices that a file split at a seam have one position; corners that share position, normal and
-texture coordinates share a tangent. Both are found here, exactly, with no tolerance. Kernel:
+texture coordinates share a tangent. Both are found here, exactly, with no tolerance.
+
+Of triangles that are copies, only the first is searched or drawn: a ray or a point that meets one
+of a stack of equal triangles meets all of them, and no tree of boxes can divide them. Kernel:
 `core/weld.c`.
 """
 
@@ -14,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
 _PART_BITS = 4
@@ -56,3 +59,47 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
         threads=threads,
     )
     return firsts
+
+
+_STACK = 256  # triangles of one code, from which on copies are looked for
+_CELLS = 2.0**40  # of the grid on which they are equal, along the longest side of the mesh
+
+
+def without_copies(
+    positions: FloatArray,
+    faces: IntArray,
+    ids: npt.NDArray[np.integer],
+    codes: npt.NDArray[np.uint64],
+) -> npt.NDArray[np.bool_]:
+    """Tell which faces to keep, so that no large stack of equal ones is left.
+
+    Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
+
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int; `codes` (n,) uint64. Returns
+    (n,) bool.
+    """
+    kept = np.ones(len(ids), dtype=np.bool_)
+    if len(ids) <= _STACK:
+        return kept
+    # Runs of equal codes that are long enough contain a pair at this distance.
+    ahead = codes[_STACK:] == codes[:-_STACK]
+    if not ahead.any():
+        return kept
+    starts = np.flatnonzero(np.diff(codes, prepend=codes[0] ^ np.uint64(1)))
+    lengths = np.diff(starts, append=len(codes))
+    rows = np.flatnonzero(np.repeat(lengths > _STACK, lengths))
+    low = positions.min(axis=0)
+    extent = float((positions.max(axis=0) - low).max()) or 1.0
+    corners = np.rint((positions[faces[ids[rows]]] - low) * (_CELLS / extent)).reshape(-1, 9)
+    kept[rows] = ~later_copies(corners)
+    return kept
+
+
+def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> npt.NDArray[np.bool_]:
+    """(n,) bool: rows (n, K) that equal `n_kept` or more rows before them; one or two are kept."""
+    firsts = weld_rows(rows)
+    later = firsts != np.arange(len(rows))
+    if n_kept == 2:
+        copies = np.flatnonzero(later)
+        later[copies[np.unique(firsts[copies], return_index=True)[1]]] = False
+    return np.asarray(later)

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.copies import without_copies
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import Chunk
+from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
 
 WIDTH = 8  # triangles of a leaf, and boxes of a node

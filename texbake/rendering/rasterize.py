@@ -29,8 +29,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 
 # Which faces of an object are drawn.

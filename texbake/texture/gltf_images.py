@@ -14,8 +14,8 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError
-from texbake.mesh.files.gltf_channels import GltfChannel
-from texbake.mesh.files.gltf_material_write import SLOTS, Slot, is_scale, same_place
+from texbake.mesh.files.gltf_material_read import GltfChannel
+from texbake.mesh.files.gltf_materials import SLOTS, Slot, is_scale, same_place
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.encoding import quantize_unsigned

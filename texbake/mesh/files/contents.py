@@ -18,9 +18,13 @@ from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.fbx_materials import base_layer, first_image
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
-from texbake.mesh.files.gltf_channels import GLTF_CHANNELS
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_material_read import image_bytes, image_source, read_texture
+from texbake.mesh.files.gltf_material_read import (
+    GLTF_CHANNELS,
+    image_bytes,
+    image_source,
+    read_texture,
+)
 from texbake.mesh.files.mtl import library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside

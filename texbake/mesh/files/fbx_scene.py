@@ -282,7 +282,7 @@ _ROTATE_FIRST, _USUAL, _WITHOUT_PARENT_SCALE = range(3)
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class NodeTransform:
     """Where a model stands.
 
     Attributes
@@ -300,10 +300,10 @@ class Placed:
     scaling: FloatArray
 
 
-WORLD = Placed(np.eye(4), np.eye(3), np.ones(3))
+WORLD = NodeTransform(np.eye(4), np.eye(3), np.ones(3))
 
 
-def place(parent: Placed, properties: Properties) -> Placed:
+def place(parent: NodeTransform, properties: Properties) -> NodeTransform:
     """Place a model in its parent, by the way its `InheritType` says."""
     rotation, local = _local(properties)
     scaling = _vector(properties, "Lcl Scaling", 1.0)
@@ -317,7 +317,7 @@ def place(parent: Placed, properties: Properties) -> Placed:
             inverse = np.divide(1.0, parent.scaling, where=parent.scaling != 0, out=np.ones(3))
             stretch = stretch * inverse
         matrix[:3, :3] = pm.matmul(turned, stretch) * scaling
-    return Placed(matrix, turned, scaling)
+    return NodeTransform(matrix, turned, scaling)
 
 
 def geometric(properties: Properties) -> FloatArray:

@@ -168,7 +168,7 @@ def _weld(
         "positions": pieces(values["POSITION"][is_kept], kept_bounds),
         "faces": pieces(faces.astype(np.int32), _bounds(n_faces)),
         "corners": pieces(corners, _bounds(n_faces)),
-        "uvs": pieces(turned_up(values.get(f"{_UVS}_{request.uv_set}")), bounds),
+        "uvs": pieces(flip_v(values.get(f"{_UVS}_{request.uv_set}")), bounds),
         "normals": pieces(values.get("NORMAL"), bounds),
         "tangents": pieces(_finite_tangents(document, values.get("TANGENT")), bounds),
         "colors": pieces(
@@ -176,7 +176,7 @@ def _weld(
         ),
     }
     further = {
-        number: pieces(turned_up(values[f"{_UVS}_{number}"]), bounds)
+        number: pieces(flip_v(values[f"{_UVS}_{number}"]), bounds)
         for number in request.further
         if f"{_UVS}_{number}" in values
     }
@@ -201,10 +201,10 @@ def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) ->
     if name not in source.accessors:
         return None
     uvs = source.read(name, (2,), None).astype(np.float64)
-    return turned_up(finite_rows(document.path, uvs, "uvs"))
+    return flip_v(finite_rows(document.path, uvs, "uvs"))
 
 
-def turned_up(uvs: FloatArray | None) -> FloatArray | None:
+def flip_v(uvs: FloatArray | None) -> FloatArray | None:
     """(n, 2) texture coordinates of the file with v up; None where there are none."""
     return None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
 

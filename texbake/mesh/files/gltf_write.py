@@ -32,9 +32,14 @@ from texbake.errors import MeshError, OptionError, UvError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import as_text, far_origin, float32_positions
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_compression import ordered_triangles
-from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
-from texbake.mesh.files.gltf_quantization import EXTENSION, Quantization, color_codes, unit_codes
+from texbake.mesh.files.gltf_compression import (
+    QUANTIZATION,
+    Quantization,
+    color_codes,
+    ordered_triangles,
+    unit_codes,
+)
+from texbake.mesh.files.gltf_materials import add_material, uv_numbers
 from texbake.mesh.materials import UNPLACED, Materials, Placing
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
@@ -78,7 +83,7 @@ def write_glb(
     quantization = None
     if compress if quantize is None else quantize:
         quantization = Quantization.of(meshes, materials)
-        asset.require(EXTENSION)
+        asset.require(QUANTIZATION)
     if materials is None:
         asset.add_material(
             name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive

@@ -34,7 +34,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
-from texbake.mesh.files.ply_tables import Columns, Ragged, read_element, read_header
+from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
@@ -176,7 +176,7 @@ def read_polygons(
     return sizes, _as_indices(path, indices)
 
 
-def _strip_faces(path: PathLike, column: npt.NDArray[Any] | Ragged) -> IntArray:
+def _strip_faces(path: PathLike, column: npt.NDArray[Any] | ListColumn) -> IntArray:
     """(F, 3) triangles of triangle strips, each row a strip or several with -1 between them."""
     sizes, values = _flattened(column)
     indices = _as_indices(path, values)
@@ -187,10 +187,10 @@ def _strip_faces(path: PathLike, column: npt.NDArray[Any] | Ragged) -> IntArray:
 
 
 def _flattened(
-    column: npt.NDArray[Any] | Ragged,
+    column: npt.NDArray[Any] | ListColumn,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
     """Length of each list, and all values after each other."""
-    if isinstance(column, Ragged):
+    if isinstance(column, ListColumn):
         return column.sizes, column.values
     if column.ndim == 1:  # a scalar where a list belongs
         column = column[:, None]

@@ -117,7 +117,7 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
 
 
 @dataclass(frozen=True)
-class Ragged:
+class ListColumn:
     """Lists of several lengths: how long each is, and all values after each other."""
 
     sizes: npt.NDArray[np.int64]
@@ -125,7 +125,7 @@ class Ragged:
 
 
 # A scalar property is (n,), a list property whose lists all have k values is (n, k).
-Columns = dict[str, npt.NDArray[Any] | Ragged]
+Columns = dict[str, npt.NDArray[Any] | ListColumn]
 
 
 def read_element(
@@ -145,7 +145,7 @@ def read_element(
     require_rows(path, body, start, element)  # before anything is allocated
     if not element.properties:
         return {}, start
-    return _uniform_columns(body, start, element, order) or _ragged_columns(
+    return _uniform_columns(body, start, element, order) or _list_columns(
         path, body, start, element, order, first_row
     )
 
@@ -216,7 +216,7 @@ def _view(
     return np.ndarray(shape, dtype, buffer=body.data, offset=start * body.itemsize, strides=strides)
 
 
-def _ragged_columns(
+def _list_columns(
     path: PathLike,
     body: npt.NDArray[Any],
     start: int,
@@ -257,5 +257,7 @@ def _ragged_columns(
             body.view(np.uint8), body.itemsize, offsets[column], lengths, units.view(np.uint8)
         )
         values = units.view(_dtype(prop.type, order))
-        columns[prop.name] = values if prop.count_type is None else Ragged(sizes[column], values)
+        columns[prop.name] = (
+            values if prop.count_type is None else ListColumn(sizes[column], values)
+        )
     return columns, int(end[0])

@@ -57,7 +57,8 @@ def mesh_of_trimesh(path: PathLike) -> Mesh:
     if suffix == ".3mf":
         _require_all_objects(path, scene)
     _replace_unknown(path, scene)
-    return _welded(from_trimesh(scene, name=Path(path).name))
+    # Its warnings and errors are about the file.
+    return _welded(from_trimesh(scene, name=str(path))).replace(name=Path(path).name)
 
 
 def _load(path: PathLike, suffix: str) -> Any:

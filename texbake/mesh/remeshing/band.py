@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.copies import later_copies
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 
 # As in `core/voxel_grid.h`.
