@@ -9,13 +9,7 @@ from texbake.mesh.shapes import cube
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import (
-    Ambient,
-    AmbientOcclusion,
-    Environment,
-    Light,
-    Lighting,
-)
+from texbake.rendering.scene.lights import Ambient, AmbientOcclusion, Environment, Light, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 

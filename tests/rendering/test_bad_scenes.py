@@ -18,20 +18,9 @@ from texbake.rendering.scene.lights import (
     Lighting,
     Shadow,
 )
-from texbake.rendering.scene.material import (
-    BumpMap,
-    Material,
-    NormalMap,
-    Reflection,
-    Refraction,
-)
+from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection, Refraction
 from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import (
-    FILTERS,
-    WRAPS,
-    ImageTexture,
-    ProcedureTexture,
-)
+from texbake.rendering.scene.textures import FILTERS, WRAPS, ImageTexture, ProcedureTexture
 from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import Image, write_image
 

@@ -9,12 +9,7 @@ from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import BUFFERS, RenderOptions
-from texbake.rendering.scene.lights import (
-    Environment,
-    Fog,
-    Light,
-    Lighting,
-)
+from texbake.rendering.scene.lights import Environment, Fog, Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture

@@ -8,13 +8,7 @@ from tests.models import PAIRS, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
-from texbake.mesh.materials import (
-    UNPLACED,
-    ChannelImage,
-    ChannelSource,
-    Materials,
-    MeshMaterial,
-)
+from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.compare import compare
 from texbake.rendering.draw import draw

@@ -9,12 +9,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.environment import turn_of
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import (
-    AmbientOcclusion,
-    Environment,
-    Light,
-    Lighting,
-)
+from texbake.rendering.scene.lights import AmbientOcclusion, Environment, Light, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 

@@ -10,12 +10,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.plan import (
-    EVERY_PICTURE,
-    plan_report,
-    plan_rows,
-    plan_table,
-)
+from texbake.rendering.plan import EVERY_PICTURE, plan_report, plan_rows, plan_table
 from texbake.rendering.results import Costs
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap, Reflection

@@ -18,14 +18,7 @@ from texbake.rendering.effect import Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.scene.lights import (
-    GATES,
-    Ambient,
-    Environment,
-    Light,
-    Lighting,
-    Shadow,
-)
+from texbake.rendering.scene.lights import GATES, Ambient, Environment, Light, Lighting, Shadow
 from texbake.rendering.scene.material import (
     EMBOSS_FORMS,
     BumpMap,

@@ -14,12 +14,7 @@ from texbake.rendering.draw import laid_out, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.scene.lights import (
-    Environment,
-    Fog,
-    Light,
-    Lighting,
-)
+from texbake.rendering.scene.lights import Environment, Fog, Light, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ProcedureTexture

@@ -21,13 +21,7 @@ from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.maps import (
-    MapSource,
-    channel_of,
-    colors_from,
-    data_from,
-    normals_from,
-)
+from texbake.rendering.maps import MapSource, channel_of, colors_from, data_from, normals_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.material import DEFAULT_MATERIAL, Material

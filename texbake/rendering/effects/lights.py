@@ -23,12 +23,7 @@ from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
-from texbake.rendering.fragments import (
-    Floats,
-    Fragments,
-    IncidentLight,
-    one_row,
-)
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light

@@ -36,18 +36,8 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
-from texbake.rendering.effects.images import (
-    LoadedImage,
-    image_values,
-    placed_image,
-    with_levels,
-)
-from texbake.rendering.effects.lights import (
-    PLACED_LIGHTS,
-    PlacedLight,
-    cookie_extent,
-    lights_any,
-)
+from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, lights_any
 from texbake.rendering.effects.projected_visibility import (
     ProjectorView,
     facing_projector,

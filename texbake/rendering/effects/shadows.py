@@ -46,11 +46,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
-from texbake.rendering.effects.lights import (
-    PLACED_LIGHTS,
-    PlacedLight,
-    placed_light,
-)
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, placed_light
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,

@@ -27,12 +27,7 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
 from texbake.rendering.effect import Effect, RenderState, for_each
-from texbake.rendering.effects.images import (
-    LoadedImage,
-    image_values,
-    placed_image,
-    with_levels,
-)
+from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments

@@ -17,12 +17,7 @@ import numpy as np
 from texbake.errors import OptionError
 from texbake.mapping.classical.projector import whole_matrix
 from texbake.mesh.mesh import FloatArray, frozen
-from texbake.rendering.scene.textures import (
-    ImageTexture,
-    ProcedureTexture,
-    Slot,
-    Texture,
-)
+from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, Texture
 from texbake.rendering.scene.transforms import picture_aspect, projector_position
 from texbake.schema import Option, check_fields
 

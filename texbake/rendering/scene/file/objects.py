@@ -22,13 +22,7 @@ from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
-from texbake.rendering.scene.file.tables import (
-    Table,
-    described,
-    made,
-    table,
-    types_of_fields,
-)
+from texbake.rendering.scene.file.tables import Table, described, made, table, types_of_fields
 from texbake.rendering.scene.file.values import (
     File,
     Text,

@@ -14,12 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, PlainValidator, Tag, WithJsonSchema
 
-from texbake.rendering.scene.file.tables import (
-    Table,
-    converted,
-    made,
-    table,
-)
+from texbake.rendering.scene.file.tables import Table, converted, made, table
 from texbake.rendering.scene.file.values import (
     COLOR,
     Channel,
