@@ -28,7 +28,7 @@ def fragments(pixels, counts, light, normals=None):
         pixels=np.array(pixels, np.int32),
         counts=np.array(counts, np.float32),
         back_facing=np.zeros(n, bool),
-        normals=None if normals is None else np.array(normals, np.float32),
+        normals=np.array([] if normals is None else normals, np.float32).reshape(-1, 3),
         light=np.array(light, np.float32),
     )
 

@@ -148,7 +148,8 @@ class DrawnObject:
         self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
     ) -> tuple[IntArray, FloatArray, npt.NDArray[np.float32]]:
         """Convert weights on drawn triangles, and their derivatives, to faces of `mesh`."""
-        assert self.base_faces is not None and self.base_weights is not None
+        if self.base_faces is None or self.base_weights is None:
+            return faces, weights, changes
         base_weights, base_changes = np.empty_like(weights), np.empty_like(changes)
         core.move_to_base(faces, weights, changes, self.base_weights, base_weights, base_changes)
         return self.base_faces[faces], base_weights, base_changes
@@ -183,6 +184,10 @@ class SlotValues:
     light_map: Floats | None = None
 
 
+def _none_yet() -> Floats:
+    return np.empty((0, 3), np.float32)
+
+
 @dataclass(kw_only=True, eq=False)
 class Fragments:
     """Some fragments of one object."""
@@ -203,19 +208,21 @@ class Fragments:
     pixels: IntArray
     counts: Floats
     back_facing: npt.NDArray[np.bool_]  # (n,): whether the triangle is seen from behind
-    positions: FloatArray | None = None  # (n, 3): world space; set by "positions"
-    to_eye: Floats | None = None  # (n, 3): unit vectors; set by "view directions"
+    # (n, 3): in world space; empty until "positions" sets them
+    positions: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    # (n, 3): unit vectors; empty until "view directions" sets them
+    to_eye: Floats = field(default_factory=_none_yet)
     uvs: FloatArray | None = None  # (n, 2): set by "texture coordinates"; moved by "parallax"
     # (n, 4): du, dv for one pixel to the right, then for one pixel down; set by "derivatives"
     uv_changes: Floats | None = None
     # The same on further sets; set by "further texture coordinates", moved by "parallax"
     further_uvs: Mapping[str, tuple[FloatArray, Floats | None]] = field(default_factory=dict)
-    # (n, 3): unit shading normals in world space, on the visible side; set by "normals" or by the
-    # normal map, and changed by the bump map
-    normals: Floats | None = None
+    # (n, 3): unit shading normals in world space, on the visible side; empty until "normals" or the
+    # normal map sets them, changed by the bump map
+    normals: Floats = field(default_factory=_none_yet)
     slots: SlotValues | None = None  # set by "slots"
     # (n, 3): outgoing light toward the camera
-    light: Floats = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    light: Floats = field(default_factory=_none_yet)
     # (n or 1,): unoccluded share of ambient and environment light
     ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
 

@@ -186,19 +186,15 @@ def _fragments_of(
         columns, rows = (places.T * np.float32(options.supersampling)).astype(np.int64)
         weights = stepped[rows, columns]
     own = faces - np.int32(world.starts[target])
-    base = (
-        (own, weights, changes)
-        if drawn.base_faces is None
-        else drawn.on_base(own, weights, changes)
-    )
+    base_faces, base_weights, base_changes = drawn.on_base(own, weights, changes)
     return Fragments(
         target=target,
         drawn=drawn,
         drawn_faces=own,
         drawn_weights=weights,
-        faces=base[0],
-        weights=base[1],
-        changes=base[2],
+        faces=base_faces,
+        weights=base_weights,
+        changes=base_changes,
         places=places,
         pixels=found.pixels[span],
         counts=found.counts[span],

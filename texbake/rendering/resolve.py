@@ -181,7 +181,7 @@ class Sums:
 
     def add(self, fragments: Fragments) -> None:
         """Add opaque fragments to their pixels."""
-        keeps_normals = len(self.normals) > 0 and fragments.normals is not None
+        keeps_normals = len(self.normals) > 0 and len(fragments.normals) > 0
         core.add_fragments(
             fragments.pixels, fragments.counts, fragments.light,
             fragments.normals if keeps_normals else None,

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.rendering.effects.transparency import LayeredSamples
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -70,21 +71,13 @@ class PixelSums:
         )  # fmt: skip
 
     def add_samples(
-        self,
-        light: Float32Array,
-        passed: Float32Array,
-        seen: npt.NDArray[np.bool_],
-        behind: Float32Array,
-        first_row: int,
-        side: int,
+        self, samples: LayeredSamples, behind: Float32Array, first_row: int, side: int
     ) -> None:
-        """Add the samples (h side, w side) of some rows of pixels, composited over `behind`.
-
-        `behind` (H, W, 3) or (1, 1, 3) float32.
-        """
+        """Add samples of some rows of pixels, composited over `behind` (H, W, 3) or (1, 1, 3)."""
         core.add_samples_squared(
-            light, passed, seen, behind, first_row, side, self.light, self.squares, self.covered
-        )
+            samples.light, samples.passed, samples.seen, behind, first_row, side,
+            self.light, self.squares, self.covered,
+        )  # fmt: skip
 
     def write_to(
         self,

@@ -28,7 +28,7 @@ from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_statistics import Float32Array, PixelSums
 from texbake.rendering.draw import behind_surfaces
 from texbake.rendering.effect import RenderState
-from texbake.rendering.effects.transparency import PEELED_LAYERS, composite_under
+from texbake.rendering.effects.transparency import PEELED_LAYERS, LayeredSamples
 from texbake.rendering.fragments import FragmentRows, fragment_rows
 from texbake.rendering.passes import find_visible, shaded_objects
 from texbake.rendering.rasterize import VisibilityBuffer, Window
@@ -204,18 +204,15 @@ class PixelSampler:
     ) -> None:
         """Composite the layers at each sample and add the samples to their pixels."""
         side = sides.seen
-        shape = (rows[1] - rows[0]) * side, window.shape[1] * side
-        light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
-        covered, normals = np.zeros(shape, np.bool_), np.empty((0, 0, 3), np.float32)
+        samples = LayeredSamples.empty(((rows[1] - rows[0]) * side, window.shape[1] * side))
         for layer in layers:
             fragments, _ = self._fragments(layer, window, rows, sides)
-            composite_under(
-                self._state, fragments.of_samples,
-                shaded_objects(self._state, None, fragments),
-                light, passed, normals, covered, opaque=layer is layers[-1],
-            )  # fmt: skip
+            shaded = shaded_objects(self._state, None, fragments)
+            samples.composite_under(
+                self._state, fragments.of_samples, shaded, opaque=layer is layers[-1]
+            )
         with self._state.costs.timed("pixels"):
-            sums.add_samples(light, passed, covered, behind, rows[0], side)
+            sums.add_samples(samples, behind, rows[0], side)
 
     def _behind_window(self, window: Window) -> Float32Array:
         """(h, w, 3) or (1, 1, 3): background light in a window; 0 without a background."""

@@ -144,7 +144,7 @@ def arriving_share(fragments: Fragments) -> Floats:
 
 
 def add_ambient(
-    ambient: Ambient, up: str, normals: Floats | None, base: Floats, share: Floats, light: Floats
+    ambient: Ambient, up: str, normals: Floats, base: Floats, share: Floats, light: Floats
 ) -> None:
     """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
 
@@ -152,7 +152,7 @@ def add_ambient(
     3) float32; `share` (n or 1,) float32: unoccluded share of the ambient light; `light` (n, 3)
     float32.
     """
-    two_sided = ambient.ground is not None and normals is not None
+    two_sided = ambient.ground is not None and len(normals) > 0
     core.reflect_ambient(
         normals if two_sided else np.empty((0, 3), np.float32),
         np.array([0.0, 1.0, 0.0] if up == "y" else [0.0, 0.0, 1.0]),

@@ -85,7 +85,6 @@ def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
 
 def _depth(fragments: Fragments, state: RenderState) -> Floats:
     """White at the nearest surface, black at the farthest."""
-    assert fragments.positions is not None
     near, far = state.of(BUFFER_RANGES, min(state.visible.objects))
     away = pm.matmul(state.camera.eye - fragments.positions, state.camera.axes[2])
     level = (far - away) / max(far - near, np.finfo(np.float64).tiny)
@@ -93,7 +92,6 @@ def _depth(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _normals(fragments: Fragments, state: RenderState) -> Floats:
-    assert fragments.normals is not None
     return decode_srgb(0.5 * fragments.normals + 0.5).astype(np.float32)
 
 

@@ -184,13 +184,11 @@ def _or_zero(values: Floats | None) -> Floats:
 
 def _light(fragments: Fragments, state: RenderState) -> None:
     values, normals, to_eye = fragments.values, fragments.normals, fragments.to_eye
-    assert normals is not None
     diffuse = np.zeros_like(normals)
     if scatters(fragments.drawn.material):
         diffuse = state.of(IRRADIANCE_MAP).look(normals)
     mirrored, table = np.empty((0, 3), np.float32), _NO_TABLE
     if fragments.drawn.material.shading == "metallic-roughness":
-        assert to_eye is not None
         directions = np.empty_like(normals)
         core.mirror_directions(normals, to_eye, directions)
         assert values.roughness is not None
@@ -200,7 +198,7 @@ def _light(fragments: Fragments, state: RenderState) -> None:
         )
         table = split_sum_table()
     core.reflect_environment(
-        normals, normals if to_eye is None else to_eye, diffuse, mirrored, table,
+        normals, to_eye if len(to_eye) else normals, diffuse, mirrored, table,
         values.base_color, _or_zero(values.roughness), _or_zero(values.metalness),
         head_on(fragments.drawn.material.ior), arriving_share(fragments), fragments.light,
     )  # fmt: skip

@@ -147,7 +147,7 @@ def in_world(light: Light, camera: Camera) -> Light:
     )
 
 
-def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> IncidentLight:
+def arriving(light: PlacedLight, points: FloatArray, normals: Floats) -> IncidentLight:
     """Compute the unshadowed light that arrives from one lamp at points.
 
     `points` (n, 3) float64: world space; `normals` (n, 3) float32.
@@ -165,7 +165,6 @@ def arriving(light: PlacedLight, points: FloatArray | None, normals: Floats) -> 
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
     """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
-    assert fragments.normals is not None
     found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
     passes = [
         item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
@@ -185,7 +184,6 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLi
 
 def lights_any(fragments: Fragments, incident: IncidentLight) -> bool:
     """Whether light arrives at the visible side of a fragment."""
-    assert fragments.normals is not None
     directions = np.broadcast_to(incident.directions, fragments.normals.shape)
     arrives = incident.radiance.any(axis=1) & (pm.vecdot(fragments.normals, directions) > 0.0)
     return bool(arrives.any())

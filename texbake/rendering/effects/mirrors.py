@@ -146,14 +146,12 @@ def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats
 
 
 def _reflect(fragments: Fragments, state: RenderState) -> None:
-    assert fragments.normals is not None and fragments.to_eye is not None
     directions = np.empty_like(fragments.normals)
     core.mirror_directions(fragments.normals, fragments.to_eye, directions)
     _mix(fragments, state, "reflection", directions)
 
 
 def _refract(fragments: Fragments, state: RenderState) -> None:
-    assert fragments.normals is not None
     directions = np.empty_like(fragments.normals)
     refraction = fragments.drawn.material.refraction
     assert refraction is not None

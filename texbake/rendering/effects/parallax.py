@@ -85,7 +85,6 @@ def _load(state: RenderState, target: int) -> TextureSlopes:
 def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
     """(n, 2) float64: distance in (u, v) that the view ray travels while it descends `depth`."""
     known = state.of(TEXTURE_SLOPES, fragments.target)
-    assert fragments.to_eye is not None
     normals = interpolated_normals(fragments, state).astype(np.float64)
     to_eye = fragments.to_eye.astype(np.float64)
     facing = pm.vecdot(normals, to_eye)

@@ -86,7 +86,6 @@ def visibility_from(fragments: Fragments, state: RenderState, view: ProjectorVie
     """(n,) float32: share of the picture that reaches fragments."""
     if view.shadow is None:
         return np.ones(len(fragments), np.float32)
-    assert fragments.positions is not None and fragments.target is not None
     first, stop = state.world.starts[fragments.target : fragments.target + 2]
     offsets = view.light.position - fragments.positions
     lengths = pm.norm(offsets, axis=1, keepdims=True)

@@ -207,7 +207,7 @@ def _place_cookie(state: RenderState, target: int) -> FloatArray:
 
 def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> ProjectedPoints:
     profile = state.lights[index].profile
-    assert fragments.positions is not None and profile is not None
+    assert profile is not None
     filter_name = state.request.filter_of(profile)
     steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
     return project_onto(state.of(COOKIE_MATRICES, index), fragments.positions, steps, filter_name)
@@ -297,7 +297,6 @@ def _view_from(state: RenderState, item: ProjectedTexture) -> ProjectorView:
 
 
 def _project(fragments: Fragments, state: RenderState) -> None:
-    assert fragments.target is not None
     base = fragments.values.base_color
     pictures = state.of(PROJECTED_IMAGES, fragments.target)
     projected = state.request.material(fragments.target).projected
@@ -305,7 +304,6 @@ def _project(fragments: Fragments, state: RenderState) -> None:
     steps = None
     if any(name in FILTERS_WITH_FOOTPRINT for name in filters):
         steps = pixel_steps(fragments, state)
-    assert fragments.positions is not None
     views = state.of(PROJECTOR_VIEWS, fragments.target)
     for picture, item, view, name in zip(pictures, projected, views, filters, strict=True):
         matrix = item.world_matrix

@@ -80,7 +80,6 @@ def add_lambert(normals: Floats, arriving: IncidentLight, base: Floats, light: F
 
 
 def _lambert(fragments: Fragments, light: IncidentLight) -> None:
-    assert fragments.normals is not None
     add_lambert(fragments.normals, light, fragments.values.base_color, fragments.light)
 
 
@@ -208,11 +207,7 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
     # A corner is not a pixel, so that textures are looked up at their finest level.
     wanted = state.plan.has("derivatives", target)
     changes = np.zeros((n if wanted else 0, 4), np.float32)
-    base = (
-        (faces, weights, changes)
-        if drawn.base_faces is None
-        else drawn.on_base(faces, weights, changes)
-    )
+    base_faces, base_weights, base_changes = drawn.on_base(faces, weights, changes)
     first, second, third = np.moveaxis(drawn.positions[drawn.faces[faces]], 1, 0)
     normals = np.cross(second - first, third - first)
     away = pm.vecdot(normals, state.camera.eye - first) < 0.0
@@ -221,9 +216,9 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
         drawn=drawn,
         drawn_faces=faces,
         drawn_weights=weights,
-        faces=base[0],
-        weights=base[1],
-        changes=base[2],
+        faces=base_faces,
+        weights=base_weights,
+        changes=base_changes,
         places=np.zeros((n, 2), np.float32),
         pixels=np.zeros(n, np.int32),
         counts=np.ones(n, np.float32),
@@ -233,7 +228,6 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
 
 
 def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
-    assert fragments.positions is not None
     way = state.camera.eye - fragments.positions
     lengths = pm.norm(way, axis=1, keepdims=True)
     return np.ascontiguousarray(way / np.where(lengths > 0.0, lengths, 1.0), np.float32)

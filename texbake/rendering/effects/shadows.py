@@ -188,7 +188,6 @@ def _dim(fragments: Fragments, state: RenderState, index: int, incident: Inciden
         return
     light = state.of(PLACED_LIGHTS, index)
     first, stop = state.world.starts[fragments.target : fragments.target + 2]
-    assert fragments.positions is not None and fragments.normals is not None
     incident.radiance = lit_radiance(
         shadow,
         light,

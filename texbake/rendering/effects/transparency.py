@@ -62,6 +62,43 @@ def _opaque(material: Material) -> Material:
 
 
 @dataclass(frozen=True, eq=False)
+class LayeredSamples:
+    """What layers composited from front to back show at samples; changed in place."""
+
+    light: Floats  # (h, w, 3)
+    passed: Floats  # (h, w): share of the light behind these layers that they let through
+    normals: Floats | None  # (h, w, 3)
+    seen: npt.NDArray[np.bool_]  # (h, w)
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int], *, keeps_normals: bool = False) -> LayeredSamples:
+        """Return samples without any layer."""
+        normals = np.zeros((*shape, 3), np.float32) if keeps_normals else None
+        light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
+        return cls(light, passed, normals, np.zeros(shape, np.bool_))
+
+    def composite_under(
+        self, state: RenderState, of_samples: IntArray, shaded: list[Fragments], *, opaque: bool
+    ) -> None:
+        """Composite a layer under those before; `of_samples` (h, w) int32 are its fragments."""
+        if not shaded:
+            return
+        with state.costs.timed("transparency"):
+            opacity = (
+                np.ones(sum(map(len, shaded)), np.float32)
+                if opaque
+                else np.concatenate([opacity_of(fragments, state) for fragments in shaded])
+            )
+            core.put_layer_behind(
+                of_samples,
+                np.concatenate([fragments.light for fragments in shaded]),
+                opacity,
+                None if self.normals is None else np.concatenate(list(map(_normals_of, shaded))),
+                self.light, self.passed, self.normals, self.seen,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
 class Layers:
     """Visibility of transparent objects in front of opaque ones, the nearest layer first."""
 
@@ -79,53 +116,15 @@ class Layers:
         """Shade all layers of some rows of pixels and add them to the sums."""
         side = state.options.supersampling
         shape = (rows[1] - rows[0]) * side, state.options.width * side
-        light, passed = np.zeros((*shape, 3), np.float32), np.ones(shape, np.float32)
-        normals = np.zeros((*shape, 3) if len(sums.normals) else (0, 0, 3), np.float32)
-        seen = np.zeros(shape, np.bool_)
+        samples = LayeredSamples.empty(shape, keeps_normals=len(sums.normals) > 0)
         for layer in (*self.layers, self.opaque):
             found, shaded = shade_rows(state, layer, rows, wants_samples=True)
-            composite_under(
-                state, found.of_samples, shaded, light, passed, normals, seen,
-                opaque=layer is self.opaque,
-            )  # fmt: skip
+            samples.composite_under(state, found.of_samples, shaded, opaque=layer is self.opaque)
         with state.costs.timed("pixels"):
             core.sum_samples(
-                light, passed, _or_none(normals), seen, rows[0], side,
-                sums.color, sums.coverage, _or_none(sums.normals),
+                samples.light, samples.passed, samples.normals, samples.seen, rows[0], side,
+                sums.color, sums.coverage, None if samples.normals is None else sums.normals,
             )  # fmt: skip
-
-
-def composite_under(
-    state: RenderState,
-    of_samples: IntArray,
-    shaded: list[Fragments],
-    light: Floats,
-    passed: Floats,
-    normals: Floats,
-    seen: npt.NDArray[np.bool_],
-    *,
-    opaque: bool,
-) -> None:
-    """Composite a layer behind the layers in front of it, in place.
-
-    `of_samples` (h, w) int32; `light`, `passed`, `normals`, `seen` (h, w, 3), (h, w), (h, w, 3) or
-    empty, (h, w).
-    """
-    if not shaded:
-        return
-    with state.costs.timed("transparency"):
-        opacity = (
-            np.ones(sum(map(len, shaded)), np.float32)
-            if opaque
-            else np.concatenate([opacity_of(fragments, state) for fragments in shaded])
-        )
-        core.put_layer_behind(
-            of_samples,
-            np.concatenate([fragments.light for fragments in shaded]),
-            opacity,
-            _normals_of(shaded, len(normals) > 0),
-            light, passed, _or_none(normals), seen,
-        )  # fmt: skip
 
 
 def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
@@ -148,21 +147,8 @@ def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
     return np.ascontiguousarray(values, np.float32)
 
 
-def _or_none(normals: Floats) -> Floats | None:
-    return normals if len(normals) else None
-
-
-def _normals_of(shaded: list[Fragments], wanted: bool) -> Floats | None:
-    if not wanted:
-        return None
-    return np.concatenate(
-        [
-            np.zeros((len(fragments), 3), np.float32)
-            if fragments.normals is None
-            else fragments.normals
-            for fragments in shaded
-        ]
-    )
+def _normals_of(fragments: Fragments) -> Floats:
+    return fragments.normals if len(fragments.normals) else np.zeros_like(fragments.light)
 
 
 def _peel(state: RenderState, target: Target) -> Layers:

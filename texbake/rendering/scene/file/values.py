@@ -243,15 +243,18 @@ Factor = Annotated[
 ]
 
 
+def _check_word(value: Any, words: Sequence[str]) -> None:
+    if not isinstance(value, str) or value not in words:
+        advice = nearest(value, words) if isinstance(value, str) else ""
+        advice = f"; {advice}" if advice.startswith("did") else ""
+        raise validation_error(f"{format_value(value)} is not one of {', '.join(words)}{advice}")
+
+
 def choice(words: Sequence[str]) -> Any:
     """Type of a word from a list."""
 
-    def check(value: Any) -> str:
-        if not isinstance(value, str) or value not in words:
-            advice = nearest(value, words) if isinstance(value, str) else ""
-            advice = advice if advice.startswith("did") else ""
-            listed = f"{format_value(value)} is not one of {', '.join(words)}"
-            raise validation_error(f"{listed}; {advice}" if advice else listed)
+    def check(value: Any) -> Any:
+        _check_word(value, words)
         return value
 
     return Annotated[Any, PlainValidator(check), WithJsonSchema({"enum": list(words)})]
@@ -260,22 +263,17 @@ def choice(words: Sequence[str]) -> Any:
 def one_or_two(words: Sequence[str]) -> Any:
     """Type of a word from a list, or of two: for u and for v."""
 
-    def check(value: Any) -> str | tuple[str, str]:
-        found = value if isinstance(value, list | tuple) else [value]
-        for word in found:
-            if not isinstance(word, str) or word not in words:
-                advice = nearest(word, words) if isinstance(word, str) else ""
-                advice = f"; {advice}" if advice.startswith("did") else ""
-                raise validation_error(
-                    f"{format_value(word)} is not one of {', '.join(words)}{advice}"
-                )
-        if found is not value:
-            return str(value)
-        if len(found) != 2:
+    def check(value: Any) -> Any:
+        if not isinstance(value, list):
+            _check_word(value, words)
+            return value
+        for word in value:
+            _check_word(word, words)
+        if len(value) != 2:
             raise validation_error(
                 f"{format_value(value)} is not one word, or two: for u and for v"
             )
-        return found[0], found[1]
+        return tuple(value)
 
     word: JsonSchema = {"enum": list(words)}
     pair = {"type": "array", "items": word, "minItems": 2, "maxItems": 2}
