@@ -26,10 +26,7 @@ _MAX_TICKS = 7
 
 
 def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) -> Markup | str:
-    """Draw a histogram.
-
-    `values` (N,) float.
-    """
+    """Draw a histogram of values (N,)."""
     values = np.asarray(values[np.isfinite(values)], np.float64)
     if not len(values):
         return ""

@@ -50,10 +50,7 @@ def shown_mesh(mesh: Mesh, *, keeps_uvs: bool) -> Mesh:
 def view_data(
     high: Mesh, low: Mesh, pictures: Sequence[MapPicture], picture: RenderOptions, *, missed: bool
 ) -> tuple[dict[str, str], list[str]]:
-    """Pack both meshes and the settings of the viewer.
-
-    `high`, `low`: meshes in the same space.
-    """
+    """Pack both meshes, in the same space, and the settings of the viewer."""
     shown_high, shown_low = shown_mesh(high, keeps_uvs=False), shown_mesh(low, keeps_uvs=True)
     frame = LocalFrame.around(high, low)
     center, radius = Camera.sphere_around(high, low)
@@ -150,10 +147,7 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
 
 
 def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
-    """Map unit vectors to an octahedron that is unfolded to a square, (N, 2) int32.
-
-    `directions` (N, 3) float.
-    """
+    """(N, 2): map unit vectors (N, 3) to an octahedron that is unfolded to a square."""
     vectors = np.asarray(directions, np.float64)
     sums = np.abs(vectors).sum(axis=1, keepdims=True)
     vectors = np.divide(

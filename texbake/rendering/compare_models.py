@@ -180,10 +180,7 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
 
 
 def model_scene(path: PathLike) -> Scene:
-    """Read a model file with its materials as a scene in the light of a room.
-
-    Lights and cameras of the file are left out.
-    """
+    """Read a model file as a scene in the light of a room, without its own lights and cameras."""
     file = written_file(path)
     if file.suffix.lower() in _GLTF:
         scene = read_gltf_scene(file)

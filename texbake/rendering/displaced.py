@@ -89,10 +89,7 @@ def displaced(
     max_triangles: int,
     threads: int | None = None,
 ) -> Displaced:
-    """Subdivide a surface where its edges are too long, and displace all vertices.
-
-    `surface`: the surface, in any space.
-    """
+    """Subdivide a surface where its edges are too long, and displace all vertices."""
     welded = weld_rows(surface.points, threads=threads)
     used, faces = np.unique(welded[surface.faces], return_inverse=True)
     pieces, places = undivided_triangles(faces.reshape(-1, 3).astype(np.int32))
@@ -119,10 +116,7 @@ def displaced(
 def _moved(
     surface: BaseSurface, points: FloatArray, normals: FloatArray, places: Places, moves: Moves
 ) -> FloatArray:
-    """Move vertices by the mean displacement of their places.
-
-    A vertex without a normal is not moved by heights.
-    """
+    """Move vertices by the mean displacement of their places; by heights only along a normal."""
     positions = np.empty((len(points), 3))
     core.move_vertices(
         places.vertices, moves(places, points), points, normals,

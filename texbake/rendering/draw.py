@@ -64,10 +64,7 @@ class SceneCache:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """A scene with its cache of results that do not depend on the camera.
-
-    `scene` is without the parts that change no pixel, which `removed` lists.
-    """
+    """A scene without its `removed` parts, and the cache of what does not depend on the camera."""
 
     scene: Scene
     options: RenderOptions

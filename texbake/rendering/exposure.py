@@ -47,10 +47,7 @@ def exposed(
 
 
 def exposure_of(frames: Sequence[Frame], *, threads: int | None = None) -> float:
-    """Return the factor of light, at most 1, at which a quarter of the surface is above white.
-
-    Only pixels that surfaces cover entirely count.
-    """
+    """Factor, at most 1, at which a quarter of the entirely covered pixels is above white."""
     n_covered, n_bright = np.sum([_counts(frame, threads) for frame in frames], axis=0).tolist()
     if n_bright <= _BRIGHT * n_covered:
         return 1.0

@@ -53,10 +53,7 @@ def fragment_rows(
     corner: tuple[int, int] = (0, 0),
     fine: int = 1,
 ) -> FragmentRows:
-    """Compute the fragments of some rows of pixels.
-
-    `face_ids` (h, w) int32; `rows` (first, stop).
-    """
+    """Compute fragments of some rows (first, stop) of pixels from triangles (h, w) at samples."""
     counts = np.zeros(world.n_objects, np.int64)
     core.count_fragments(face_ids, world.starts, side, merges, *rows, counts)
     starts = np.concatenate([[0], np.cumsum(counts)])
@@ -167,10 +164,7 @@ class IncidentLight:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlotValues:
-    """Values of a material's slots at fragments; None for empty slots.
-
-    A color is (n or 1, 3) float32, a number (n or 1, 1).
-    """
+    """Slots of a material at fragments: colors (n or 1, 3), numbers (n or 1, 1); None if empty."""
 
     base_color: Floats
     specular: Floats | None = None

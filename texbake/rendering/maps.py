@@ -58,10 +58,7 @@ _BELOW_SURFACE = 0.1
 
 
 def space_warnings(normal_map: PathLike | None, space: str | None) -> list[str]:
-    """Warn of a map that names no space, is to be read in tangent space, and cannot be in it.
-
-    Texels without a unit vector, such as a black background, are left out.
-    """
+    """Warn of a map that names no space, and cannot be in tangent space by its unit vectors."""
     if normal_map is None or space is not None:
         return []
     image = _read(normal_map, color=False)
@@ -120,10 +117,7 @@ def heights_from(
 
 
 def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
-    """(H, W, 3) float32: linear colors of a texture; gray is copied to all channels.
-
-    `color` says whether integer values are sRGB. Values that are not finite become 0.
-    """
+    """(H, W, 3): linear colors of a texture; `color` says whether its integers are sRGB."""
     pixels, name = _pixels_of(source, color=color)
     if pixels.ndim == 3 and pixels.shape[2] in (1, 2):
         pixels = np.repeat(pixels[..., :1], 3, axis=2)

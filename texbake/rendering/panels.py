@@ -42,10 +42,7 @@ _NOTHING = (0.25, 0.27, 0.30)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One picture of a row: (H, W, 3 or 4) float32 linear, with a caption and a line of notes.
-
-    `legend` shows the scale of angles instead of the note.
-    """
+    """A picture (H, W, 3 or 4), linear, with a caption, and a note or the scale of angles."""
 
     color: FloatImage
     caption: str
@@ -54,10 +51,7 @@ class Panel:
 
 
 def colored_angles(angles_deg: FloatImage) -> FloatImage:
-    """(H, W, 3) float32: colors of angles in linear light; NaN is gray.
-
-    `angles_deg` (H, W) float32.
-    """
+    """(H, W, 3): colors of angles (H, W) in linear light; NaN is gray."""
     shown = np.isfinite(angles_deg)
     colors = np.empty((*angles_deg.shape, 3), np.float32)
     colors[...] = decode_srgb(_NOTHING)
@@ -66,10 +60,7 @@ def colored_angles(angles_deg: FloatImage) -> FloatImage:
 
 
 def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
-    """Lay out pictures in a row, cropped to their content.
-
-    `seen` (H, W) bool: pixels that must be kept. Returns (H', W', 3) float32, linear light.
-    """
+    """(H', W', 3): pictures in a row, in linear light, cropped to the pixels that are seen."""
     from PIL import Image, ImageDraw
 
     rows, columns = _crop(seen)

@@ -81,10 +81,7 @@ def _needed(effect: Effect, request: RenderRequest, target: Target) -> Iterator[
 
 @dataclass(frozen=True)
 class PlanRow:
-    """One pass in the table; milliseconds and bytes are None before it has run.
-
-    `milliseconds` are summed over all threads.
-    """
+    """A pass in the table; its cost, summed over all threads, is None before it has run."""
 
     name: str
     does: str

@@ -109,11 +109,7 @@ def project(
     *,
     threads: int | None = None,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """Snap vertices to the grid of the screen.
-
-    `positions` (V, 3) float64: world space; `clip_from_world` (4, 4) float64. Returns `grid` (V, 2)
-    int32, `depths` (V,) float32: z / w of the vertices that are on the grid.
-    """
+    """Snap vertices to the grid of the screen: (V, 2) int32, and their depths z / w (V,)."""
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
 
@@ -135,10 +131,7 @@ _MOST_BANDS_A_FACE, _STACK = 4, 256
 
 @dataclass(frozen=True)
 class Window:
-    """Some rows and columns of a picture, in pixels or in samples.
-
-    What is drawn in them is the same as in the whole picture.
-    """
+    """Rows and columns of a picture, in pixels or in samples, drawn as in the whole picture."""
 
     top: int
     bottom: int
@@ -262,10 +255,7 @@ def rasterize(
     tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
 ) -> VisibilityBuffer:
-    """Rasterize triangles: find the nearest one at each sample.
-
-    `clip_from_world` (4, 4) float64; `modes` (O,) uint8; `tries` (height, width) uint32.
-    """
+    """Find the nearest triangle at each sample; `modes` (O,), `tries` (height, width)."""
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)
     every_copy_counts = tries is not None or behind is not None
@@ -302,11 +292,7 @@ def rasterize_scanlines(
     *,
     modes: npt.NDArray[np.uint8],
 ) -> tuple[VisibilityBuffer, FloatArray]:
-    """Rasterize triangles by scanlines, with the barycentric weights at each sample.
-
-    Returns `weights` (height, width, 2) float64: weights of the second and third corner; 0 where
-    there is no triangle.
-    """
+    """Rasterize by scanlines, with the weights (height, width, 2) of second and third corner."""
     face_ids = np.full((height, width), -1, np.int32)
     depths = np.zeros((height, width), np.float32)
     weights = np.zeros((height, width, 2))

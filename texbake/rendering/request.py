@@ -243,10 +243,7 @@ def _image_opacity(material: Material) -> ImageTexture | None:
 
 
 def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
-    """Whether an object's bounding box overlaps the picture; may return True wrongly.
-
-    Displaced objects may leave their box, so they always count as visible.
-    """
+    """Whether an object's box may overlap the picture; displaced objects may leave theirs."""
     if item.material.displacement is not None:
         return True
     corners = item.box_corners()

@@ -192,10 +192,7 @@ class Sums:
     def finished(
         self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
     ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
-        """Divide by the samples, in place; return color over the background, coverage and normals.
-
-        `behind` (3,) or (H, W, 3) float32: background as linear light.
-        """
+        """Divide by samples, in place; return color over `behind`, coverage and normals."""
         layer = np.zeros((1, 1, 3), np.float32)
         if behind is not None:
             layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
@@ -215,10 +212,7 @@ class Sums:
 def picture_error(
     picture: FloatImage, truth: FloatImage, where: npt.NDArray[np.bool_] | None = None
 ) -> float:
-    """Return the root mean square difference in the 255 steps of an 8-bit screen.
-
-    `picture`, `truth` (H, W, 3 or 4) float32, linear light; `where` (H, W) bool: pixels to compare.
-    """
+    """Root mean square difference of linear pictures in the 255 steps of an 8-bit screen."""
     difference = 255.0 * (
         encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])
     )

@@ -74,10 +74,7 @@ class Results:
         return Results({**self._values, result: values})
 
     def growing(self, result: Result[Any]) -> tuple[Results, dict[Target, Any]]:
-        """Return a copy, and the values of a result in it, for values to be added to those.
-
-        Copying them for each value would take time that grows with the square of their number.
-        """
+        """Return a copy, and the values of a result in it, to be added to without copying them."""
         values = dict(self._values.get(result, {}))
         return Results({**self._values, result: values}), values
 
@@ -100,10 +97,7 @@ class Results:
 
 @dataclass
 class PassCost:
-    """Cost of a pass: seconds summed over all threads, and bytes of its results.
-
-    `skipped` says why the pass turned out not to be needed, unless it `has_run` for some target.
-    """
+    """Cost of a pass over all threads, or why it was `skipped` unless it `has_run` for a target."""
 
     seconds: float = 0.0
     n_bytes: int = 0

@@ -34,10 +34,7 @@ _ROUNDING = 1e-6
 
 
 def lights_object(light: Light, item: SceneObject, camera: Camera | None = None) -> bool:
-    """Whether the cone of a spot may meet the bounding sphere of an object.
-
-    `camera` is needed for a light that follows the camera.
-    """
+    """Whether the cone of a spot, which may follow the camera, may meet an object's sphere."""
     corners = _corners(item)
     if corners is None:
         return True

@@ -49,10 +49,7 @@ def studio_scene(
     edge_px: float | None = Displacement.edge_px,
     options: RenderOptions | None = None,
 ) -> Scene:
-    """Return a scene with one mesh and its maps in studio light.
-
-    `edge_px`: maximum length in pixels of the edges of a displaced mesh.
-    """
+    """Return a scene with one mesh and its maps in studio light."""
     options = options or RenderOptions()
     if normal_map is not None or displacement is not None or albedo is not None:
         mesh.corner_uvs()  # raises if there are none
@@ -95,10 +92,7 @@ _RIM = 0.08
 
 
 def studio_room(size: int = 256) -> CubeMap:
-    """Cube map of the studio room, +y up, with the strongest lamp at the front right.
-
-    `size`: width of each face in texels.
-    """
+    """Cube map of the studio room, +y up, with the strongest lamp at the front right."""
     directions = texel_directions(size).astype(np.float64)
     up = directions[..., 1]
     level = np.where(up > 0.0, _MIDDLE + (_TOP - _MIDDLE) * up, _MIDDLE + (_BOTTOM - _MIDDLE) * -up)

@@ -69,10 +69,7 @@ class Places:
 
 
 def undivided_triangles(faces: IntArray) -> tuple[Pieces, Places]:
-    """Return triangles without any cut, and the places of their vertices.
-
-    `faces` (F, 3) int32.
-    """
+    """Return triangles (F, 3) without any cut, and the places of their vertices."""
     n_faces, n_vertices = len(faces), int(faces.max()) + 1
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).astype(np.int64)
     keys = ends.min(axis=-1) * n_vertices + ends.max(axis=-1)

@@ -37,10 +37,7 @@ _TIMED_SHARE = 1 / 4  # of the check that is timed
 
 
 class PictureRounds:
-    """Refines a picture for as long as `RenderOptions.time_budget` allows.
-
-    `first_seconds`: seconds that the first samples took.
-    """
+    """Refines a picture for as long as `RenderOptions.time_budget` allows."""
 
     def __init__(
         self,

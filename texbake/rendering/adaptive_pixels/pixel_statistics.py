@@ -89,10 +89,7 @@ class PixelSums:
         side: int,
         is_opaque: bool,
     ) -> None:
-        """Write the masked pixels of a window to the sums of a whole picture.
-
-        `behind` (h, w, 3) or (1, 1, 3) float32.
-        """
+        """Write masked pixels of a window to a picture; `behind` is (h, w, 3) or (1, 1, 3)."""
         core.write_window(
             mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,
             self.light, self.squares, self.covered, sums.light, sums.squares, sums.covered,
@@ -117,10 +114,7 @@ def code_means(sums: PixelSums, codes: Float32Array, *, threads: int | None) -> 
 def shading_errors(
     codes: Float32Array, shaded: IntArray, changes: Float32Array, *, threads: int | None
 ) -> Float32Array:
-    """Estimate the error of the encoded means due to too few shadings, (H, W) float32.
-
-    `codes` (H, W, 4) float32; `shaded` (H, W) int32; `changes` (H, W) float32.
-    """
+    """(H, W): estimated errors of the means `codes` (H, W, 4) due to too few shadings."""
     errors = np.empty(shaded.shape, np.float32)
 
     def work(start: int, stop: int) -> None:

@@ -60,12 +60,7 @@ class PictureSampling(SamplingReport):
 
 
 def recheck(adaptive: AdaptivePicture, bound: float | None) -> PictureSampling:
-    """Sample one pixel in a hundred again and report on all samples.
-
-    The choice of pixels is deterministic.
-
-    `bound`: error bound for sRGB-coded channels, with black to white as 1.
-    """
+    """Sample one pixel in a hundred again, always the same ones, and report on all samples."""
     sampler, sums, errors = adaptive.sampler, adaptive.sums, adaptive.errors()
     shows = sums.covered > 0.0
     n_pixels = int(np.count_nonzero(shows))

@@ -54,10 +54,7 @@ class Sides:
 
 
 def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterator[Window]:
-    """Yield strips of a picture that contain all wanted pixels, each as narrow as possible.
-
-    They have up to `n_samples` samples, `side` x `side` in each pixel.
-    """
+    """Yield narrow strips with all wanted pixels, of up to `n_samples` samples each."""
     rows = np.flatnonzero(wanted.any(axis=1))
     most = max(1, n_samples // (wanted.shape[1] * side**2))
     # A strip ends before a gap that is large enough for a new one.
@@ -90,10 +87,7 @@ class PixelSampler:
         self.watch: Callable[[int, Sides], None] | None = None
 
     def take(self, wanted: BoolArray, sides: Sides, sums: PixelSums) -> None:
-        """Sample pixels again and replace their previous sums.
-
-        `wanted` (H, W) bool: pixels to sample; `sums`: receives the sums of these pixels.
-        """
+        """Sample pixels (H, W) again and replace their previous sums."""
         start = self.now()
         sums.counts[wanted] = sides.seen**2
         n_samples = _WINDOW if self.watch is None else _WATCHED_WINDOW
@@ -245,10 +239,7 @@ PixelIds = npt.NDArray[np.int64]
 
 
 class PixelCache:
-    """Samples pixels, or returns what they gave before.
-
-    `shape` (int, int).
-    """
+    """Samples pixels, or returns what they gave before."""
 
     def __init__(self, sampler: PixelSampler, shape: tuple[int, int]) -> None:
         self._sampler, self._n_pixels = sampler, shape[0] * shape[1]

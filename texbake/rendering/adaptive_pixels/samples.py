@@ -102,10 +102,7 @@ class AdaptivePicture:
         self._code()
 
     def refine(self, bound: float) -> None:
-        """Take samples until the estimated error of each pixel is at most the bound.
-
-        `bound`: error bound for sRGB-coded channels, with black to white as 1.
-        """
+        """Take samples until each pixel's estimated error, white being 1, is within a bound."""
         shaded = FIRST.shaded
         while shaded < FINEST:
             for _ in range(_ROUNDS if shaded == FIRST.shaded else 1):
@@ -174,10 +171,7 @@ def draw_adaptively(
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
-    """Draw a picture to a given error bound or within a time budget.
-
-    `keep`: data that the frame holds beside its color.
-    """
+    """Draw a picture to a given error bound or within a time budget; see `draw` for `keep`."""
     clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)
     request = prepared.request(camera, keep)

@@ -56,10 +56,7 @@ def _needs(request: RenderRequest, target: int) -> Iterator[str]:
 
 
 def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
-    """Compute the range of distances for `depth`, or the triangles per sample for `overdraw`.
-
-    They are those of the whole picture, and kept for the first object that is seen.
-    """
+    """Range of distances for `depth`, or triangles per sample for `overdraw`, once for all."""
     if target != min(state.visible.objects):
         return np.empty(0)
     buffer = state.options.buffer

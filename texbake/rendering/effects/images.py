@@ -229,10 +229,7 @@ def _spread(value: float | tuple[float, ...], n_channels: int, name: str) -> Flo
 
 
 def wrap_of(uvs: FloatArray | None) -> str:
-    """Choose a wrap mode: "repeat" if coordinates leave the unit square, else "clamp".
-
-    Clamping keeps opposite borders of a map from blending within half a texel.
-    """
+    """Choose "repeat" if coordinates leave the unit square, else "clamp" to blend no borders."""
     if uvs is None or len(uvs) == 0:
         return "clamp"
     inside = float(uvs.min()) >= -_ROUNDING and float(uvs.max()) <= 1.0 + _ROUNDING

@@ -148,10 +148,7 @@ def in_world(light: Light, camera: Camera) -> Light:
 
 
 def arriving(light: PlacedLight, points: FloatArray, normals: Floats) -> IncidentLight:
-    """Compute the unshadowed light that arrives from one lamp at points.
-
-    `points` (n, 3) float64: world space; `normals` (n, 3) float32.
-    """
+    """Compute the unshadowed light that arrives from one lamp at points (n, 3) in world space."""
     if light.kind == "directional":
         return IncidentLight(one_row(tuple(-light.direction), 3), light.radiance)
     n = len(normals)

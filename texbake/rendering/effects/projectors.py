@@ -73,10 +73,7 @@ def load_cookie(
 
 
 def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
-    """(n, 2, 3) float64: motion of points in world space per pixel to the right, then down.
-
-    Not finite for triangles seen exactly edge-on.
-    """
+    """(n, 2, 3): motion of points per pixel to the right and down; not finite if seen edge-on."""
     drawn = fragments.drawn
     steps = np.empty((len(fragments), 2, 3))
     core.find_pixel_steps(

@@ -155,10 +155,7 @@ _WHITE = np.ones((1, 3), np.float32)
 
 @dataclass(frozen=True, eq=False)
 class CornerLight:
-    """Light at the corners of drawn faces, (F, 3, 3) float32.
-
-    `own` is that of a black surface, `reflected` what a white one adds to it.
-    """
+    """Light at corners of drawn faces (F, 3, 3): of a black surface, and what white adds to it."""
 
     own: Floats
     reflected: Floats

@@ -73,10 +73,7 @@ def _corners(bounds: FloatArray) -> Box:
 def shading_pairs(
     light: PlacedLight, casters: Mapping[int, Box | None], receivers: Mapping[int, Box | None]
 ) -> list[Pair]:
-    """List pairs of objects (caster, receiver) that may shadow one another, by bounding boxes.
-
-    Boxes that are not known yet (None) are always paired.
-    """
+    """List pairs (caster, receiver) that may shadow, by their boxes; unknown boxes (None) may."""
     return [
         (i, j)
         for i, caster in casters.items()

@@ -128,10 +128,7 @@ class Layers:
 
 
 def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
-    """(n,) float32: opacity of each fragment.
-
-    The product of the opacity slot, the alpha of the base color's image and that of vertex colors.
-    """
+    """(n,): opacity of the slot, times the alpha of the base color's image and of vertex colors."""
     values = np.ones(len(fragments), np.float32)
     if fragments.values.opacity is not None:
         values = values * fragments.values.opacity[:, 0]

@@ -248,10 +248,7 @@ def _cone(document: Document, light: dict[str, Any]) -> dict[str, Any]:
 def view_of(
     document: Document, node: dict[str, Any], matrix: FloatArray
 ) -> CameraView | str | None:
-    """Return the view of a node's camera, or a reason why it is not supported.
-
-    None if the node has no camera.
-    """
+    """Return the view of a node's camera, why it is not supported, or None without a camera."""
     if "camera" not in node:
         return None
     camera = document.item("cameras", node["camera"])

@@ -143,10 +143,7 @@ _COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
 
 @dataclass(frozen=True)
 class Place:
-    """Context of validation: the folder that file names are relative to.
-
-    Files that are found are added to `files`.
-    """
+    """Context of validation: the folder of relative file names, and the files that were found."""
 
     folder: Path
     files: list[Path] = field(default_factory=list)
@@ -191,10 +188,7 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
 
 
 def linear(value: str) -> tuple[float, float, float]:
-    """Linear color of an sRGB-coded "#rrggbb" or "#rgb".
-
-    Raises a `validation_error` for other text.
-    """
+    """Linear color of an sRGB-coded "#rrggbb" or "#rgb"; raises for other text."""
     if not _HEX.fullmatch(value):
         raise validation_error(
             f"{quoted(value)} is not a color; write '#rrggbb', or a list of three linear numbers"
