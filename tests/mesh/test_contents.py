@@ -6,7 +6,6 @@ import pytest
 
 from tests.hard_cases.fbx_writer import binary, properties, rich_scene, scene
 from texbake.mesh.files.contents import read_contents
-from texbake.mesh.files.gltf_document import read_document
 
 
 def test_gltf(tmp_path):
@@ -64,27 +63,6 @@ def test_an_empty_image_counts_as_missing(tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd c.png\n")
     (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
     assert read_contents(tmp_path / "a.obj").images == {"c.png": None}
-
-
-def test_images_that_unpack_to_far_more_than_the_buffers_are_missing(tmp_path):
-    """Views can name the same compressed bytes as often as they like."""
-    packed = {"buffer": 0, "byteLength": 1000, "byteStride": 4, "count": 16_000}
-    document = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": 1000, "uri": "data:;base64," + "A" * 1336}],
-        "bufferViews": [
-            {
-                "buffer": 0,
-                "byteLength": 0,
-                "extensions": {"EXT_meshopt_compression": {**packed, "mode": "ATTRIBUTES"}},
-            }
-        ]
-        * 100,
-        "images": [{"bufferView": i} for i in range(100)],
-    }
-    (tmp_path / "a.gltf").write_text(json.dumps(document))
-    assert read_document(tmp_path / "a.gltf").n_image_bytes == 6_400_000
-    assert set(read_contents(tmp_path / "a.gltf").images.values()) == {None}
 
 
 def test_usd(tmp_path):

@@ -140,7 +140,7 @@ def changed(path, change):
     return path
 
 
-def test_a_buffer_file_is_read_and_counted_once_whatever_names_it(instances, monkeypatch):
+def test_a_buffer_file_is_read_once_whatever_names_it(instances, monkeypatch):
     """A small file could name a large one as often as it likes."""
 
     def change(document):
@@ -157,9 +157,8 @@ def test_a_buffer_file_is_read_and_counted_once_whatever_names_it(instances, mon
         gltf_document, "read_array", lambda path: (reads.append(path), read_array(path))[1]
     )
     document = read_document(path)
-    assert document.n_bytes == 36 + 1039
-    assert [path.name for path in reads] == ["instances.gltf", "a.bin"]
     assert all(np.shares_memory(document.buffers[1], other) for other in document.buffers[2:])
+    assert [path.name for path in reads] == ["instances.gltf", "a.bin"]
 
 
 @pytest.mark.parametrize("read", [read_materials_of, read_scene])

@@ -151,14 +151,6 @@ def test_text_keeps_digits_that_its_type_would_not(read):
     assert read(content).positions[0, 0] == 0.1
 
 
-@orders
-def test_every_truncation_is_an_error(read, order):
-    content = ply(order, [("vertex", XYZ, POINTS), ("face", POLYGON, SQUARE)]).rstrip(b"\n")
-    for length in range(1, len(content)):
-        with pytest.raises((FileFormatError, MeshError), match=r"mesh\.ply: "):
-            read(content[:length])
-
-
 @pytest.mark.parametrize("element", ["vertex", "face", "other"])
 @orders
 def test_claims_larger_than_the_file_allocate_nothing(read, order, element):

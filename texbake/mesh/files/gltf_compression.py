@@ -79,11 +79,6 @@ def ordered_triangles(
     return places[ordered], vertices
 
 
-def most_decoded(n_bytes: int, n_views: int) -> int:
-    """Return the most bytes that so many of compressed views can hold."""
-    return _GREATEST_RATIO * n_bytes + _HEAD * n_views
-
-
 def decode_view(
     data: npt.NDArray[np.uint8], *, mode: str, filter_name: str, count: int, stride: int
 ) -> npt.NDArray[np.uint8] | str:
@@ -91,7 +86,7 @@ def decode_view(
 
     `data` (n,) uint8. Returns (count * stride,) uint8, or str.
     """
-    if count * stride > most_decoded(len(data), 1):
+    if count * stride > _GREATEST_RATIO * len(data) + _HEAD:
         return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
     if mode == ATTRIBUTES:
         if stride % 4 or not 0 < stride <= 256:

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
-from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view, most_decoded
+from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.source import (
     ByteArray,
     Cursor,
@@ -189,8 +189,6 @@ class Document:
         if not packing:
             return self._stored(view)
         if index not in self._decoded:  # many accessors may share one
-            if self._n_unpacked > most_decoded(self.n_bytes, len(self.items("bufferViews"))):
-                self.fail(f"its compressed views claim {self._n_unpacked:,} bytes; they overlap")
             self._decoded[index] = self._decompressed(packing)
         return self._decoded[index]
 
@@ -226,43 +224,8 @@ class Document:
 
     @cached_property
     def n_bytes(self) -> int:
-        """Bytes of all buffers together, those of a file once."""
-        sizes: dict[int | str, int] = {}
-        for i, (buffer, content) in enumerate(
-            zip(self.items("buffers"), self.buffers, strict=True)
-        ):
-            source = self._file_of(buffer) or i
-            sizes[source] = max(sizes.get(source, 0), len(content))
-        return sum(sizes.values())
-
-    def _file_of(self, buffer: dict[str, Any]) -> str | None:
-        """Real path of the file that a buffer names; None where it names none."""
-        uri = buffer.get("uri")
-        is_file = isinstance(uri, str) and not uri.startswith("data:")
-        return real_path(self.path, unquote(str(uri))) if is_file else None
-
-    @cached_property
-    def _n_unpacked(self) -> int:
-        """Bytes of all compressed views together, unpacked; of one that claims too many, fewer."""
-        packings = filter(None, map(self._packing, self.items("bufferViews")))
-        return sum(
-            min(self._n_claimed(packing), most_decoded(self.integer(packing, "byteLength", 0), 1))
-            for packing in packings
-        )
-
-    @cached_property
-    def n_image_bytes(self) -> int:
-        """Bytes of the views that hold images, each view once, unpacked."""
-        views = self.items("bufferViews")
-        held = {i for image in self.items("images") if type(i := image.get("bufferView")) is int}
-        return sum(self._n_view_bytes(views[i]) for i in held if 0 <= i < len(views))
-
-    def _n_view_bytes(self, view: dict[str, Any]) -> int:
-        packing = self._packing(view)
-        return self._n_claimed(packing) if packing else self.integer(view, "byteLength", 0)
-
-    def _n_claimed(self, packing: dict[str, Any]) -> int:
-        return self.integer(packing, "count", 0) * self.integer(packing, "byteStride", 0)
+        """Bytes of all buffers together."""
+        return sum(map(len, self.buffers))
 
     def _packing(self, view: dict[str, Any]) -> dict[str, Any]:
         """Return what says how a view is compressed; empty where it is not."""
@@ -286,7 +249,7 @@ class Document:
         elif "://" in uri:
             self.fail(f"buffers[{index}] is at {quoted(uri)}, and only local files are read")
         else:
-            place, source = file_beside(self.path, unquote(uri)), str(self._file_of(buffer))
+            place, source = file_beside(self.path, unquote(uri)), real_path(self.path, unquote(uri))
             if source not in files:  # many buffers may name one
                 files[source] = read_array(place)
             data = files[source]
