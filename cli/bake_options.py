@@ -55,7 +55,7 @@ name_pattern_option = click.option(
 bake_options = all_of(
     [
         options_of(BakeOptions, "size", "samples", "max_error", "time_budget"),
-        options_of(BakeOptions, "space", "convention", "bits", "front", "back"),
+        options_of(BakeOptions, "space", "convention", "bits", "front", "back", "max_reach"),
         mesh_option(
             "--cage",
             "Start the rays on this mesh, which is the low-poly mesh with its vertices moved "
@@ -125,7 +125,7 @@ parts_options = all_of(
 # Headings of the help of `texbake bake`, with the options below them.
 SECTIONS = {
     "Rays": (
-        *("front", "back", "cage", "rays", "skew_mask", "offset_map", "orientation"),
+        *("front", "back", "max_reach", "cage", "rays", "skew_mask", "offset_map", "orientation"),
         *("high_shading", "high_normal_maps", "cull_back_faces", "on_miss", "fail_on_miss"),
         *("miss_map", "samples", "max_error", "time_budget"),
     ),

@@ -137,3 +137,19 @@ def test_given_distances_and_cages_are_taken_as_they_are():
     masked = bake(high, low, BakeOptions(size=8), offset_map=np.ones((2, 2))).report
     assert masked.median_reach is None
     assert bake(high, low, BakeOptions(size=8)).report.median_reach is not None
+
+
+@pytest.mark.parametrize("max_reach", [None, 0.3, 0.05])
+def test_no_height_is_greater_than_the_longest_ray(max_reach):
+    """A knob that only the high-poly mesh has: rays reach less far if they must."""
+    high, low = machine()
+    low = unwrap(low, size=128, padding=2)
+    result = bake(high, low, BakeOptions(maps=("displacement",), size=128, max_reach=max_reach))
+    report = result.report
+    heights = result.maps["displacement"].values[..., 0][result.has_data]
+    assert report.measured
+    assert -report.back <= heights.min() and heights.max() <= report.front
+    assert (report.counts.faces_limited > 0) == (max_reach is not None)
+    assert ("the most allowed" in dict(report.table())["distances"]) == (max_reach is not None)
+    if max_reach is not None:
+        assert report.front == max_reach

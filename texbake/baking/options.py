@@ -172,6 +172,17 @@ class BakeOptions(SecondaryOptions, TextureOptions):
             default=MEASURED,
         ),
     ] = None
+    max_reach: Annotated[
+        float | None,
+        Option(
+            "Greatest distance that is measured where `front` or `back` is not given. A low one "
+            "keeps rays from parts that the low-poly mesh lacks.",
+            metavar="D",
+            above=0,
+            unit="model units",
+            default="as far as the meshes are apart",
+        ),
+    ] = None
     rays: Annotated[
         str,
         Option(

@@ -212,6 +212,8 @@ class BakeReport:
         counts = self.counts
         front = "from the cage" if self.front is None else f"{self.front:.6g}"
         measured = " (measured)" if self.measured else ""
+        if counts.faces_limited:
+            measured = f" (the most allowed, on {counts.faces_limited:,} triangles)"
         low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
         median = self.distance_percentiles.get(50, 0.0)
         return [

@@ -38,6 +38,7 @@ class TraceCounts:
 
     `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
     `rays_lengthened` found nothing as far as their vertices reach, and something further away.
+    `faces_limited` need longer rays somewhere than `max_reach` allows.
     `islands_sharing` are stacked islands that another was baked for.
     """
 
@@ -52,6 +53,7 @@ class TraceCounts:
     rays_past_back_faces: int = 0
     secondary_rays: int = 0
     islands_sharing: int = 0
+    faces_limited: int = 0
 
 
 @dataclass
@@ -180,9 +182,10 @@ class Trace:
                 extent = scenes.extent(self.low, kinds, options.threads)
                 if self.fits_vertices:
                     scenes.reach(options.rays, options.threads)
+            most = np.inf if options.max_reach is None else options.max_reach
             if self.front is None and self.cage is None:
-                self.front = extent.front
-            self.back = extent.back if self.back is None else self.back
+                self.front = min(extent.front, most)
+            self.back = min(extent.back, most) if self.back is None else self.back
         with self.stages.part("prepare low-poly mesh"):
             longest = RayField(
                 self.low,
@@ -198,6 +201,9 @@ class Trace:
                 return longest, None
             fitted = scenes.fitted(longest, self.low, options.rays, options.threads)
             assert fitted.reaches is not None
+            if options.max_reach is not None:
+                wanted = scenes.reach(options.rays, options.threads).at(self.low)
+                self.counts.faces_limited = int((wanted > fitted.reaches).any(axis=(1, 2)).sum())
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()
             self.median_reach = front, back

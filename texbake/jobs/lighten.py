@@ -5,7 +5,7 @@ model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -343,10 +343,9 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        rays = None if made is None else made.ray_distance
-        chosen = replace(chosen, front=rays, back=rays)
+        chosen = chosen if made is None else made.aimed(chosen)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        if rays is None:  # else, they miss what fills the tunnels
+        if chosen.front is None:  # else, they miss what fills the tunnels
             baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("encode images"):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
@@ -25,6 +26,9 @@ _PICTURE, _OTHER_PART, _WITH_MAP = 256, 90.0, 0.2
 # `FEW_FACES` faces. Measured lengths reach into the deepest pore: bakes take ten times as long, and
 # are no closer.
 _RAYS, _RAYS_OF_FEW_FACES = 0.02, 0.04
+# Other rays reach at most this many times as far as the low-poly mesh lies from the high-poly one.
+# Longer ones find parts that were dropped, and other layers: displaced, these are spikes.
+_SLANT, _LEAST_REACH = 2.0, 0.001  # the latter of the diagonal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +48,14 @@ class LowPoly:
     report: SimplifyReport
     why: tuple[str, ...] = ()
     ray_distance: float | None = None
+
+    def aimed(self, options: BakeOptions) -> BakeOptions:
+        """Return options of a bake with rays as long as this mesh needs."""
+        if self.ray_distance is not None:
+            return replace(options, front=self.ray_distance, back=self.ray_distance)
+        apart = self.report.distance
+        reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
+        return replace(options, max_reach=reach)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -120,7 +120,7 @@ class RunResult:
         """Return what the user should look at, a sentence each."""
         notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
         worse = [] if self.comparison is None else comparison_warnings(self.comparison)
-        return [*self.missing, *notes, *self.baked.report.warnings, *worse]
+        return [*worse, *self.missing, *notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure: the stages, and how closely the result matches."""
@@ -209,8 +209,7 @@ def run(
         low = rule.after_unwrap(low)
         write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
-        chosen = options.bake_options(channels, unwrapped.options.padding)
-        chosen = replace(chosen, front=made.ray_distance, back=made.ray_distance)
+        chosen = made.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if made.ray_distance is None:  # else, they miss what fills the tunnels
             baked = explained(high, low, baked, join_objects=options.join_objects)
