@@ -136,6 +136,17 @@ def sponge(level):
     return of_cells(solid)
 
 
+def bone(n=64):
+    """Half of a shell around struts and pores, closed, of a genus of about a hundred."""
+    x, y, z = np.indices((n, n, n)) * 2.0 / (n - 1) - 1.0
+    a, b, c = 16.0 * x, 16.0 * y, 16.0 * z
+    gyroid = np.sin(a) * np.cos(b) + np.sin(b) * np.cos(c) + np.sin(c) * np.cos(a)
+    depth = 0.95 - np.sqrt(4.0 * x * x + 4.0 * y * y + 0.9 * z * z)
+    shell = np.where(z > 0.0, 0.15 - depth, -1.0)
+    solid = np.minimum(9.0 * depth, np.maximum(0.6 - np.abs(gyroid), 4.0 * shell))
+    return level_surface(np.pad(solid, 2, constant_values=-9.0), 0.0).replace(name="bone.ply")
+
+
 def bracket(n_x=4, n_y=3, n=32):
     """A plate with round holes as CAD programs write it: long thin triangles, none joined."""
     angles = (np.arange(n) + 0.5) / n * 2.0 * np.pi

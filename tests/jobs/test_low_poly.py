@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import texbake
-from tests.models import model, real, sponge
+from tests.models import bone, model, real, sponge
 from texbake.errors import MeshError
 from texbake.jobs.low_poly import make_low_poly
 from texbake.jobs.options import RunOptions
@@ -56,6 +56,19 @@ def test_run_reaches_the_count(mesh: texbake.Mesh, n_faces: int) -> None:
     why = "\n".join(result.why_closed)
     assert ("cannot show its tunnels (81)" in why) == (n_faces == 200)
     assert ("of its diagonal were closed" in why) == (n_faces == 200)
+
+
+def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path: Path) -> None:
+    options = RunOptions(n_faces=400, size=256, samples=1, compare="full")
+    result = texbake.run(bone(), tmp_path, options)
+    assert handles(result.high) > 60
+    assert 396 <= result.low.n_faces <= 400 and handles(result.low) <= 400 / 20
+    assert find_edges(result.low.faces).closed
+    compared = result.comparison
+    assert compared is not None and compared.displaced is not None
+    assert compared.mapped.mean_deg < 0.75 * compared.bare.mean_deg
+    assert compared.displaced.mean_deg < 0.5 * compared.bare.mean_deg
+    assert not any("further from" in note for note in result.warnings)
 
 
 def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None:
