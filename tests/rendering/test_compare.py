@@ -10,7 +10,7 @@ from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
-from texbake.rendering.compare import compare
+from texbake.rendering.compare import compare, compare_shapes
 from texbake.rendering.draw import draw
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
@@ -30,6 +30,18 @@ def test_a_mesh_is_like_itself():
         assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.n_pixels > 6 * 1000
     assert len(comparison.views) == 6
+
+
+def test_several_meshes_are_compared_at_once():
+    high, low = icosphere(4), icosphere(1)
+    found = compare_shapes(high, [high, low, icosphere(2)], SMALL)
+    bare = compare(high, low, options=SMALL).bare
+    assert found[0] == (0.0, 0.0)
+    assert found[1] == pytest.approx(
+        (bare.mean_deg, bare.outline_mismatch + bare.depth_mismatch), rel=1e-3
+    )
+    for least, more in ((found[0], found[2]), (found[2], found[1])):
+        assert least[0] < more[0] and least[1] < more[1]
 
 
 @pytest.mark.parametrize("angle", [0.5, 10.0, 60.0])

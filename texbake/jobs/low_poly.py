@@ -16,7 +16,7 @@ from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_rep
 from texbake.mesh.topology import surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wrapped
 from texbake.progress import ProgressSink
-from texbake.rendering.compare import compare
+from texbake.rendering.compare import compare_shapes
 from texbake.rendering.options import RenderOptions
 
 # Width and height of the six pictures that decide. A pixel that shows another part counts as much
@@ -116,13 +116,12 @@ class _Maker:
         rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
         return replace(low, why=tuple(why), ray_distance=rays)
 
-    def off_by(self, low: LowPoly) -> float:
-        """Mean angle that a normal map would leave in pictures of both meshes, in degrees."""
-        options = RenderOptions(width=_PICTURE, height=_PICTURE)
-        bare = compare(self.high, low.mesh, options=options, threads=self.threads).bare
-        mismatch = bare.outline_mismatch + bare.depth_mismatch
-        mean = bare.mean_deg if bare.n_pixels else 0.0
-        return (1.0 - mismatch) * _WITH_MAP * mean + mismatch * _OTHER_PART
+    def closest(self, candidates: list[LowPoly]) -> LowPoly:
+        """Return the mesh whose normal map would leave the least mean angle in pictures."""
+        options, lows = RenderOptions(width=_PICTURE, height=_PICTURE), [c.mesh for c in candidates]
+        found = compare_shapes(self.high, lows, options, threads=self.threads)
+        angles = [(1.0 - other) * _WITH_MAP * mean + other * _OTHER_PART for mean, other in found]
+        return candidates[angles.index(min(angles))]
 
 
 def make_low_poly(
@@ -176,5 +175,5 @@ def _closest(make: _Maker) -> LowPoly:
     candidates = [wrap, kept or make.kept()]
     reached = [low for low in candidates if low.report.is_close_to_count]
     if len(reached) == 2:
-        return min(reached, key=make.off_by)
+        return make.closest(reached)
     return min(candidates, key=lambda low: low.mesh.n_faces)

@@ -262,10 +262,36 @@ def compare(
     )
 
 
+def compare_shapes(
+    high: Mesh, lows: Sequence[Mesh], options: RenderOptions, *, threads: int | None = None
+) -> list[tuple[float, float]]:
+    """Compare low-poly meshes without maps in six views, and draw the high-poly mesh only once.
+
+    Returns
+    -------
+    Of each, the mean angle in degrees between the normals, and the share of the pixels that do not
+    show the same part of both meshes.
+    """
+    meshes = (high, *lows)
+    options = replace(options, edges="supersample", supersampling=1, back_faces="show")
+    models = [
+        prepare(studio_scene(mesh, options=options), options, threads=threads) for mesh in meshes
+    ]
+    views = [replace(options, view=(*view, options.distance)) for view in _around(options)]
+    errors = zip(*(_drawn(models, meshes, view)[1] for view in views), strict=True)
+    found = []
+    for of_low in errors:
+        angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in of_low])
+        n_either = max(sum(error.n_either for error in of_low), 1)
+        mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
+        found.append((mean, 1.0 - len(angles) / n_either))
+    return found
+
+
 def _drawn(
-    models: Sequence[Prepared], meshes: tuple[Mesh, Mesh], options: RenderOptions
+    models: Sequence[Prepared], meshes: tuple[Mesh, ...], options: RenderOptions
 ) -> tuple[list[Frame], list[_Errors]]:
-    """Draw the high-poly mesh and uses of the low-poly one, and measure the errors of the uses."""
+    """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
     camera = Camera.framing(*meshes, options=options)
     frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
     tolerance = _SAME_PART * _joint_diagonal(*meshes)
@@ -326,8 +352,8 @@ def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
     return angles
 
 
-def _joint_diagonal(high: Mesh, low: Mesh) -> float:
-    bounds = np.concatenate([high.bounds, low.bounds])
+def _joint_diagonal(*meshes: Mesh) -> float:
+    bounds = np.concatenate([mesh.bounds for mesh in meshes])
     return float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
 
 
