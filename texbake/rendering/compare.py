@@ -265,26 +265,18 @@ def compare(
 def compare_shapes(
     high: Mesh, lows: Sequence[Mesh], options: RenderOptions, *, threads: int | None = None
 ) -> list[tuple[float, float]]:
-    """Compare low-poly meshes without maps in six views, and draw the high-poly mesh only once.
+    """Mean angle between normals in degrees, and share of pixels that show different parts.
 
-    Returns
-    -------
-    Of each, the mean angle in degrees between the normals, and the share of the pixels that do not
-    show the same part of both meshes.
+    Of each low-poly mesh without maps, in six views; the high-poly mesh is drawn once for all.
     """
-    meshes = (high, *lows)
+    meshes, found = (high, *lows), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
-    models = [
-        prepare(studio_scene(mesh, options=options), options, threads=threads) for mesh in meshes
-    ]
+    models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
     views = [replace(options, view=(*view, options.distance)) for view in _around(options)]
-    errors = zip(*(_drawn(models, meshes, view)[1] for view in views), strict=True)
-    found = []
-    for of_low in errors:
-        angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in of_low])
-        n_either = max(sum(error.n_either for error in of_low), 1)
+    for errors in zip(*(_drawn(models, meshes, view)[1] for view in views), strict=True):
+        angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in errors])
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
-        found.append((mean, 1.0 - len(angles) / n_either))
+        found.append((mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1)))
     return found
 
 
