@@ -32,6 +32,7 @@ _READ = {"mesh": MESH_SUFFIXES, "image": IMAGE_SUFFIXES, "scene": SCENE_SUFFIXES
 _WRITTEN = {
     "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
     "image": (IMAGE_SUFFIXES, "FILE"),
+    "images": (IMAGE_SUFFIXES, "DIR|PICTURE"),
     "picture": ((".png",), "FILE.png"),
     "drawing": ((".png", ".svg"), "FILE"),
     "report": ((".json",), "FILE.json"),

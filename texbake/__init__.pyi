@@ -66,11 +66,6 @@ from .errors import (
     heard_warnings as heard_warnings,
     is_out_of_memory as is_out_of_memory,
 )
-from .jobs.channels import (
-    ChannelsReport as ChannelsReport,
-    pack_channel_files as pack_channel_files,
-    split_channel_files as split_channel_files,
-)
 from .jobs.check_meshes import (
     check_mesh_files as check_mesh_files,
     render_findings as render_findings,
@@ -86,13 +81,6 @@ from .jobs.export.export import (
     export_files as export_files,
 )
 from .jobs.export.options import ExportOptions as ExportOptions
-from .jobs.images import (
-    cubemap_files as cubemap_files,
-    height_to_normal_file as height_to_normal_file,
-    mipmap_files as mipmap_files,
-    normal_to_height_file as normal_to_height_file,
-    pack_texture_files as pack_texture_files,
-)
 from .jobs.light_maps import (
     LightMaps as LightMaps,
     bake_light_map_files as bake_light_map_files,
@@ -135,10 +123,6 @@ from .jobs.run import (
     run_files as run_files,
 )
 from .jobs.textures import bake_texture_files as bake_texture_files
-from .jobs.unwrapping import (
-    UnwrapFiles as UnwrapFiles,
-    unwrap_files as unwrap_files,
-)
 from .jobs.uv_pictures import (
     render_checker as render_checker,
     write_layout as write_layout,
@@ -331,16 +315,30 @@ from .texture.pack import (
 )
 from .texture.sample import sample_texture as sample_texture
 from .verbs.cage import cage_file as cage_file
+from .verbs.cubemap import cubemap_files as cubemap_files
+from .verbs.height_to_normal import height_to_normal_file as height_to_normal_file
 from .verbs.make import (
     Relief as Relief,
     make_file as make_file,
 )
+from .verbs.mipmap import mipmap_files as mipmap_files
+from .verbs.normal_to_height import normal_to_height_file as normal_to_height_file
+from .verbs.pack_channels import (
+    ChannelsReport as ChannelsReport,
+    pack_channel_files as pack_channel_files,
+)
+from .verbs.pack_textures import pack_texture_files as pack_texture_files
 from .verbs.remesh import remesh_file as remesh_file
 from .verbs.repair import repair_file as repair_file
 from .verbs.simplify import (
     simplify_file as simplify_file,
     simplify_levels as simplify_levels,
 )
+from .verbs.split_channels import split_channel_files as split_channel_files
 from .verbs.transform import transform_file as transform_file
+from .verbs.unwrap import (
+    UnwrapFiles as UnwrapFiles,
+    unwrap_files as unwrap_files,
+)
 
 __version__: str

@@ -13,7 +13,6 @@ from texbake import (
     UnwrapOptions,
 )
 
-from ..measures import distortion_rows, worst_rows
 from ..options import (
     mesh_argument,
 )
@@ -23,9 +22,10 @@ from ..types import Size
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from texbake import MeshFileInfo, MeshInfo
+    from texbake import Distortion, MeshFileInfo, MeshInfo
 
 _GROUPS_SHOWN = 12
+_CHARTS_SHOWN = 10
 
 
 @click.command(
@@ -67,8 +67,8 @@ def info(
         return
     table([*_rows(found.mesh), *_content_rows(found)])
     if found.distortion is not None:
-        table([("Distortion", ""), *distortion_rows(found.distortion)])
-        table(worst_rows(found.distortion))
+        table([("Distortion", ""), *found.distortion.table()])
+        table(_worst_rows(found.distortion))
 
 
 def _rows(found: MeshInfo) -> list[tuple[str, str]]:
@@ -169,3 +169,58 @@ def _uvs(found: MeshInfo) -> str:
         if count:
             parts.append(f"{count:,} faces {what}")
     return "; ".join(parts)
+
+
+def _worst_rows(found: Distortion) -> list[tuple[str, str]]:
+    """Return rows of the charts, then of the faces, with the greatest stretch."""
+    charts = sorted(found.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
+    of = f" of {found.n_charts:,}" if found.n_charts > len(charts) else ""
+    surface = sum(chart.area for chart in found.charts)
+    rows = [(f"Charts of greatest stretch{of}", "")]
+    rows += _columns(
+        ("chart", "L2", "L2 alone", "L∞", "Dirichlet", "faces", "mirrored", "surface", "texels"),
+        [
+            (
+                f"{chart.chart}",
+                f"{chart.stretch.l2:.4f}",
+                f"{chart.l2_alone:.4f}",
+                f"{chart.stretch.linf:.4f}",
+                f"{chart.stretch.symmetric_dirichlet:.4f}",
+                f"{chart.n_faces:,}",
+                f"{chart.n_mirrored:,}",
+                f"{100.0 * chart.area / surface:.2f} %",
+                f"{chart.texel_density:.5g}",
+            )
+            for chart in charts
+        ],
+    )
+    rows.append(("Faces of greatest stretch", ""))
+    rows += _columns(
+        ("face", "chart", "L2", "L∞", ""),
+        [
+            (
+                f"{face.face}",
+                f"{face.chart}",
+                f"{face.l2:.4f}",
+                f"{face.linf:.4f}",
+                "mirrored" if face.mirrored else "",
+            )
+            for face in found.worst_faces
+        ],
+    )
+    return rows
+
+
+def _columns(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[tuple[str, str]]:
+    """Return rows of aligned columns with headings; the first column is the label."""
+    table = [heads, *lines]
+    widths = [max(len(line[i]) for line in table) for i in range(len(heads))]
+    return [
+        (
+            f"  {line[0]:>{widths[0]}}",
+            "  ".join(
+                f"{word:>{width}}" for word, width in zip(line[1:], widths[1:], strict=True)
+            ).rstrip(),
+        )
+        for line in table
+    ]

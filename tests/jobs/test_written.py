@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.jobs.unwrapping import unwrap_files
 from texbake.jobs.written import MaterialBorders, SourceMaterials
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
@@ -20,6 +19,7 @@ from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.simplify_options import SimplifyOptions
 from texbake.texture.image import write_image
 from texbake.verbs.simplify import simplify_file, simplify_levels
+from texbake.verbs.unwrap import unwrap_files
 
 
 def halves(mesh: Mesh) -> np.ndarray:

@@ -11,7 +11,6 @@ from texbake_cli.main import texbake
 
 from texbake.arrays import read_arrays, write_arrays
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
-from texbake.jobs.unwrapping import unwrap_files
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.unwrap import unwrap
@@ -20,6 +19,7 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.mesh.uv_sets import MOST_UV_SETS, UvSet
 from texbake.verbs.transform import transform_file
+from texbake.verbs.unwrap import unwrap_files
 
 
 @pytest.fixture

@@ -17,15 +17,12 @@ from texbake.verbs.step import READ_FACE, InputSize, Settings, Sizes
 
 # Bytes of a worker that has loaded everything, with what it keeps between steps.
 IDLE_WORKER = PROCESS
-# Bytes per triangle of a mesh that is unwrapped ...
-FLATTENED_FACE = 6_000
 # ... and of the small triangles that displacement divides a mesh into.
 _DISPLACED_FACE = 150
 # Bytes per sample of a picture.
 PIXEL_SAMPLE = 120
 # Bytes of floats per byte of a compressed image: decoded; with mip levels; decoded and converted.
 _DECODED = 40
-_WITH_LEVELS = 60
 _CONVERTED = 80
 # What a page holds of a high-poly mesh and of maps at once.
 _PAGE = 400 * MB
@@ -72,11 +69,6 @@ def _texels(settings: Settings) -> int:
     return int(side[0] * side[1] if isinstance(side, list) else side * side)
 
 
-def unwrap_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for unwrapping a mesh."""
-    return IDLE_WORKER + FLATTENED_FACE * _faces(sizes, "mesh")
-
-
 def check_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for checking a mesh or a pair."""
     faces = _faces(sizes, "mesh", "low")
@@ -92,23 +84,6 @@ def maps_memory(settings: Settings, sizes: Sizes) -> int:
 def texture_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for baking a procedure."""
     return int(IDLE_WORKER + READ_FACE * _faces(sizes, "mesh") + TEXEL * _texels(settings))
-
-
-def pack_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for packing images into one."""
-    pixels = _DECODED * _bytes(sizes, "images")
-    return IDLE_WORKER + 64 * MB + 2 * pixels + READ_FACE * _faces(sizes, "mesh")
-
-
-def channels_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for packing channels into one image, or splitting one."""
-    pixels = _DECODED * _bytes(sizes, "image", "red", "green", "blue", "alpha")
-    return IDLE_WORKER + 64 * MB + 2 * pixels
-
-
-def mipmap_memory(settings: Settings, sizes: Sizes) -> int:
-    """Estimate for the mip levels of an image."""
-    return IDLE_WORKER + 64 * MB + _WITH_LEVELS * _bytes(sizes, "image")
 
 
 def preview_memory(settings: Settings, sizes: Sizes) -> int:

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from texbake.errors import FileFormatError, OptionError, quoted
-from texbake.files import PathLike, check_writable, replacing
-from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
+from texbake.files import PathLike, check_folder, check_writable, replacing
 
 if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
@@ -93,6 +92,8 @@ def check_mesh(path: PathLike, *, folder_is_made: bool = False) -> None:
 
     `folder_is_made` says that the job makes the folder later, so that it may be missing now.
     """
+    from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
+
     suffix = Path(path).suffix
     if suffix.lower() not in WRITABLE_MESH_SUFFIXES:
         known = ", ".join(WRITABLE_MESH_SUFFIXES)
@@ -128,6 +129,8 @@ def check_drawing(path: PathLike) -> None:
 # By the kinds of `texbake.verbs.verb.Writes`.
 OUTPUT_CHECKS: dict[str, Callable[..., None]] = {
     "mesh": check_mesh, "picture": check_picture, "page": check_page, "drawing": check_drawing,
+    "report": check_writable, "image": check_writable, "folder": check_folder,
+    "images": lambda path: None,
 }  # fmt: skip
 
 SUFFIXES_OF_UV_SETS = (".glb", ".obj")

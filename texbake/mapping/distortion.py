@@ -163,6 +163,41 @@ class Distortion:
         l2 = self.turned_stretch.l2
         return max(1.0 - self.fill / l2**2, 0.0) if math.isfinite(l2) else 1.0
 
+    def table(self) -> list[tuple[str, str]]:
+        """Return rows of labels and figures for the whole mesh."""
+        unsure = ""
+        if self.n_unsure:
+            unsure = (
+                f"; {self.n_unsure:,} more were not checked, because too many faces are near them"
+            )
+        whole, turned = self.stretch, self.turned_stretch
+        rows = [
+            ("charts", f"{self.n_charts:,}"),
+            ("stretch L2", f"{whole.l2:.4f}  (1 at best)"),
+            ("stretch L∞", f"{whole.linf:.4f}  (1 at best)"),
+            ("symmetric Dirichlet energy", f"{whole.symmetric_dirichlet:.4f}  (4 at best)"),
+        ]
+        if self.n_mirrored:
+            figures = f"{turned.l2:.4f}, {turned.linf:.4f}, {turned.symmetric_dirichlet:.4f}"
+            rows.append(("  with mirrored faces flipped", figures))
+        tiles = "texture" if self.n_tiles == 1 else f"{self.n_tiles:,} tiles"
+        rows += [
+            ("quasi-conformal error", f"{whole.quasi_conformal:.4f}  (1 at best)"),
+            ("angle distortion", f"{whole.angle:.4f}  (0 at best)"),
+            ("area distortion", f"{whole.area:.4f}  (0 at best)"),
+            ("mirrored faces", f"{self.n_mirrored:,}"),
+            ("overlapping faces", f"{self.n_overlapping:,}{unsure}"),
+            ("without area on the surface", f"{self.n_degenerate:,} faces"),
+            ("without area in the texture", f"{self.n_collapsed:,} faces"),
+            ("seams", f"{self.seam_length:.6g} model units"),
+            (
+                "texels per model unit",
+                f"{self.texel_density:.6g}, varying by {100 * self.texel_density_variation:.1f} %",
+            ),
+            (f"{tiles} filled", f"{100 * self.packing_efficiency:.1f} %"),
+        ]
+        return rows
+
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain values; an infinite value becomes None.
 

@@ -26,6 +26,8 @@ FORMAT_OF_MESH = Option("Format of the mesh files.", choices=MESH_FORMATS)
 FORMAT_OF_IMAGE = Option("Format of the images.", choices=IMAGE_FORMATS)
 # Bytes per triangle of a mesh that is read.
 READ_FACE = 130
+# Bytes of floats per byte of a compressed image that is decoded.
+DECODED = 40
 # Figures that depend on the machine and the moment.
 _UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from texbake.baking.options import BakeOptions
-from texbake.files import appearing_together, check_folder, check_writable
+from texbake.files import appearing_together, check_folder
 
 if TYPE_CHECKING:
     from texbake.jobs.outputs import JobResult
@@ -63,8 +63,8 @@ class Writes:
     name : str
         Parameter of the function.
     kind : str
-        `mesh`, `picture`, `drawing`, `page`, `report`, `image` or `folder`; the function checks the
-        format of an `image`.
+        A key of `OUTPUT_CHECKS`. The function checks the format of an `image`, and all of `images`,
+        which are one or a folder.
     over : str
         The input that it may replace.
     like : str
@@ -231,14 +231,16 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
     for part, paths in outputs.items():
         kept = [path for name, read in inputs.items() if name != part.over for path in read]
         check_distinct(paths, kept)
-        in_folder = len(paths) > 1
-        if in_folder and part.like:
+        folder_is_made = bool(part.like) and len(paths) > 1
+        if folder_is_made:
             check_folder(given[part.name])
+        # Files may be given in place of a folder for them.
+        is_folder = isinstance(given.get(part.name), str | os.PathLike)
         for path in paths:
             if part.kind == "mesh":
-                OUTPUT_CHECKS["mesh"](path, folder_is_made=in_folder)
-            elif part.kind != "folder":
-                OUTPUT_CHECKS.get(part.kind, check_writable)(path)
+                OUTPUT_CHECKS["mesh"](path, folder_is_made=folder_is_made)
+            elif is_folder or part.kind != "folder":
+                OUTPUT_CHECKS[part.kind](path)
 
 
 def _reported(done: JobResult[Any], report: Any) -> JobResult[Any]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from texbake.building.steps.channels import PACK_CHANNELS, SPLIT_CHANNELS
-from texbake.building.steps.maps import BAKE, BAKE_TEXTURE, MIPMAP, PACK_TEXTURES
-from texbake.building.steps.meshes import UNWRAP
+from texbake.building.steps.maps import BAKE, BAKE_TEXTURE
 from texbake.building.steps.results import CHECK, EXPORT, PAGE, PREVIEW
 from texbake.verbs.step import StepKind, find_step
 
@@ -12,15 +10,11 @@ from texbake.verbs.step import StepKind, find_step
 STEP_KINDS: dict[str, StepKind] = {
     kind.name: kind
     for kind in (
-        *map(find_step, ("make", "repair", "transform", "remesh", "simplify")),
-        UNWRAP,
+        *map(find_step, ("make", "repair", "transform", "remesh", "simplify", "unwrap")),
         CHECK,
         BAKE,
         BAKE_TEXTURE,
-        PACK_TEXTURES,
-        PACK_CHANNELS,
-        SPLIT_CHANNELS,
-        MIPMAP,
+        *map(find_step, ("pack-textures", "pack-channels", "split-channels", "mipmap")),
         PREVIEW,
         PAGE,
         EXPORT,

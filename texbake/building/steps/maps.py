@@ -1,4 +1,4 @@
-"""Steps that make images: `bake`, `bake-texture`, `pack-textures`, `mipmap`."""
+"""Steps that make images: `bake`, `bake-texture`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import Annotated, Any
 
 from texbake.baking.options import BITS_OPTION, BakeOptions
 from texbake.baking.texture.options import SolidOptions
-from texbake.building.memory import maps_memory, mipmap_memory, pack_memory, texture_memory
+from texbake.building.memory import maps_memory, texture_memory
 from texbake.errors import OptionError, quoted
 from texbake.schema import Option
-from texbake.texture.options import MipOptions, PackOptions
 from texbake.verbs.step import (
     FORMAT_OF_IMAGE,
-    FORMAT_OF_MESH,
     IMAGE_FORMATS,
     Job,
     Settings,
@@ -139,80 +137,4 @@ BAKE_TEXTURE = StepKind(
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
     run=_bake_texture,
     memory=texture_memory,
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PackTexturesStep(PackOptions):
-    """How images are packed; further options are those of `PackOptions`."""
-
-    data: Annotated[bool, Option("Treat the images as data, not as colors.")] = False
-    format: Annotated[str, FORMAT_OF_IMAGE] = "png"
-    mesh_format: Annotated[str, FORMAT_OF_MESH] = "obj"
-    meshes: Annotated[
-        int, Option("Number of meshes that move with the images: none, or one for each.", low=0)
-    ] = 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-
-
-def _pack_textures(job: Job) -> dict[str, Any]:
-    from texbake.jobs.images import pack_texture_files
-
-    options: PackTexturesStep = PACK_TEXTURES.made(job.settings)
-    meshes = job.inputs.get("mesh", ())
-    packed = pack_texture_files(
-        job.inputs["images"],
-        job.outputs["texture"],
-        options,
-        meshes=meshes,
-        mesh_outputs=[job.outputs[f"mesh{i}"] for i in range(len(meshes))] or None,
-        data=options.data,
-        threads=job.threads,
-    ).report
-    return {"filled": packed.filled, "scale": packed.scale}
-
-
-def _packed_files(settings: Settings) -> dict[str, str]:
-    suffix = settings["mesh_format"]
-    meshes = {f"mesh{i}": f"mesh{i}.{suffix}" for i in range(settings["meshes"])}
-    return {"texture": f"texture.{settings['format']}", **meshes}
-
-
-def _check_meshes(settings: Settings, roles: frozenset[str]) -> None:
-    if ("mesh" in roles) != (settings["meshes"] > 0):
-        raise OptionError("meshes: it is the number of names in mesh; give both or neither")
-
-
-PACK_TEXTURES = StepKind(
-    name="pack-textures",
-    does="packs several images into one, and moves their meshes' texture coordinates",
-    options=PackTexturesStep,
-    inputs=(Reads("images", many=True), Reads("mesh", required=False, many=True)),
-    outputs=_packed_files,
-    run=_pack_textures,
-    memory=pack_memory,
-    check=_check_meshes,
-)
-
-
-def _mipmap(job: Job) -> dict[str, Any]:
-    from texbake.jobs.images import mipmap_files
-
-    folder = job.outputs["levels"]
-    folder.mkdir()
-    options = MIPMAP.made(job.settings)
-    return {"levels": mipmap_files(job.file("image"), folder, options, threads=job.threads).report}
-
-
-MIPMAP = StepKind(
-    name="mipmap",
-    does="makes the mip levels of an image",
-    options=MipOptions,
-    without=(),
-    inputs=(Reads("image"),),
-    outputs=lambda settings: {"levels": "levels"},
-    run=_mipmap,
-    memory=mipmap_memory,
 )

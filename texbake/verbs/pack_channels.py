@@ -1,4 +1,4 @@
-"""Gray maps packed as the channels of one image file, and image files split into gray maps.
+"""`pack-channels`: pack gray maps as the channels of one image.
 
 Values are data: codes are copied, and nothing is converted between sRGB and linear. glTF packs
 occlusion, roughness and metallic as red, green and blue.
@@ -6,19 +6,29 @@ occlusion, roughness and metallic as red, green and blue.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-
-from texbake.errors import OptionError, quoted
-from texbake.files import PathLike, appearing_together, check_folder, check_writable
+from texbake.baking.memory import MB, PROCESS
+from texbake.errors import OptionError
+from texbake.files import PathLike
 from texbake.jobs.options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
-from texbake.texture.image import FloatImage, Image, read_image, write_image
-from texbake.texture.image_files import bits_for, suffix_like, write_images
-from texbake.texture.image_formats import check_image_format, format_of
+from texbake.schema import CheckedOptions, Option
+from texbake.verbs.step import (
+    DECODED,
+    FORMAT_OF_IMAGE,
+    Job,
+    Settings,
+    Sizes,
+    n_bytes,
+    step_of,
+)
+from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.texture.image import FloatImage, Image
 
 COLORS = ("red", "green", "blue", "alpha")
 _LETTERS = "rgba"
@@ -40,12 +50,31 @@ class ChannelsReport:
     height: int
     channels: tuple[str, ...]
 
-    def table(self) -> list[tuple[str, str]]:
+    def table(self) -> Rows:
         """Return rows of a label and a figure."""
         rows = zip(COLORS, self.channels, strict=False)
         return [("size", f"{self.width} x {self.height}"), *(row for row in rows if row[1])]
 
 
+@verb(
+    *(
+        Extra(
+            f"--{name}",
+            f"What goes to {name}: a gray map, one channel of an image, or a value from 0 to 1 "
+            "for all texels.",
+            metavar="FILE[:r|g|b|a]|VALUE",
+            required=name != "alpha",
+        )
+        for name in COLORS
+    ),
+    Writes("output", "image", "The image with these channels."),
+    Options(PackChannelsOptions),
+    THREADS,
+    examples="""
+      texbake pack-channels --red ao.png --green roughness.png --blue metallic.png -o orm.png
+      texbake pack-channels --red rock.exr:g --green 0.5 --blue 0 -o orm.png --bits 8
+    """,
+)
 def pack_channel_files(
     output: PathLike,
     red: PathLike | float,
@@ -56,7 +85,10 @@ def pack_channel_files(
     *,
     threads: int | None = None,
 ) -> JobResult[ChannelsReport]:
-    """Pack gray maps as the channels of one image file.
+    """Pack gray maps as the channels of one image.
+
+    glTF and Unreal take occlusion as red, roughness as green and metallic as blue. The maps are
+    data: their codes are copied, with no conversion between sRGB and linear.
 
     Parameters
     ----------
@@ -65,16 +97,17 @@ def pack_channel_files(
     red, green, blue, alpha
         For each channel an image file, or one value from 0 to 1 for all texels. Of an image whose
         channels differ, one is named at the end, by its letter: `orm.png:g`.
-    options
-        None for the defaults.
-    threads
-        None for every processor.
 
     Raises
     ------
     OptionError
         No channel is an image, the images differ in size, or a channel is not told apart.
     """
+    import numpy as np
+
+    from texbake.texture.image import read_image, write_image
+    from texbake.texture.image_formats import check_image_format
+
     bits = (options or PackChannelsOptions()).bits
     given_channels = [red, green, blue] if alpha is None else [red, green, blue, alpha]
     sources = [_source(value) for value in given_channels]
@@ -82,7 +115,6 @@ def pack_channel_files(
     if not files:
         raise OptionError("red, green, blue: none is an image, so there is no size to give it")
     check_distinct([output], files)
-    check_writable(output)
     check_image_format(output, bits, color=False, channels=len(sources), lossless=True)
     images = {file: read_image(file, color=False, threads=threads) for file in dict.fromkeys(files)}
     height, width = _common_size(images)
@@ -91,73 +123,17 @@ def pack_channel_files(
         pixels[..., i] = _channel(images[file], letter) if isinstance(file, Path) else file
     if bits is None:
         deepest = max(images.values(), key=lambda image: (image.is_float, image.bits))
-        bits = _bits_like(deepest, output, pixels)
+        bits = bits_like(deepest, output, pixels)
     write_image(pixels, output, bits=bits, threads=threads)
     report = ChannelsReport(width, height, tuple(str(value) for value in given_channels))
     return JobResult(files=given(output), report=report)
 
 
-@appearing_together()
-def split_channel_files(
-    image: PathLike,
-    output: PathLike | Sequence[PathLike],
-    *,
-    names: Sequence[str] | None = None,
-    threads: int | None = None,
-) -> JobResult[ChannelsReport]:
-    """Write each channel of an image file as a gray map.
-
-    The maps have the bits of the image. In a folder they are PNG files, unless it is one of TIFF,
-    TGA or floats.
-
-    Parameters
-    ----------
-    image
-    output
-        A folder, made if it is missing; or a file for each channel that is not left out.
-    names
-        What each channel is, in their order: the map of a channel called `roughness` is
-        `NAME_roughness.png`, NAME being that of the image. An empty name leaves a channel out. None
-        for red, green, blue and alpha, or gray and alpha.
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    OptionError
-        There are more names than channels, one of them twice, or none.
-    """
-    files = _given_files(output)
-    if files is None:
-        check_folder(str(output))
-    read = read_image(image, color=False, threads=threads)
-    height, width, n_channels = read.pixels.shape
-    gray = ("gray", "alpha")[:n_channels]
-    usual = gray if n_channels < 3 else COLORS[:n_channels]
-    chosen = tuple(usual if names is None else names)
-    _check_names(image, chosen, n_channels)
-    used = [i for i, name in enumerate(chosen) if name]
-    if files is None:
-        stem, suffix = Path(image).stem, suffix_like(read)
-        files = [Path(str(output)) / f"{stem}_{chosen[i]}{suffix}" for i in used]
-    elif len(files) != len(used):
-        raise OptionError(f"output: {len(files)} files are given for {len(used)} channels")
-    maps = {file: read.pixels[..., i : i + 1] for file, i in zip(files, used, strict=True)}
-    check_distinct(list(maps), [image])
-    bits = _bits_like(read, files[0], read.pixels)
-    write_images(maps, color=False, bits=bits, threads=threads)
-    return JobResult(files=tuple(maps), report=ChannelsReport(width, height, chosen))
-
-
-def _given_files(output: PathLike | Sequence[PathLike]) -> list[Path] | None:
-    """Return the files, or None where it is a folder for them."""
-    if isinstance(output, Sequence) and not isinstance(output, str):
-        return [Path(path) for path in output]
-    return None
-
-
-def _bits_like(image: Image, path: PathLike, pixels: FloatImage) -> int | None:
+def bits_like(image: Image, path: PathLike, pixels: FloatImage) -> int | None:
     """Return the bits that keep an image's codes, or None for the most that the format has."""
+    from texbake.texture.image_files import bits_for
+    from texbake.texture.image_formats import format_of
+
     if image.is_float:
         return bits_for(path, pixels, image)
     return image.bits if image.bits in format_of(path).bits else None
@@ -211,17 +187,51 @@ def _channel(image: Image, letter: str) -> FloatImage:
     return first
 
 
-def _check_names(image: PathLike, names: Sequence[str], n_channels: int) -> None:
-    if len(names) > n_channels:
-        raise OptionError(
-            f"names: {len(names)} are given, but {image} has {n_channels} "
-            f"{'channel' if n_channels == 1 else 'channels'}"
-        )
-    used = [name for name in names if name]
-    if not used:
-        raise OptionError("names: all are empty, so there is nothing to write")
-    for name in used:
-        if used.count(name) > 1:
-            raise OptionError(f"names: {name} is given twice")
-        if Path(name).name != name or name in (".", ".."):
-            raise OptionError(f"names: {quoted(name)} cannot be a part of a file name")
+@dataclass(frozen=True, kw_only=True)
+class PackChannelsStep(CheckedOptions):
+    """What channels without a map hold, and the format."""
+
+    red_value: Annotated[
+        float, Option("Value of red in all texels, if no map is given for it.", low=0, high=1)
+    ] = 1.0
+    green_value: Annotated[
+        float, Option("Value of green in all texels, if no map is given for it.", low=0, high=1)
+    ] = 1.0
+    blue_value: Annotated[
+        float, Option("Value of blue in all texels, if no map is given for it.", low=0, high=1)
+    ] = 0.0
+    format: Annotated[str, FORMAT_OF_IMAGE] = "png"
+
+
+def _step(job: Job) -> dict[str, Any]:
+    options: PackChannelsStep = STEP.made(job.settings)
+    values = (options.red_value, options.green_value, options.blue_value)
+    red, green, blue = (
+        job.input(color) or value for color, value in zip(COLORS, values, strict=False)
+    )
+    packed = pack_channel_files(
+        job.outputs["texture"], red, green, blue, job.input("alpha"), threads=job.threads
+    ).report
+    return {"width": packed.width, "height": packed.height}
+
+
+def _check_maps(settings: Settings, roles: frozenset[str]) -> None:
+    if not roles:
+        raise OptionError("red, green, blue: give a map for at least one channel")
+
+
+def channels_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for packing channels into one image, or splitting one."""
+    return PROCESS + 64 * MB + 2 * DECODED * n_bytes(sizes, "image", *COLORS)
+
+
+STEP = step_of(
+    pack_channel_files,
+    does="packs gray maps as the channels of one image",
+    options=PackChannelsStep,
+    inputs=tuple(Reads(color, required=False) for color in COLORS),
+    outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
+    run=_step,
+    memory=channels_memory,
+    check=_check_maps,
+)
