@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from texbake_cli.main import texbake as command_line
@@ -26,6 +27,8 @@ PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md"])
 MADE = reference.pages()
 WITH_COMMANDS = [page for page in PAGES if commands.commands_of(page)]
 LONGEST_SIDE = 128  # texels or pixels: what a page asks for is made smaller here
+N_TRIANGLES = 4000
+READS_SIZE = {"bench", "cubemap", "info", "pack-textures"}  # without it, that of the input
 NEVER_ENDS = {"watch"}
 RUN_BY_GOLDENS = "samples/pipeline.toml"
 
@@ -98,7 +101,7 @@ def first_toml(page: Path) -> str:
 
 
 def smaller(words: list[str]) -> list[str]:
-    """Return a command line with sizes of at most LONGEST_SIDE, and one knob of a study."""
+    """Return a command line with sizes of at most LONGEST_SIDE, and one task of a study."""
     line = list(words)
     for i, word in enumerate(line[:-1]):
         if word == "--size":
@@ -107,13 +110,18 @@ def smaller(words: list[str]) -> list[str]:
         if word == "--resolution" and words[0] == "remesh":
             line[i + 1] = str(min(int(line[i + 1]), LONGEST_SIDE))
         if word == "--triangles":
-            line[i + 1] = str(min(int(line[i + 1]), 10_000))
+            line[i + 1] = str(min(int(line[i + 1]), N_TRIANGLES))
+    if "--size" not in line and line[0] not in READS_SIZE:
+        command = command_line.get_command(click.Context(command_line), line[0])
+        if any(parameter.name == "size" for parameter in command.params):
+            line += ["--size", str(LONGEST_SIDE)]
     if line[0] == "demo" and "--triangles" not in line:
-        line += ["--triangles", "10000", "--size", str(LONGEST_SIDE)]
+        line += ["--triangles", str(N_TRIANGLES), "--faces", "100"]
     if line[0] == "study" and "--knob" not in line:
-        line += ["--knob", "texture-lookup", "--repeats", "2"]
+        line += ["--knob", "noise", "--repeats", "1"]
     if line[0] == "bench":
-        line += ["--quick", "--program", "texbake", "--case", "sphere", "--task", "simplify"]
+        task = ["--task", "simplify"] if "--task" not in line else []
+        line += ["--quick", "--program", "texbake", "--case", "sphere", *task]
     return line
 
 

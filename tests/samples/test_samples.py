@@ -30,7 +30,7 @@ def run_sample(name, *arguments, folder, status=0):
 
 
 def test_command_line(tmp_path):
-    output = run_sample("command_line.sh", "out", 40_000, folder=tmp_path)
+    output = run_sample("command_line.sh", "out", 8_000, folder=tmp_path)
     assert "800" in output
     folder = tmp_path / "out"
     for name in ("maps/normal.png", "maps/displacement.png", "normal_directx.png", "preview.png"):

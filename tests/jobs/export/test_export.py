@@ -10,6 +10,7 @@ from texbake.jobs.export.programs import PROGRAMS
 from texbake.jobs.export.sources import find_maps, kind_of, source_maps
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.mesh.simplify import simplify
 from texbake.metadata import CONVENTION
@@ -264,7 +265,10 @@ def test_usd_refers_to_images_beside_it(export, maps):
 def test_unity_gets_normals_in_the_mesh(tmp_path):
     ball = uv_sphere(8, 12).replace(normals=None, normal_faces=None)
     result = export_asset(ball, {}, tmp_path, ExportOptions(to="unity", name="ball"))
-    assert read_mesh(result.mesh).normals is not None
+    back, (normals, normal_faces) = read_mesh(result.mesh), shading_normals(ball)
+    np.testing.assert_allclose(
+        back.normals[back.normal_faces], normals[normal_faces], rtol=0.0, atol=1e-6
+    )
 
 
 def test_dds_textures_have_their_blocks(export):
