@@ -38,7 +38,10 @@ _FIRST = ("study", "docs", "goldens", "pages", "samples", "building", "cli")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put long ones first."""
+    """Put long ones first, and mark those that need a library that PyPI has no wheel of."""
+    for item in items:
+        if "meshoptimizer" in getattr(item, "fixturenames", ()):
+            item.add_marker("meshoptimizer")
     rooms = Path(__file__).parent
     order = dict(zip(_FIRST, range(len(_FIRST)), strict=True))
     items.sort(key=lambda item: order.get(item.path.relative_to(rooms).parts[0], len(order)))

@@ -116,6 +116,7 @@ def test_degenerate_faces_are_sound(validate, tmp_path, normal_map):
     assert_sound(validate(tmp_path / "a.glb"))
 
 
+@pytest.mark.meshoptimizer
 @pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize("quantize", [False, True])
 def test_levels_and_compressed_views_are_sound(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from catalog.case import Case
 from catalog.geometry import GEOMETRY
@@ -23,7 +23,7 @@ from invariance.changes import (
     Change,
 )
 from invariance.mesh_commands import Command
-from invariance.quantities import Agreement, Outcome, Refusal, compared, outcome, sides
+from invariance.quantities import Outcome, Refusal, compared, outcome, sides
 
 from texbake import Mesh
 
@@ -158,19 +158,6 @@ UNDECIDED = (
 )  # fmt: skip
 
 
-@dataclass(kw_only=True)
-class Tally:
-    """What came of the cases of one command and kind of change."""
-
-    cases: int = 0
-    same: int = 0
-    within: int = 0
-    undecided: int = 0
-    refused: int = 0
-    largest: float = 0.0
-    faults: list[str] = field(default_factory=list)
-
-
 def reason_of(command: str, kind: str, mesh: str) -> str | None:
     """Why a result may depend on a change, or None."""
     for item in UNDECIDED:
@@ -179,16 +166,16 @@ def reason_of(command: str, kind: str, mesh: str) -> str | None:
     return None
 
 
-def run(
+def faults_of(
     command: str,
     pairs: Iterator[tuple[Case[Mesh], Change]],
     in_cells: Callable[[Case[Mesh]], Mesh],
-    tallies: dict[str, Tally] | None = None,
-) -> dict[str, Tally]:
-    """Run a command on meshes before and after changes; what came of it, by kinds of changes."""
-    tallies = {} if tallies is None else tallies
+) -> Iterator[str]:
+    """Run a command on meshes before and after changes; say where it differs too much."""
     known: dict[tuple[str, bool], Outcome] = {}
     for case, change in pairs:
+        if reason_of(command, change.kind, case.name) is not None:
+            continue
         mesh = in_cells(case) if command in TEXTURED else case.make()
         changed = change.applied(mesh)
         one, two = sides(changed)
@@ -196,41 +183,21 @@ def run(
         if key not in known:
             known[key] = outcome(COMMANDS[command], one)
         before, after = known[key], outcome(COMMANDS[command], two)
-        tally = tallies.setdefault(change.kind, Tally())
-        tally.cases += 1
         where = f"{case.name}, {change.kind} {change.name}"
-        undecided = reason_of(command, change.kind, case.name) is not None
         if isinstance(before, Refusal) or isinstance(after, Refusal):
-            if before == after:
-                tally.refused += 1
-            elif undecided:
-                tally.undecided += 1
-            else:
-                tally.faults.append(f"{where}: refused by one: {_shown(before)} | {_shown(after)}")
-        else:
-            _count(tally, compared(before, after, changed), where, undecided=undecided)
-    return tallies
+            if before != after:
+                yield f"{where}: refused by one: {_shown(before)} | {_shown(after)}"
+            continue
+        for item in compared(before, after, changed):
+            if not item.holds:
+                yield (
+                    f"{where}: {item.name} differs by {item.difference:.3g}, "
+                    f"and may by {item.bound:.3g}"
+                )
 
 
 def _shown(found: Outcome) -> str:
     return found.message if isinstance(found, Refusal) else "a result"
 
 
-def _count(tally: Tally, found: list[Agreement], where: str, *, undecided: bool) -> None:
-    if all(item.is_same for item in found):
-        tally.same += 1
-        return
-    if undecided:
-        tally.undecided += 1
-        return
-    faults = [item for item in found if not item.holds]
-    tally.within += not faults
-    limits = [item.difference for item in found if item.bound is not None]
-    tally.largest = max(tally.largest, *limits, 0.0)
-    tally.faults += [
-        f"{where}: {item.name} differs by {item.difference:.3g}, and may by {item.bound:.3g}"
-        for item in faults
-    ]
-
-
-__all__ = ["CHANGES", "COMMANDS", "KINDS", "MESHES", "Tally", "reason_of", "run"]
+__all__ = ["CHANGES", "COMMANDS", "KINDS", "MESHES", "faults_of", "reason_of"]
