@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,8 +13,7 @@ from texbake.baking.bake import bake
 from texbake.baking.codings import id_colors
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.map_names import MAP_NAMES, MATERIAL_MAPS
-from texbake.baking.maps import MAPS
+from texbake.baking.maps import MAP_NAMES, MAPS, MATERIAL_MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.materials import (
@@ -62,13 +62,23 @@ def test_a_result_is_the_same_after_pickling():
     again = pickle.loads(pickle.dumps(result))
     assert list(again.maps) == maps
     for name, found in again.maps.items():
-        assert found.kind is MAPS[name]
+        assert found.kind == MAPS[name]
         np.testing.assert_array_equal(found.values, result.maps[name].values)
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)
-def test_every_kind_is_itself_after_pickling(name):
-    assert pickle.loads(pickle.dumps(MAPS[name])) is MAPS[name]
+def test_every_row_of_the_table_names_what_there_is(name):
+    kind = MAPS[name]
+    for place in filter(None, (kind.function, kind.legend_function, kind.require_function)):
+        module, function = place.split(".")
+        assert callable(getattr(import_module(f"texbake.baking.maps.{module}"), function))
+    assert kind.plain is None or len(kind.plain) == kind.channels
+    assert kind.is_channel == (name in CHANNELS and name != "normal")
+    if kind.is_channel:  # black for colors, so that nothing looks like data, else the default
+        channel = CHANNELS[name]
+        black = (0.0, 0.0, 0.0)
+        assert kind.neutral(BakeOptions()) == (black if channel.is_color else channel.default)
+        assert (kind.coding == "color") == channel.is_color
 
 
 def test_a_normal_map_computes_nothing_of_the_others():

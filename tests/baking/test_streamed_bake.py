@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
-from texbake.baking.map_names import MATERIAL_MAPS
-from texbake.baking.maps import MAPS
+from texbake.baking.maps import MAPS, MATERIAL_MAPS
 from texbake.baking.memory import STREAMED_CHUNKS, STREAMED_FACE, bake_memory
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError

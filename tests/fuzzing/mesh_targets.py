@@ -11,7 +11,7 @@ import numpy as np
 from drawn import Drawn
 
 import texbake as tb
-from texbake.baking.map_names import MAP_NAMES, MATERIAL_MAPS
+from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
 from texbake.mapping.atlas.cutting import cut
 from texbake.mapping.options import METHOD_OPTIONS
 from texbake.mapping.overlap import find_overlaps, overlap_layers

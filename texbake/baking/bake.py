@@ -10,8 +10,7 @@ import numpy.typing as npt
 from texbake.baking.facing import face_outwards
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import map_kinds
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import ADAPTIVE, BakeOptions
 from texbake.baking.padding import finished_maps, texel_charts_of
 from texbake.baking.rays import RayMaps, checked_cage
@@ -119,8 +118,7 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
     if inputs.stream is not None and (reason := why_not_streamed(kinds, inputs.options)):
         raise OptionError(f"max_memory: {inputs.stream.name} would be read in chunks, {reason}")
     for kind in kinds:
-        if kind.require is not None:
-            kind.require(inputs)
+        kind.require(inputs)
         if kind.of_misses and (inputs.options.is_adaptive or inputs.options.time_budget):
             raise OptionError(
                 f"maps, samples: {kind.name} counts misses among a fixed number of samples; use "

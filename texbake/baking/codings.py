@@ -46,7 +46,7 @@ from texbake.texture.value_range import (
 )
 
 if TYPE_CHECKING:
-    from texbake.baking.maps.kind import MapKind
+    from texbake.baking.maps import MapKind
     from texbake.baking.result import BakedMap
     from texbake.files import PathLike
 

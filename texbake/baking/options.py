@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.maps import MAP_NAMES
 from texbake.baking.memory import (
     STREAMED_CHUNKS,
     bake_memory,

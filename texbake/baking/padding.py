@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakedMap
 from texbake.baking.texels import NO_FACE
@@ -184,7 +184,6 @@ def finished_maps(
             values = around.pad(
                 values, kind.neutral(options), kind.combine, hides_misses=kind.hides_misses
             )
-        bounds = None if kind.bounds is None else kind.bounds(inputs)
-        legend = () if kind.legend is None else kind.legend(inputs)
-        maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, legend)
+        bounds = inputs.bounds if kind.coding == "position" else None
+        maps[kind.name] = BakedMap(kind, values, has_data, options, bounds, kind.legend(inputs))
     return maps, padding.n_meeting

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from texbake.baking.codings import FLOAT, FileEncoding, code, file_bits
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.report import BakeReport
 from texbake.errors import OptionError, UvError
@@ -217,16 +217,6 @@ def check_texels(low: Mesh, baked: BakeResult) -> None:
         )
 
 
-# Values that a surface has without the map, by its name.
-_PLAIN = {
-    "normal": (0.0, 0.0, 1.0),
-    "bent-normal": (0.0, 0.0, 1.0),
-    "displacement": (0.0,),
-    "vector-displacement": (0.0, 0.0, 0.0),
-    "ao": (1.0,),
-    "opacity": (1.0,),
-}
-_IN_TANGENT_SPACE = ("normal", "bent-normal")
 # Half a step of 16 bits, of which normals and shares have about as many as that.
 _ROUNDING = 0.5 / 65535.0
 
@@ -238,8 +228,8 @@ def redundant_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
         if not np.isfinite(ranges).all():  # no texel has data
             continue
         rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
-        plain = _PLAIN.get(name)
-        if name in _IN_TANGENT_SPACE and item.options.space != "tangent":
+        plain = item.kind.plain
+        if item.kind.coding == "normal" and item.options.space != "tangent":
             plain = None
         if plain is not None and float(np.abs(ranges.T - plain).max()) <= rounding:
             yield f"{name}: it is the same as no map at every texel; it can be left out"

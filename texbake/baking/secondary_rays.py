@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps import INNER, OUTER
 from texbake.baking.scenes import BakeScenes
 from texbake.core import core
 from texbake.errors import OptionError
@@ -40,7 +41,6 @@ _BLOCK = 4  # texels along the side of a square that shares a net of directions
 # so a ray along its plane may sink by 2^-24 of its length along each axis, and its length in the
 # unit cube is at most the square root of 3.
 START_OFFSET = 3.0 * 2.0**-24
-OUTER, INNER = "outer rays", "inner rays"  # values of `MapKind.needs`
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.core import core
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from texbake.baking.map_names import MATERIAL_MAPS
+from texbake.baking.maps import MATERIAL_MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.files import PathLike

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from texbake.baking.codings import file_bits
+from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import read_hits, write_hits
-from texbake.baking.map_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects

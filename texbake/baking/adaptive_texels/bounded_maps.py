@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.texel_error import Metric
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds

@@ -27,7 +27,7 @@ from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
 from texbake.baking.texels import SampleGrid

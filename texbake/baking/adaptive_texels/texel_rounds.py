@@ -18,7 +18,7 @@ from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES
 from texbake.baking.adaptive_texels.refinement import Refinement, estimate_for, refine
 from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import finished_maps, texel_charts_of
 from texbake.baking.sums import TexelSums

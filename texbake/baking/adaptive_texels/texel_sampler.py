@@ -18,7 +18,7 @@ from texbake.baking.adaptive_texels.coverage import (
 )
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
 from texbake.baking.trace import SampleCaster, Trace

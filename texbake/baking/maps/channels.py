@@ -5,16 +5,12 @@ Images are looked up at each hit, bilinearly and in linear light.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 
 from texbake.baking.channel_images import MaterialPoints
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import Float32Array, MapKind, interpolated
-from texbake.baking.options import BakeOptions
+from texbake.baking.maps.per_hit import Float32Array, interpolated
 from texbake.errors import MeshError
 from texbake.mesh.materials import CHANNELS, Channel, ChannelSource
 from texbake.mesh.mesh import frozen
@@ -22,12 +18,13 @@ from texbake.mesh.mesh import frozen
 _OF_VERTEX_COLORS = ("base-color", "alpha")
 
 
-def channel_values(channel: Channel, hits: Hits, inputs: BakeInputs) -> Float32Array:
+def channel_values(name: str, hits: Hits, inputs: BakeInputs) -> Float32Array:
     """Linear values of a channel at each hit: (n, 1) or (n, 3) float32.
 
     Its default for a material that does not set it.
     """
     assert inputs.materials is not None
+    channel = CHANNELS[name]
     values = np.empty((len(hits), len(channel.default)), dtype=np.float32)
     sources = inputs.materials.sources(channel.name)
     for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
@@ -64,49 +61,28 @@ def _source_values(
     return values
 
 
-def _require(channel: Channel, inputs: BakeInputs) -> None:
+def require_channel(name: str, inputs: BakeInputs) -> None:
     """Raise `MeshError` if no material sets a channel, or an image has no place."""
     high, materials = inputs.high, inputs.materials
-    known = [] if materials is None else [s for s in materials.sources(channel.name) if s]
+    known = [] if materials is None else [s for s in materials.sources(name) if s]
     of_vertices = (
-        materials is not None and materials.has_vertex_colors and channel.name in _OF_VERTEX_COLORS
+        materials is not None and materials.has_vertex_colors and name in _OF_VERTEX_COLORS
     )
     if not known and not of_vertices:
-        noun = channel.name.replace("-", " ")
+        noun = name.replace("-", " ")
         raise MeshError(
             f"{high.name}: its file names no {noun} to bake; give its image as `high_texture`, or "
-            f"leave {channel.name} out of `maps`"
+            f"leave {name} out of `maps`"
         )
     known_sets = {0, *(() if materials is None else materials.uv_sets)}
     images = [source.image for source in known if source.image is not None]
     if any(image.uv_set not in known_sets for image in images):
         raise MeshError(
-            f"{high.name}: an image of {channel.name} lies on texture coordinates after the first, "
+            f"{high.name}: an image of {name} lies on texture coordinates after the first, "
             "which parts of a mesh do not keep; bake the mesh as a whole"
         )
     if high.uvs is None and images:
         raise MeshError(
             f"{high.name}: it has no texture coordinates, which its image needs; "
-            f"leave {channel.name} out of `maps`"
+            f"leave {name} out of `maps`"
         )
-
-
-def _nothing(channel: Channel, _: BakeOptions) -> tuple[float, ...]:
-    """Return the value where nothing was baked: black for colors, else the default."""
-    return (0.0,) * 3 if channel.is_color else channel.default
-
-
-def _kind(channel: Channel) -> MapKind:
-    values: Callable[[Hits, BakeInputs], Float32Array] = partial(channel_values, channel)
-    return MapKind(
-        channel.name,
-        len(channel.default),
-        "color" if channel.is_color else "mask",
-        values,
-        partial(_nothing, channel),
-        hides_misses=True,
-        require=partial(_require, channel),
-    )
-
-
-CHANNEL_MAPS = tuple(_kind(channel) for channel in CHANNELS.values() if channel.name != "normal")

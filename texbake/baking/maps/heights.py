@@ -5,17 +5,11 @@ Kernel: `core/barycentric.c`.
 
 from __future__ import annotations
 
-import numpy as np
-
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import Float32Array, MapKind
 from texbake.baking.maps.normals import to_tangent_space
-from texbake.baking.options import BakeOptions
+from texbake.baking.maps.per_hit import Float32Array, per_hit
 from texbake.core import core
-from texbake.parallel import run_bands
-
-_BAND = 1 << 15
 
 
 def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -26,22 +20,14 @@ def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     rays it is the exact distance along the ray, and displacing the low-poly mesh by it gives the
     high-poly surface back.
     """
-    values = np.empty((len(hits), 1), dtype=np.float32)
     normals, corners = inputs.low_surface.displacement_normals
 
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
+    def measure(some: Hits, values: Float32Array) -> None:
         core.measure_displacements(
-            hits.low_faces[band],
-            hits.low_barycentrics[band],
-            hits.offsets[band],
-            normals,
-            corners,
-            values[band],
+            some.low_faces, some.low_barycentrics, some.offsets, normals, corners, values
         )
 
-    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
-    return values
+    return per_hit(hits, 1, measure, inputs.options.threads)
 
 
 def vector_displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -62,35 +48,11 @@ def position_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     It is the sample on the low-poly mesh, in float64, plus the offset to the hit, so that its error
     is the rounding of the result alone.
     """
-    values = np.empty((len(hits), 3), dtype=np.float32)
+    low = inputs.low
 
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
+    def move(some: Hits, values: Float32Array) -> None:
         core.move_points(
-            hits.low_faces[band],
-            hits.low_barycentrics[band],
-            hits.offsets[band],
-            inputs.low.positions,
-            inputs.low.faces,
-            values[band],
+            some.low_faces, some.low_barycentrics, some.offsets, low.positions, low.faces, values
         )
 
-    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
-    return values
-
-
-def _origin(_: BakeOptions) -> tuple[float, ...]:
-    return (0.0, 0.0, 0.0)
-
-
-DISPLACEMENT = MapKind("displacement", 1, "height", displacement_values, lambda options: (0.0,))
-VECTOR_DISPLACEMENT = MapKind(
-    "vector-displacement", 3, "vector", vector_displacement_values, _origin
-)
-POSITION = MapKind(
-    "position", 3, "position", position_values, _origin, bounds=lambda inputs: inputs.bounds
-)
-# The same map: the transform of a mesh file is applied when the file is read.
-WORLD_POSITION = MapKind(
-    "world-position", 3, "position", position_values, _origin, bounds=lambda inputs: inputs.bounds
-)
+    return per_hit(hits, 3, move, inputs.options.threads)

@@ -17,8 +17,7 @@ import numpy as np
 from texbake.baking.channel_images import MaterialPoints
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import Float32Array, MapKind
-from texbake.baking.options import BakeOptions
+from texbake.baking.maps.per_hit import Float32Array, per_hit
 from texbake.core import core, portable_math as pm
 from texbake.mesh.materials import ChannelImage, ChannelSource
 from texbake.mesh.tangents import image_axes
@@ -32,16 +31,14 @@ def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     Where the tangent frame is singular (a zero normal) the value is flat, (0, 0, 1).
     """
-    values = np.empty((len(hits), 3), dtype=np.float32)
     normals, corners = inputs.high_surface.normals
 
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
+    def interpolate(some: Hits, values: Float32Array) -> None:
         core.interpolate_high_normals(
-            hits.high_faces[band], hits.high_barycentrics[band], normals, corners, values[band]
+            some.high_faces, some.high_barycentrics, normals, corners, values
         )
 
-    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
+    values = per_hit(hits, 3, interpolate, inputs.options.threads)
     if inputs.has_normal_maps:
         _bend(hits, inputs, values)
     if inputs.options.space == "tangent":
@@ -92,19 +89,9 @@ def to_tangent_space(
     normals, corners = inputs.low_surface.normals
     tangents = inputs.low_surface.tangents
 
-    def work(start: int, stop: int) -> None:
-        band = slice(start, stop)
-        faces, barycentrics = hits.low_faces[band], hits.low_barycentrics[band]
+    def turn(some: Hits, vectors: Float32Array) -> None:
         core.to_tangent_space(
-            faces, barycentrics, normals, corners, tangents, normalize, values[band]
+            some.low_faces, some.low_barycentrics, normals, corners, tangents, normalize, vectors
         )
 
-    run_bands(work, len(hits), band=_BAND, threads=inputs.options.threads)
-
-
-def flat_normal(options: BakeOptions) -> tuple[float, ...]:
-    """Return the value where nothing was baked."""
-    return (0.0, 0.0, 1.0) if options.space == "tangent" else (0.0, 0.0, 0.0)
-
-
-NORMAL = MapKind("normal", 3, "normal", normal_values, flat_normal, combine="unit mean")
+    per_hit(hits, values, turn, inputs.options.threads)

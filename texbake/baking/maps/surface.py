@@ -6,36 +6,21 @@ import numpy as np
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import Float32Array, MapKind, interpolated
-from texbake.baking.options import BakeOptions
+from texbake.baking.maps.per_hit import Float32Array, interpolated, per_hit
 from texbake.errors import MeshError
 from texbake.mesh.mesh import IntArray
-from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT
-
-_BAND = 1 << 15
-
-
-def _black(_: BakeOptions) -> tuple[float, ...]:
-    return (0.0, 0.0, 0.0)
-
-
-def _zero(_: BakeOptions) -> tuple[float, ...]:
-    return (0.0,)
-
 
 # Ids
 
 
 def _ids_of_hits(hits: Hits, face_ids: IntArray, threads: int | None) -> Float32Array:
     """Ids of the faces hit, from 1 on: (n, 1) float32; `face_ids` (F,) count from 0."""
-    found = np.empty((len(hits), 1), dtype=np.float32)
 
-    def work(start: int, stop: int) -> None:
-        np.add(face_ids[hits.high_faces[start:stop]], 1, out=found[start:stop, 0], casting="unsafe")
+    def look_up(some: Hits, ids: Float32Array) -> None:
+        np.add(face_ids[some.high_faces], 1, out=ids[:, 0], casting="unsafe")
 
-    run_bands(work, len(hits), band=_BAND, threads=threads)
-    return found
+    return per_hit(hits, 1, look_up, threads)
 
 
 def object_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -49,7 +34,8 @@ def object_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     return _ids_of_hits(hits, groups, inputs.options.threads)
 
 
-def _object_names(inputs: BakeInputs) -> tuple[str, ...]:
+def object_names(inputs: BakeInputs) -> tuple[str, ...]:
+    """Return the names of the groups, or that of the mesh where there are none."""
     high = inputs.high
     return (high.name,) if high.face_groups is None else high.group_names
 
@@ -61,8 +47,9 @@ def material_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     return _ids_of_hits(hits, inputs.materials.face_materials, inputs.options.threads)
 
 
-def _material_names(inputs: BakeInputs) -> tuple[str, ...]:
-    return _object_names(inputs) if inputs.materials is None else inputs.materials.names
+def material_names(inputs: BakeInputs) -> tuple[str, ...]:
+    """Return the names of the materials, or those of the groups where there are none."""
+    return object_names(inputs) if inputs.materials is None else inputs.materials.names
 
 
 # Colors
@@ -73,7 +60,8 @@ def vertex_color_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     return interpolated(hits, inputs.high_surface.colors, inputs.high.faces, inputs.options.threads)
 
 
-def _require_colors(inputs: BakeInputs) -> None:
+def require_colors(inputs: BakeInputs) -> None:
+    """Raise `MeshError` if the high-poly mesh has no vertex colors."""
     if inputs.high.colors is None:
         raise MeshError(
             f"{inputs.high.name}: it has no vertex colors to bake; leave vertex-color out of "
@@ -111,28 +99,3 @@ def opacity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     """1 for a hit, 0 for a miss, so that a texel gets the share of its samples that hit: (n, 1)."""
     values: Float32Array = (hits.high_faces != NO_HIT).astype(np.float32)
     return values[:, np.newaxis]
-
-
-OBJECT_ID = MapKind(
-    "object-id", 1, "id", object_id_values, _zero, combine="first", legend=_object_names
-)
-MATERIAL_ID = MapKind(
-    "material-id", 1, "id", material_id_values, _zero, combine="first", legend=_material_names
-)
-VERTEX_COLOR = MapKind(
-    "vertex-color",
-    3,
-    "color",
-    vertex_color_values,
-    _black,
-    hides_misses=True,
-    require=_require_colors,
-)
-CURVATURE = MapKind("curvature", 1, "curvature", curvature_values, _zero, of_neighbors=True)
-CONVEXITY = MapKind(
-    "convexity", 1, "curvature", convexity_values, _zero, of_neighbors=True, mid=0.0
-)
-CONCAVITY = MapKind(
-    "concavity", 1, "curvature", concavity_values, _zero, of_neighbors=True, mid=0.0
-)
-OPACITY = MapKind("opacity", 1, "mask", opacity_values, _zero, of_misses=True)

@@ -17,8 +17,7 @@ import numpy as np
 from texbake.baking.bake import bake, bake_inputs, check_maps
 from texbake.baking.facing import face_outwards
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import map_kinds
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.high_parts import HighMeshes, NamedPart, match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout

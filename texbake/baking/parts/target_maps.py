@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.kind import MapKind
+from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import finished_maps
 from texbake.baking.report import BakeReport

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.map_names import MAP_NAMES
+from texbake.baking.maps import MAP_NAMES
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE

@@ -1,7 +1,4 @@
-"""The names of the maps that a bake can make and of their files, without loading what makes them.
-
-Files are named by a pattern such as `{asset}_{map}_{udim}.{ext}`.
-"""
+"""File names of maps, from a pattern such as `{asset}_{map}_{udim}.{ext}`."""
 
 from __future__ import annotations
 
@@ -10,43 +7,6 @@ import string
 from collections.abc import Sequence
 
 from texbake.errors import OptionError, quoted
-
-MAP_NAMES = (
-    "normal",
-    "displacement",
-    "vector-displacement",
-    "position",
-    "world-position",
-    "curvature",
-    "convexity",
-    "concavity",
-    "object-id",
-    "material-id",
-    "vertex-color",
-    "base-color",
-    "alpha",
-    "metallic",
-    "roughness",
-    "occlusion",
-    "emissive",
-    "clearcoat",
-    "clearcoat-roughness",
-    "transmission",
-    "sheen-color",
-    "sheen-roughness",
-    "specular",
-    "specular-color",
-    "opacity",
-    "ao",
-    "bent-normal",
-    "thickness",
-)
-
-# Maps made from the materials of the high-poly mesh.
-MATERIAL_MAPS = (
-    "material-id",
-    *MAP_NAMES[MAP_NAMES.index("base-color") : MAP_NAMES.index("opacity")],
-)
 
 DEFAULT_PATTERN = "{map}.{ext}"
 FIRST_TILE = 1001
