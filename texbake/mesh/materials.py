@@ -284,10 +284,7 @@ class Materials:
         image = ChannelImage(read_bytes(path), name=str(path), components=components)
         source = ChannelSource(factor=(1.0,) * width, image=image)
         material = MeshMaterial(name=Path(path).name, channels={channel: source})
-        return cls(
-            face_materials=np.zeros(mesh.n_faces, dtype=np.int32),
-            materials=(material,),
-        )
+        return cls(face_materials=np.zeros(mesh.n_faces, dtype=np.int32), materials=(material,))
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,12 +35,7 @@ from texbake.mesh.simplify_options import DEFAULT_SEAMS
 from texbake.mesh.smoothing_groups import is_flat_shaded
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
-from texbake.mesh.vertex_stream import (
-    VertexStream,
-    gather,
-    weld_corners,
-    weld_positions,
-)
+from texbake.mesh.vertex_stream import VertexStream, gather, weld_corners, weld_positions
 
 _GIVEN_UP = "too few faces to keep its"
 

@@ -134,10 +134,7 @@ def _welded_corners(*attributes: npt.NDArray[Any]) -> IntArray:
 
 
 def _fill_missing(
-    tangents: FloatArray,
-    signs: FloatArray,
-    has_fan: npt.NDArray[np.bool_],
-    normals: FloatArray,
+    tangents: FloatArray, signs: FloatArray, has_fan: npt.NDArray[np.bool_], normals: FloatArray
 ) -> None:
     """Give corners without a tangent, in place, what `corner_tangents` promises them."""
     missing = ~tangents.any(axis=2)

@@ -132,8 +132,7 @@ def _without_shear(
 
     return tuple(
         replace(
-            material,
-            channels={name: placed(source) for name, source in material.channels.items()},
+            material, channels={name: placed(source) for name, source in material.channels.items()}
         )
         for material in materials
     )

@@ -32,11 +32,7 @@ from texbake.mesh.files.gltf_nodes import (
     placed_nodes,
     require_placeable,
 )
-from texbake.mesh.files.gltf_primitives import (
-    PrimitiveMesh,
-    PrimitiveRequest,
-    read_primitives,
-)
+from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
 from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count

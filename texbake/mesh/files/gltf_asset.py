@@ -102,10 +102,7 @@ class GltfAsset:
         return len(self._json["meshes"]) - 1
 
     def add_primitive(
-        self,
-        columns: dict[str, npt.NDArray[Any]],
-        indices: npt.NDArray[np.int64],
-        material: int,
+        self, columns: dict[str, npt.NDArray[Any]], indices: npt.NDArray[np.int64], material: int
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, and return it.
 

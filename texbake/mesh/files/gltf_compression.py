@@ -283,10 +283,7 @@ class Quantization:
 
     def place(self) -> dict[str, Any]:
         """Fields of a node that take codes of positions to the scene."""
-        return {
-            "translation": self.positions.corner.tolist(),
-            "scale": [self.positions.step] * 3,
-        }
+        return {"translation": self.positions.corner.tolist(), "scale": [self.positions.step] * 3}
 
     def uvs(self, uv_set: int, turned: FloatArray) -> npt.NDArray[Any]:
         """Codes of texture coordinates, v down; floats of a set that stays as it is."""

@@ -24,13 +24,7 @@ from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
-from texbake.mesh.files.source import (
-    ByteArray,
-    Cursor,
-    parsed,
-    read_array,
-    without_cycle_search,
-)
+from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
 
 _MAGIC = b"glTF"
 _JSON_CHUNK = 0x4E4F534A

@@ -17,12 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import MeshError, quoted, warn_of
-from texbake.mesh.files.conversion import (
-    finite_rows,
-    rows_not_finite,
-    strip_triangles,
-    warn_unused,
-)
+from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO, decode_draco
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES

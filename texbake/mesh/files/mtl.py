@@ -25,13 +25,7 @@ import numpy as np
 from texbake.errors import FileError, FileFormatError, quoted, shortened, warn_of
 from texbake.files import PathLike, appearing_together, is_file, read_bytes, replacing
 from texbake.limits import LONGEST_NAME, file_beside, real_path
-from texbake.mesh.files.obj import (
-    MARK,
-    F,
-    find_lines,
-    polygon_sizes,
-    read_obj_text,
-)
+from texbake.mesh.files.obj import MARK, F, find_lines, polygon_sizes, read_obj_text
 from texbake.mesh.files.obj_write import plain_name, write_obj
 from texbake.mesh.files.source import BYTE_ORDER_MARK, decode_name
 from texbake.mesh.materials import (

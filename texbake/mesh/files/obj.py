@@ -36,11 +36,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import (
-    finite_rows,
-    finite_vertices,
-    unit_colors,
-)
+from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
 from texbake.mesh.files.obj_uv_sets import read_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of

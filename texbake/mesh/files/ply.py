@@ -259,9 +259,7 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
         _write_lists(file, count, polygons.sizes, faces.ravel()[polygons.slots])
 
 
-def _split_vertices(
-    mesh: Mesh,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
+def _split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
     """Split vertices so that each has one texture coordinate and one normal.
 
     Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,

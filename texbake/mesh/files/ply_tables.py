@@ -217,12 +217,7 @@ def _view(
 
 
 def _list_columns(
-    path: PathLike,
-    body: npt.NDArray[Any],
-    start: int,
-    element: Element,
-    order: str,
-    first_row: int,
+    path: PathLike, body: npt.NDArray[Any], start: int, element: Element, order: str, first_row: int
 ) -> tuple[Columns, int]:
     """Copies, made by walking the rows one after the other."""
     text = body.dtype.kind == "f"

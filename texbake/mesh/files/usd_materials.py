@@ -276,10 +276,7 @@ def _placed(source: Any) -> tuple[Placing, str | None]:
         (angle,) = _numbers(_value(shader.GetInput("rotation")), (0.0,))
         x, y = _numbers(_value(shader.GetInput("translation")), (0.0, 0.0))
         sin, cos = pm.sin(math.radians(angle)), pm.cos(math.radians(angle))
-        placing = (
-            (cos * scale[0], -sin * scale[1], x),
-            (sin * scale[0], cos * scale[1], y),
-        )
+        placing = ((cos * scale[0], -sin * scale[1], x), (sin * scale[0], cos * scale[1], y))
         shader, _ = _producer(shader.GetInput("in"))
     if shader is not None and shader.GetIdAttr().Get() == "UsdPrimvarReader_float2":
         name = _value(shader.GetInput("varname"))

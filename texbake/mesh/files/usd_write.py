@@ -291,11 +291,7 @@ def _add_material(
 _INPUTS = {
     "normal": (("normal", "Normal3f", "rgb"),),
     "base_color": (("diffuseColor", "Color3f", "rgb"),),
-    "orm": (
-        ("occlusion", "Float", "r"),
-        ("roughness", "Float", "g"),
-        ("metallic", "Float", "b"),
-    ),
+    "orm": (("occlusion", "Float", "r"), ("roughness", "Float", "g"), ("metallic", "Float", "b")),
     "emissive": (("emissiveColor", "Color3f", "rgb"),),
 }
 

@@ -20,12 +20,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.parametric.grid import (
-    grid_mesh,
-    lattice,
-    open_lines,
-    triangulate,
-)
+from texbake.mesh.parametric.grid import grid_mesh, lattice, open_lines, triangulate
 from texbake.mesh.parametric.options import check_triangles
 from texbake.mesh.weld import weld_rows
 

@@ -119,11 +119,7 @@ def make_plane(*, resolution: tuple[int, int], width: float, height: float) -> M
 
 
 def make_height_field(
-    *,
-    resolution: tuple[int, int] | None,
-    image: npt.ArrayLike,
-    width: float,
-    height: float,
+    *, resolution: tuple[int, int] | None, image: npt.ArrayLike, width: float, height: float
 ) -> Mesh:
     """Surface z = height · image over a rectangle about the origin.
 

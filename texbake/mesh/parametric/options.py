@@ -212,8 +212,7 @@ class MakeOptions(CheckedOptions):
         Any, Option("File with a radius and a height per line, for a revolution.", metavar="FILE")
     ] = field(default=None, compare=False)
     patches: Annotated[
-        Any,
-        Option("File with control points, 16 per patch, for Bézier patches.", metavar="FILE"),
+        Any, Option("File with control points, 16 per patch, for Bézier patches.", metavar="FILE")
     ] = field(default=None, compare=False)
     image: Annotated[
         Any,
