@@ -163,22 +163,12 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
 
 @dataclass(frozen=True, eq=False)
 class MovedStream:
-    """Vertices and attributes that are no longer those of the mesh that they come from.
+    """Vertices and attributes that are no longer those of the mesh that they come from."""
 
-    Attributes
-    ----------
-    stream : VertexStream
-        Its ids are rows of the lists below.
-    points : (P, 3) float64
-        On the mesh's `UnitGrid`, except those that moved.
-    uvs : (T, 2) float64, optional
-    normals : (N, 3) float64, optional
-    """
-
-    stream: VertexStream
-    points: FloatArray
-    uvs: FloatArray | None
-    normals: FloatArray | None
+    stream: VertexStream  # its ids are rows of the lists below
+    points: FloatArray  # (P, 3) float64; on the mesh's `UnitGrid`, except those that moved
+    uvs: FloatArray | None  # (T, 2) float64
+    normals: FloatArray | None  # (N, 3) float64
 
 
 def move_and_collapse(

@@ -30,18 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LocalFrame:
-    """A move and a uniform scale: ``local = (model - center) * scale``.
+    """A move and a uniform scale: ``local = (model - center) * scale``."""
 
-    Attributes
-    ----------
-    center : (3,) float64
-        The point in model space that is the local origin; read-only.
-    scale : float
-        Local units a model unit; a power of two in the frames that `around` makes.
-    """
-
-    center: FloatArray
-    scale: float
+    center: FloatArray  # (3,) float64; the point in model space that is the local origin; read-only
+    scale: float  # local units a model unit; a power of two in the frames that `around` makes
 
     @classmethod
     def around(cls, *meshes: Mesh | StreamedMesh) -> LocalFrame:
@@ -100,15 +92,10 @@ class UnitGrid:
     Meshes that differ only in scale and place have equal points, bit for bit, unless rounding moves
     a coordinate across a border between two cells. For a float64 coordinate of a mesh near the
     origin, the probability of that is about ``cells / 2^52``.
-
-    Attributes
-    ----------
-    side : float
-        The longest side in local units; 0 where all points are equal.
     """
 
     frame: LocalFrame
-    side: float
+    side: float  # the longest side in local units; 0 where all points are equal
 
     @classmethod
     def around(cls, *meshes: Mesh | StreamedMesh) -> UnitGrid:

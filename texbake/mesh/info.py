@@ -29,24 +29,14 @@ class UvInfo:
     """Texture coordinates of a mesh.
 
     Counts of faces are those of polygons with such a triangle.
-
-    Attributes
-    ----------
-    bounds : ((u, v), (u, v))
-        Least and greatest coordinates that faces use.
-    n_out_of_tile : int
-        Faces with a corner outside the unit square.
-    n_without_area : int
-        Faces whose three coordinates lie on one line.
-    n_mirrored : int
-        Faces that are clockwise in texture space.
     """
 
     n_uvs: int
+    # Least and greatest coordinates that faces use.
     bounds: tuple[tuple[float, float], tuple[float, float]]
-    n_out_of_tile: int
-    n_without_area: int
-    n_mirrored: int
+    n_out_of_tile: int  # faces with a corner outside the unit square
+    n_without_area: int  # faces whose three coordinates lie on one line
+    n_mirrored: int  # faces that are clockwise in texture space
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -289,17 +289,10 @@ class Materials:
 
 @dataclass(frozen=True, eq=False)
 class MissingParts:
-    """What a reader of materials does not find; appended to.
+    """What a reader of materials does not find; appended to."""
 
-    Attributes
-    ----------
-    lines : list of (str, str)
-        As `Materials.missing`.
-    images : dict of str to None
-        As `Materials.missing_images`, each once.
-    """
-
-    lines: list[tuple[str, str]] = field(default_factory=list)
+    lines: list[tuple[str, str]] = field(default_factory=list)  # as `Materials.missing`
+    # As `Materials.missing_images`, each once.
     images: dict[str, None] = field(default_factory=dict)
 
     def add(self, channel: str, line: str, *, image: str | None = None) -> None:

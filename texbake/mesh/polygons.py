@@ -107,24 +107,12 @@ def cut_polygons(
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """The polygons of a mesh by their corners.
+    """The polygons of a mesh by their corners."""
 
-    Attributes
-    ----------
-    sizes : (P,) int64
-        Corners of each polygon.
-    slots : (C,) int64
-        Corners, polygon after polygon: 3 f + c is corner c of face f.
-    firsts : (P,) int64
-        First face of each polygon.
-    n_split : int
-        Polygons that are given as their triangles instead.
-    """
-
-    sizes: Indices
-    slots: Indices
-    firsts: Indices
-    n_split: int
+    sizes: Indices  # (P,) int64; corners of each polygon
+    slots: Indices  # (C,) int64; corners, polygon after polygon: 3 f + c is corner c of face f
+    firsts: Indices  # (P,) int64; first face of each polygon
+    n_split: int  # polygons that are given as their triangles instead
 
     def warn(self, path: PathLike) -> None:
         """Warn if polygons are written as triangles."""

@@ -34,38 +34,22 @@ _FINE = pm.cos(np.radians(5.0))
 
 @dataclass(frozen=True, eq=False)
 class EdgePairs:
-    """Edges of two polygons.
+    """Edges of two polygons."""
 
-    Attributes
-    ----------
-    one, other : (E,) int64
-        Corners at which the two polygons start the edge.
-    keys : (C,) int64
-        Number of the edge that starts at each corner, the same in all its polygons.
-    n_more : int
-        Edges of more than two polygons.
-    """
-
+    # one, other: (E,) int64; corners at which the two polygons start the edge.
     one: Indices
     other: Indices
+    # (C,) int64; number of the edge that starts at each corner, the same in all its polygons.
     keys: Indices
-    n_more: int
+    n_more: int  # edges of more than two polygons
 
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons by their corners.
+    """Polygons by their corners."""
 
-    Attributes
-    ----------
-    vertices : (C,) int64
-        Vertex of each corner.
-    sizes : (P,) int64
-        Corners of each polygon, in the order of `vertices`.
-    """
-
-    vertices: Indices
-    sizes: Indices
+    vertices: Indices  # (C,) int64; vertex of each corner
+    sizes: Indices  # (P,) int64; corners of each polygon, in the order of `vertices`
 
     @classmethod
     def of(cls, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]) -> Polygons:

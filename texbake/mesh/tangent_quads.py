@@ -32,23 +32,15 @@ _COMMON = np.array([[[0, 2], [0, 1]], [[1, 2], [0, 2]]])
 
 @dataclass(frozen=True, eq=False)
 class Quads:
-    """The triangles that the reference makes of a mesh with quadrilaterals.
+    """The triangles that the reference makes of a mesh with quadrilaterals."""
 
-    Attributes
-    ----------
-    slots : (F, 3) int64
-        Corners of the mesh, 3 f + c, that are the corners of each triangle.
-    firsts : (Q,) int64
-        First triangle of each quadrilateral; the next is the second.
-    sources : (3 F,) int64
-        Corner of the triangles that each corner of the mesh takes its tangent from.
-    common : (2, Q, 2) int64
-        Corners of the triangles at the ends of the diagonal, in the first and in the second.
-    """
-
+    # (F, 3) int64; corners of the mesh, 3 f + c, that are the corners of each triangle.
     slots: Indices
-    firsts: Indices
+    firsts: Indices  # (Q,) int64; first triangle of each quadrilateral; the next is the second
+    # (3 F,) int64; corner of the triangles that each corner of the mesh takes its tangent from.
     sources: Indices
+    # (2, Q, 2) int64; corners of the triangles at the ends of the diagonal, in the first and in the
+    # second.
     common: Indices
 
     @classmethod

@@ -32,20 +32,11 @@ class MeshEdges:
     """The edges of a mesh, each once, with the number of its faces.
 
     A face with the same vertex at two corners has no boundary and takes part in no edge.
-
-    Attributes
-    ----------
-    vertices : (E, 2) int32
-        The lower index first, in lexicographic order.
-    n_faces : (E,) int32
-        Faces that have the edge.
-    n_forward : (E,) int32
-        Those of them that walk it from its lower index to its higher.
     """
 
-    vertices: IntArray
-    n_faces: IntArray
-    n_forward: IntArray
+    vertices: IntArray  # (E, 2) int32; the lower index first, in lexicographic order
+    n_faces: IntArray  # (E,) int32; faces that have the edge
+    n_forward: IntArray  # (E,) int32; those of them that walk it from its lower index to its higher
 
     @property
     def boundary(self) -> BoolArray:
@@ -109,21 +100,13 @@ def find_edges(faces: IntArray) -> MeshEdges:
 
 @dataclass(frozen=True)
 class EdgeNeighbors:
-    """Pairs of faces at the edges of exactly two faces.
+    """Pairs of faces at the edges of exactly two faces."""
 
-    Attributes
-    ----------
-    first, second : (n,) int64
-        The faces of each edge.
-    agree : (n,) bool
-        Whether they are wound alike: they run along the edge in opposite directions.
-    at_other_edges : (m,) int64
-        The faces at all edges that have one face, or more than two; maybe repeated.
-    """
-
+    # first, second: (n,) int64; the faces of each edge.
     first: npt.NDArray[np.int64]
     second: npt.NDArray[np.int64]
-    agree: BoolArray
+    agree: BoolArray  # whether they are wound alike: they run along the edge in opposite directions
+    # (m,) int64; the faces at all edges that have one face, or more than two; maybe repeated.
     at_other_edges: npt.NDArray[np.int64]
 
 

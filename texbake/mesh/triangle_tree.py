@@ -23,25 +23,17 @@ _THIN = 1e-3  # extent of a flat box, as a share of that of the whole along its 
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
-    """Triangles in a tree of bounding boxes, made by `TriangleTree.build`.
+    """Triangles in a tree of bounding boxes, made by `TriangleTree.build`."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-    order : (n,) int32
-        Face ids, so that those below a node are contiguous. Most copies of faces are left out.
-    boxes : (N, 6) float32
-        Least x, y, z, then greatest of each node, rounded outward.
-    nodes : (N, 2) int32
-        Of a leaf the first of its faces in `order` and their number; of an inner node the first of
-        its two children, which are neighbors, and 0.
-    """
-
-    positions: FloatArray
-    faces: IntArray
+    positions: FloatArray  # (V, 3) float64
+    faces: IntArray  # (F, 3) int32
+    # (n,) int32; face ids, so that those below a node are contiguous. Most copies of faces are left
+    # out.
     order: IntArray
+    # (N, 6) float32; least x, y, z, then greatest of each node, rounded outward.
     boxes: npt.NDArray[np.float32]
+    # (N, 2) int32; of a leaf the first of its faces in `order` and their number; of an inner node
+    # the first of its two children, which are neighbors, and 0.
     nodes: IntArray
 
     @classmethod

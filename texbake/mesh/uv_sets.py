@@ -25,18 +25,10 @@ any number of sets."""
 
 @dataclass(frozen=True, eq=False)
 class UvSet:
-    """A set of texture coordinates.
+    """A set of texture coordinates."""
 
-    Attributes
-    ----------
-    uvs : (T, 2) float64
-        v up, (0, 0) at the lower left.
-    faces : (F, 3) int32
-        Indices into `uvs`.
-    """
-
-    uvs: npt.NDArray[np.float64]
-    faces: npt.NDArray[np.int32]
+    uvs: npt.NDArray[np.float64]  # (T, 2) float64; v up, (0, 0) at the lower left
+    faces: npt.NDArray[np.int32]  # (F, 3) int32; indices into `uvs`
 
 
 def require_few_sets(n_sets: int, mesh: str) -> None:

@@ -34,42 +34,24 @@ from texbake.mesh.files.usd_process import ask_usd
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialContent:
-    """A material of a file.
-
-    Attributes
-    ----------
-    channels : dict of str to (str or None)
-        Name of the image of each channel that the file sets; None where it is a value alone.
-    """
+    """A material of a file."""
 
     name: str
+    # Name of the image of each channel that the file sets; None where it is a value alone.
     channels: dict[str, str | None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileContents:
-    """What a file says besides its surface.
-
-    Attributes
-    ----------
-    images : dict of str to (bytes or None)
-        Contents of image files by their names; None where one is missing.
-    uv_sets : tuple of str
-        Names of the sets of texture coordinates.
-    meters_per_unit : float or None
-        None where the file does not say it.
-    up : str or None
-        The axis that points up in the file, such as `+Y`.
-    passed_over : tuple of str
-        What is not read, such as `2 animations`.
-    """
+    """What a file says besides its surface."""
 
     materials: tuple[MaterialContent, ...] = ()
+    # Contents of image files by their names; None where one is missing.
     images: dict[str, bytes | None]
-    uv_sets: tuple[str, ...] = ()
-    meters_per_unit: float | None = None
-    up: str | None = None
-    passed_over: tuple[str, ...] = ()
+    uv_sets: tuple[str, ...] = ()  # names of the sets of texture coordinates
+    meters_per_unit: float | None = None  # None where the file does not say it
+    up: str | None = None  # the axis that points up in the file, such as `+Y`
+    passed_over: tuple[str, ...] = ()  # what is not read, such as `2 animations`
 
 
 _CLASSES = {made.__name__: made for made in (FileContents, MaterialContent)}

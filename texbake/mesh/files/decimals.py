@@ -37,17 +37,11 @@ POWERS_OF_FIVE = _powers_of_five()
 
 
 class TextNumbers(NamedTuple):
-    """Numbers of a text.
+    """Numbers of a text."""
 
-    Attributes
-    ----------
-    values : (n,) float64
-        Every number, in order; may be infinite or NaN where the text says so.
-    lines : (m,) int64
-        Index into `values` of the first number of each line that is not blank.
-    """
-
+    # (n,) float64; every number, in order; may be infinite or NaN where the text says so.
     values: npt.NDArray[np.float64]
+    # (m,) int64; index into `values` of the first number of each line that is not blank.
     lines: npt.NDArray[np.int64]
 
 

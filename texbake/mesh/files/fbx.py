@@ -175,20 +175,13 @@ _FIELDS = {"Normals": "normals", "UV": "uvs", "Colors": "colors"}
 
 @dataclass(frozen=True, eq=False)
 class FbxGeometry:
-    """Triangles in the space of their geometry.
+    """Triangles in the space of their geometry."""
 
-    Attributes
-    ----------
-    fields : dict
-        Fields of `Mesh` but groups and name.
-    face_materials : (F,) int64
-        Number of each triangle's material among those of the model.
-    uv_sets : dict of str to (T, 2) float64
-        Sets of texture coordinates after the first, by their names, in the rows of the first.
-    """
-
-    fields: dict[str, Any]
+    fields: dict[str, Any]  # fields of `Mesh` but groups and name
+    # (F,) int64; number of each triangle's material among those of the model.
     face_materials: Indices
+    # Each (T, 2) float64; sets of texture coordinates after the first, by their names, in the rows
+    # of the first.
     uv_sets: dict[str, FloatArray] = field(default_factory=dict)
 
 

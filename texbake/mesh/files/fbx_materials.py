@@ -152,19 +152,11 @@ _RED, _ALPHA = (0,), (3,)
 
 @dataclass(frozen=True, eq=False)
 class _MaterialReader:
-    """Reads the materials of a scene.
-
-    Attributes
-    ----------
-    uv_numbers : dict of str to int
-        Sets of texture coordinates by their names, but for the first.
-    missing : MissingParts
-        What could not be read.
-    """
+    """Reads the materials of a scene."""
 
     scene: FbxScene
-    uv_numbers: dict[str, int]
-    missing: MissingParts = field(default_factory=MissingParts)
+    uv_numbers: dict[str, int]  # sets of texture coordinates by their names, but for the first
+    missing: MissingParts = field(default_factory=MissingParts)  # what could not be read
 
     def material(self, material: FbxObject | None) -> MeshMaterial:
         """Read a material; the default one where there is none."""

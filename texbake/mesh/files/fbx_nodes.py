@@ -38,15 +38,10 @@ class Array(Protocol):
 
 @dataclass(slots=True)
 class Node:
-    """A node of the file.
-
-    Attributes
-    ----------
-    values : list
-        int, float, bytes (text as it stands in the file) or `Array`.
-    """
+    """A node of the file."""
 
     name: str
+    # Int, float, bytes (text as it stands in the file) or `Array`.
     values: list[Any] = field(default_factory=list)
     children: list[Node] = field(default_factory=list)
 

@@ -53,42 +53,22 @@ class FbxObject:
 
 @dataclass(frozen=True, eq=False)
 class FbxScene:
-    """Objects by their ids, and for each id those that are connected to it.
+    """Objects by their ids, and for each id those that are connected to it."""
 
-    Attributes
-    ----------
-    path
-        For messages.
-    members : dict
-        For each id the ids connected to it, each with the name of a property or "".
-    settings : dict
-        The global settings.
-    defaults : dict
-        Properties of models and of materials by default.
-    n_bytes : int
-        Size of the file.
-    version : int
-        7400 is 7.4; 0 where the file does not say.
-    creator : str
-        Name of the program that wrote the file.
-    images : dict of str to bytes
-        Contents of images that have been read, by name; many textures may use the same image.
-    named : dict of str to id
-        For each name, the first object whose image has been read.
-    found : dict of id to (bytes or None, str)
-        Results of `first_image` for textures; many materials may share a texture.
-    """
-
-    path: PathLike
+    path: PathLike  # for messages
     objects: dict[Id, FbxObject]
+    # For each id the ids connected to it, each with the name of a property or "".
     members: dict[Id, list[tuple[Id, str]]]
-    settings: dict[str, list[Any]]
-    defaults: dict[str, dict[str, list[Any]]]
-    n_bytes: int
-    version: int = 0
-    creator: str = ""
+    settings: dict[str, list[Any]]  # the global settings
+    defaults: dict[str, dict[str, list[Any]]]  # properties of models and of materials by default
+    n_bytes: int  # size of the file
+    version: int = 0  # 7400 is 7.4; 0 where the file does not say
+    creator: str = ""  # name of the program that wrote the file
+    # Contents of images that have been read, by name; many textures may use the same image.
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
+    # For each name, the first object whose image has been read.
     named: dict[str, Id] = field(default_factory=dict, repr=False)
+    # Results of `first_image` for textures; many materials may share a texture.
     found: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
     _members: dict[tuple[Id, str], list[FbxObject]] = field(default_factory=dict, repr=False)
 
@@ -283,21 +263,11 @@ _ROTATE_FIRST, _USUAL, _WITHOUT_PARENT_SCALE = range(3)
 
 @dataclass(frozen=True, eq=False)
 class NodeTransform:
-    """Where a model stands.
+    """Where a model stands."""
 
-    Attributes
-    ----------
-    matrix : (4, 4) float64
-        To the world.
-    rotation : (3, 3) float64
-        What its children inherit as rotation.
-    scaling : (3,) float64
-        Its own scaling.
-    """
-
-    matrix: FloatArray
-    rotation: FloatArray
-    scaling: FloatArray
+    matrix: FloatArray  # (4, 4) float64; to the world
+    rotation: FloatArray  # (3, 3) float64; what its children inherit as rotation
+    scaling: FloatArray  # (3,) float64; its own scaling
 
 
 WORLD = NodeTransform(np.eye(4), np.eye(3), np.ones(3))

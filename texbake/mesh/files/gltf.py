@@ -59,20 +59,12 @@ def read_gltf(path: PathLike) -> Mesh:
 
 
 class _Part(NamedTuple):
-    """A primitive of a node.
-
-    Attributes
-    ----------
-    uv_sets : dict of str to int
-        Numbers of its further sets of texture coordinates, by their names.
-    node : int
-        Place of the node in the scene.
-    """
+    """A primitive of a node."""
 
     primitive: PrimitiveMesh
-    uv_sets: dict[str, int]
+    uv_sets: dict[str, int]  # numbers of its further sets of texture coordinates, by their names
     name: str
-    node: int
+    node: int  # place of the node in the scene
 
 
 def _read_parts(placed: PlacedNodes) -> list[_Part]:

@@ -226,14 +226,9 @@ _MAX_SIDE = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Points of a grid, counted by 16-bit integers from its corner.
+    """Points of a grid, counted by 16-bit integers from its corner."""
 
-    Attributes
-    ----------
-    corner : (D,) float64
-    """
-
-    corner: FloatArray
+    corner: FloatArray  # (D,) float64
     step: float
 
     @classmethod
@@ -250,16 +245,11 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Quantization:
-    """The grids of a file.
-
-    Attributes
-    ----------
-    uv_grids : mapping of int to Grid
-        Of sets of texture coordinates that leave the unit square, v down; None where they stay
-        floats.
-    """
+    """The grids of a file."""
 
     positions: Grid
+    # Of sets of texture coordinates that leave the unit square, v down; None where they stay
+    # floats.
     uv_grids: Mapping[int, Grid | None] = field(default_factory=lambda: MappingProxyType({}))
 
     @classmethod

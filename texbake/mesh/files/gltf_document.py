@@ -54,21 +54,11 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "M
 
 @dataclass(frozen=True)
 class Document:
-    """A glTF document, its parts looked up and checked one at a time.
+    """A glTF document, its parts looked up and checked one at a time."""
 
-    Attributes
-    ----------
-    path
-        Of the file, for messages and for what lies beside it.
-    content
-        The JSON object.
-    binary : (n,) uint8
-        The binary chunk of a GLB file, empty where there is none.
-    """
-
-    path: Path
-    content: dict[str, Any]
-    binary: ByteArray
+    path: Path  # of the file, for messages and for what lies beside it
+    content: dict[str, Any]  # the JSON object
+    binary: ByteArray  # (n,) uint8; the binary chunk of a GLB file, empty where there is none
     # Lists of objects that were checked; thousands of items are looked up in one.
     _checked: set[int] = field(default_factory=set, repr=False, compare=False)
     _lists: dict[str, list[dict[str, Any]]] = field(default_factory=dict, repr=False, compare=False)

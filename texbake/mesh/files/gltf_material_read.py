@@ -34,33 +34,17 @@ EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 
 @dataclass(frozen=True)
 class GltfChannel:
-    """Where a channel stands in a material.
+    """Where a channel stands in a material."""
 
-    Attributes
-    ----------
-    name : str
-        As in `CHANNELS`.
-    owner : str
-        Object in the material that holds it: an extension, `pbrMetallicRoughness`, or "" for the
-        material itself.
-    texture : str
-        Property of its texture.
-    components : tuple of int
-        Components of a texel, counted from red.
-    factor : str
-        Property of its factor; "" if it has none, or one that means something else.
-    defaults : tuple of float
-        The factor where it is not given.
-    factor_components : tuple of int
-        Which numbers of the factor are those of the channel.
-    """
-
-    name: str
+    name: str  # as in `CHANNELS`
+    # Object in the material that holds it: an extension, `pbrMetallicRoughness`, or "" for the
+    # material itself.
     owner: str
-    texture: str
-    components: tuple[int, ...]
-    factor: str = ""
-    defaults: tuple[float, ...] = (1.0,)
+    texture: str  # property of its texture
+    components: tuple[int, ...]  # components of a texel, counted from red
+    factor: str = ""  # property of its factor; "" if it has none, or one that means something else
+    defaults: tuple[float, ...] = (1.0,)  # the factor where it is not given
+    # Which numbers of the factor are those of the channel.
     factor_components: tuple[int, ...] = (0,)
 
     @property
@@ -132,30 +116,18 @@ _OF_TEXTURE = {"normal": "scale", "occlusion": "strength"}
 
 @dataclass(frozen=True)
 class GltfTexture:
-    """What a textureInfo object says, with its texture and its sampler.
+    """What a textureInfo object says, with its texture and its sampler."""
 
-    Attributes
-    ----------
-    image : int, optional
-        Index into `images`; None where the texture has none in a format that is read.
-    wraps : (str, str)
-        What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`. A number
-        that is none of glTF's counts as `repeat`, its default.
-    is_nearest : bool
-        Whether a texel is one color up to its edges where it is magnified.
-    has_mip_levels : bool
-        Whether mip levels may be used where it is minified.
-    uv_set : int
-        Number of the set of texture coordinates.
-    scale, rotation, offset
-        Of the texture coordinates, in this order, v down; the rotation in radians.
-    """
-
+    # Index into `images`; None where the texture has none in a format that is read.
     image: int | None
+    # What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`. A number that
+    # is none of glTF's counts as `repeat`, its default.
     wraps: tuple[str, str] = ("repeat", "repeat")
-    is_nearest: bool = False
-    has_mip_levels: bool = True
-    uv_set: int = 0
+    is_nearest: bool = False  # whether a texel is one color up to its edges where it is magnified
+    has_mip_levels: bool = True  # whether mip levels may be used where it is minified
+    uv_set: int = 0  # number of the set of texture coordinates
+    # scale, rotation, offset: Of the texture coordinates, in this order, v down; the rotation in
+    # radians.
     scale: tuple[float, float] = (1.0, 1.0)
     rotation: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
@@ -163,42 +135,26 @@ class GltfTexture:
 
 @dataclass(frozen=True)
 class GltfSource:
-    """Where the values of a channel come from.
+    """Where the values of a channel come from."""
 
-    Attributes
-    ----------
-    factor : tuple of float
-        Linear. That of `normal` is its scale, and that of `occlusion` its strength, 1 at most;
-        that of `emissive` includes the emissive strength.
-    """
-
+    # Linear. That of `normal` is its scale, and that of `occlusion` its strength, 1 at most; that
+    # of `emissive` includes the emissive strength.
     factor: tuple[float, ...]
     texture: GltfTexture | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class GltfMaterial:
-    """A material.
+    """A material."""
 
-    Attributes
-    ----------
-    name : str
-        `material` and its index, where it has no name of its own.
-    channels : mapping of str to GltfSource
-        All of `GLTF_CHANNELS` but those of extensions that the material does not use.
-    alpha_mode : str
-        `opaque`, `mask` or `blend`.
-    ior : float
-        Index of refraction.
-    """
-
-    name: str
+    name: str  # `material` and its index, where it has no name of its own
+    # All of `GLTF_CHANNELS` but those of extensions that the material does not use.
     channels: Mapping[str, GltfSource]
-    alpha_mode: str = "opaque"
+    alpha_mode: str = "opaque"  # `opaque`, `mask` or `blend`
     alpha_cutoff: float = 0.5
     is_double_sided: bool = False
     is_unlit: bool = False
-    ior: float = 1.5
+    ior: float = 1.5  # index of refraction
 
 
 def material_index(document: Document, primitive: dict[str, Any]) -> int | None:

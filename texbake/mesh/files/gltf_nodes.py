@@ -36,22 +36,13 @@ They take some 1 GB, and 2 GB where no two triangles share a vertex.
 
 @dataclass(frozen=True, eq=False)
 class PlacedNodes:
-    """Nodes of a scene, depth first.
-
-    Attributes
-    ----------
-    nodes : list of dict
-        The objects of the file.
-    parents : (n,) int64
-        Place of each node's parent in the list; -1 for a root.
-    levels : (n,) int64
-        How many nodes stand above each.
-    """
+    """Nodes of a scene, depth first."""
 
     document: Document
-    nodes: list[dict[str, Any]]
+    nodes: list[dict[str, Any]]  # the objects of the file
+    # (n,) int64; place of each node's parent in the list; -1 for a root.
     parents: npt.NDArray[np.int64]
-    levels: npt.NDArray[np.int64]
+    levels: npt.NDArray[np.int64]  # (n,) int64; how many nodes stand above each
 
     def matrices(self) -> FloatArray:
         """(n, 4, 4) float64: the matrix of each node to the world."""

@@ -32,34 +32,18 @@ _ROWS_AT_ONCE = 1 << 18  # of primitives that are joined; more take more memory,
 
 @dataclass(frozen=True)
 class PrimitiveMesh:
-    """Triangles of a primitive.
+    """Triangles of a primitive."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-        No two are equal, bit for bit (unless they differ in color, where that is kept).
-    faces : (F, 3) int32
-        Indices into `positions`, and into `colors`.
-    corners : (F, 3) int32
-        Indices into all other attributes.
-    uvs : (n, 2) float64, optional
-        v turned up.
-    further_uvs : mapping of int to (n, 2) float64
-        Further sets, by their numbers.
-    normals : (n, 3) float64, optional
-    tangents : (n, 4) float64, optional
-    colors : (V, 3) or (V, 4) float32, optional
-        Linear.
-    """
-
+    # (V, 3) float64; no two are equal, bit for bit (unless they differ in color, where that is
+    # kept).
     positions: FloatArray
-    faces: IntArray
-    corners: IntArray
-    uvs: FloatArray | None
-    further_uvs: Mapping[int, FloatArray]
-    normals: FloatArray | None
-    tangents: FloatArray | None
-    colors: npt.NDArray[np.float32] | None
+    faces: IntArray  # (F, 3) int32; indices into `positions`, and into `colors`
+    corners: IntArray  # (F, 3) int32; indices into all other attributes
+    uvs: FloatArray | None  # (n, 2) float64; v turned up
+    further_uvs: Mapping[int, FloatArray]  # each (n, 2) float64; further sets, by their numbers
+    normals: FloatArray | None  # (n, 3) float64
+    tangents: FloatArray | None  # (n, 4) float64
+    colors: npt.NDArray[np.float32] | None  # (V, 3) or (V, 4) float32; linear
 
 
 class PrimitiveRequest(NamedTuple):
@@ -206,19 +190,11 @@ def flip_v(uvs: FloatArray | None) -> FloatArray | None:
 
 @dataclass(frozen=True, eq=False)
 class _PrimitiveSource:
-    """Where the arrays of a primitive are, by their names, `indices` among them.
-
-    Attributes
-    ----------
-    accessors
-        Accessor of each.
-    decoded
-        Those that a compressed primitive holds in their place.
-    """
+    """Where the arrays of a primitive are, by their names, `indices` among them."""
 
     document: Document
-    accessors: dict[str, Any]
-    decoded: dict[str, npt.NDArray[Any]]
+    accessors: dict[str, Any]  # accessor of each
+    decoded: dict[str, npt.NDArray[Any]]  # those that a compressed primitive holds in their place
 
     def read(self, name: str, widths: tuple[int, ...], count: int | None) -> npt.NDArray[Any]:
         """(count, width) values of an attribute."""

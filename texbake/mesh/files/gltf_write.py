@@ -205,22 +205,12 @@ _CODES = {"NORMAL": unit_codes, "TANGENT": unit_codes, "COLOR_0": color_codes}
 
 @dataclass(frozen=True, eq=False)
 class CornerVertices:
-    """Makes the vertices of parts of a mesh.
-
-    Attributes
-    ----------
-    origin : (3,) float64
-        Of the positions that are written.
-    materials
-        Of the faces; None where they have none of their own.
-    quantization
-        Of the file; None for float32.
-    """
+    """Makes the vertices of parts of a mesh."""
 
     mesh: Mesh
-    origin: FloatArray
-    materials: Materials | None = None
-    quantization: Quantization | None = None
+    origin: FloatArray  # (3,) float64; of the positions that are written
+    materials: Materials | None = None  # of the faces; None where they have none of their own
+    quantization: Quantization | None = None  # of the file; None for float32
     _tangents: dict[tuple[int, Placing], npt.NDArray[np.float32]] = field(default_factory=dict)
 
     def stream(

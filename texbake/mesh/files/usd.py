@@ -78,21 +78,11 @@ def _is_subdivided(prim: Any) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class UsdPart:
-    """A mesh of a stage.
+    """A mesh of a stage."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        In world space.
-    prim
-        That of the mesh.
-    holders : tuple
-        Prim of each group: a subset, or that of the mesh.
-    """
-
-    mesh: Mesh
-    prim: Any
-    holders: tuple[Any, ...]
+    mesh: Mesh  # in world space
+    prim: Any  # that of the mesh
+    holders: tuple[Any, ...]  # prim of each group: a subset, or that of the mesh
 
 
 def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:

@@ -136,19 +136,11 @@ def _coordinates(parts: list[UsdPart]) -> set[str]:
 
 @dataclass(frozen=True, eq=False)
 class _MaterialReader:
-    """Reads the materials of a stage.
-
-    Attributes
-    ----------
-    coordinates : set of str
-        Primvars of the texture coordinates of the mesh.
-    missing : MissingParts
-        What could not be read.
-    """
+    """Reads the materials of a stage."""
 
     path: PathLike
-    coordinates: set[str]
-    missing: MissingParts = field(default_factory=MissingParts)
+    coordinates: set[str]  # primvars of the texture coordinates of the mesh
+    missing: MissingParts = field(default_factory=MissingParts)  # what could not be read
 
     def material(self, material: Any) -> MeshMaterial:
         """Read a material; one without channels where there is none, or no preview surface."""

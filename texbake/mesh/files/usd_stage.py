@@ -103,22 +103,13 @@ _PAIRS = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]", "float2[]", "double2[]
 
 @dataclass(frozen=True, eq=False)
 class UsdCorners:
-    """Corners of a mesh's polygons, one after another, and those of its triangles.
+    """Corners of a mesh's polygons, one after another, and those of its triangles."""
 
-    Attributes
-    ----------
-    path
-        Of the file, for messages.
-    point_of, polygon_of : (C,) int64
-        Point and polygon of each corner.
-    slots : (F, 3) int64
-        Corner of each corner of the triangles.
-    """
-
-    path: PathLike
+    path: PathLike  # of the file, for messages
+    # point_of, polygon_of: (C,) int64; point and polygon of each corner.
     point_of: npt.NDArray[np.int64]
     polygon_of: npt.NDArray[np.int64]
-    slots: npt.NDArray[np.int64]
+    slots: npt.NDArray[np.int64]  # (F, 3) int64; corner of each corner of the triangles
     n_points: int
 
     def elements(self, interpolation: str) -> npt.NDArray[np.int64]:

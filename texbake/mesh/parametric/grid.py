@@ -78,20 +78,13 @@ def part_way(
 
 @dataclass(frozen=True, eq=False)
 class SurfaceGrid:
-    """Triangles between nodes of a lattice.
+    """Triangles between nodes of a lattice."""
 
-    Attributes
-    ----------
-    nodes : (N, 2) int32
-        Column and row of each node, in half steps; with more columns, what else a node belongs to.
-    vertex_ids : (N,) int32
-        The vertex that each node is at.
-    faces : (F, 3) int32
-        Indices into `nodes`, counter-clockwise where u goes right and v up.
-    """
-
+    # (N, 2) int32; column and row of each node, in half steps; with more columns, what else a node
+    # belongs to.
     nodes: IntArray
-    vertex_ids: IntArray
+    vertex_ids: IntArray  # (N,) int32; the vertex that each node is at
+    # (F, 3) int32; indices into `nodes`, counter-clockwise where u goes right and v up.
     faces: IntArray
 
 

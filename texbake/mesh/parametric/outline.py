@@ -18,23 +18,12 @@ from texbake.mesh.parametric.grid import circle_points, closed_lines, open_lines
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outline:
-    """What is swept about the axis, row by row; a crease is two rows at one place.
+    """What is swept about the axis, row by row; a crease is two rows at one place."""
 
-    Attributes
-    ----------
-    lines : (R,) int32
-        As `make_grid` takes them.
-    points : (R, 2) float64
-        Radius, exactly 0 on the axis, and height.
-    normals : (R, 2) float64
-        Unit normals in the plane of radius and height.
-    v : (R,) float64
-    """
-
-    lines: IntArray
-    points: FloatArray
-    normals: FloatArray
-    v: FloatArray
+    lines: IntArray  # (R,) int32; as `make_grid` takes them
+    points: FloatArray  # (R, 2) float64; radius, exactly 0 on the axis, and height
+    normals: FloatArray  # (R, 2) float64; unit normals in the plane of radius and height
+    v: FloatArray  # (R,) float64
 
 
 def straight_outline(start: tuple[float, float], end: tuple[float, float], n_rows: int) -> Outline:

@@ -37,27 +37,14 @@ from texbake.mesh.parametric.outline import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweptColumns:
-    """Where the columns of a surface about the y axis stand.
+    """Where the columns of a surface about the y axis stand."""
 
-    Attributes
-    ----------
-    lines : (C,) int32
-        As `make_grid` takes them.
-    u : (2 C - 1,) float64
-        At half steps.
-    points : (2 C - 1, 2) float64
-        (x, z) where the radius is 1.
-    normals : (2 C - 1, 2) float64
-        (x, z) of the unit normal of the upright surface.
-    inner_radius : float
-        Distance of the axis from the middle of a flat side, where the radius is 1; 1 where the
-        surface is round.
-    """
-
-    lines: IntArray
-    u: FloatArray
-    points: FloatArray
-    normals: FloatArray
+    lines: IntArray  # (C,) int32; as `make_grid` takes them
+    u: FloatArray  # (2 C - 1,) float64; at half steps
+    points: FloatArray  # (2 C - 1, 2) float64; (x, z) where the radius is 1
+    normals: FloatArray  # (2 C - 1, 2) float64; (x, z) of the unit normal of the upright surface
+    # Distance of the axis from the middle of a flat side, where the radius is 1; 1 where the
+    # surface is round.
     inner_radius: float = 1.0
 
 

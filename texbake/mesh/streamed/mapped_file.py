@@ -15,21 +15,11 @@ from texbake.mesh.files.source import ByteArray
 
 @dataclass(frozen=True, eq=False)
 class MappedFile:
-    """The bytes of a file, read from it where they are touched.
+    """The bytes of a file, read from it where they are touched."""
 
-    Attributes
-    ----------
-    path
-        For messages.
-    data : (n_bytes,) uint8
-        Read-only.
-    pages
-        The mapping that `data` is a view of.
-    """
-
-    path: PathLike
-    data: ByteArray
-    pages: mmap.mmap
+    path: PathLike  # for messages
+    data: ByteArray  # (n_bytes,) uint8; read-only
+    pages: mmap.mmap  # the mapping that `data` is a view of
 
     def release(self) -> None:
         """Let the pages that were read count no longer as memory of this process."""

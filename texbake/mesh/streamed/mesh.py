@@ -29,58 +29,30 @@ _FACES_PER_BAND = 1 << 15
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some triangles of a mesh, one after another.
+    """Some triangles of a mesh, one after another."""
 
-    Attributes
-    ----------
-    first : int
-        Number of the first triangle in the mesh.
-    positions : (V, 3) float64
-    faces : (F, 3) int32
-        Indices into `positions`.
-    bounds : (2, 3) float64
-        Least and greatest coordinates of the triangles.
-    """
-
-    first: int
-    positions: FloatArray
-    faces: IntArray
-    bounds: FloatArray
+    first: int  # number of the first triangle in the mesh
+    positions: FloatArray  # (V, 3) float64
+    faces: IntArray  # (F, 3) int32; indices into `positions`
+    bounds: FloatArray  # (2, 3) float64; least and greatest coordinates of the triangles
 
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """Some triangles of a mesh by themselves.
+    """Some triangles of a mesh by themselves."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        With normals and colors, where the file has them.
-    vertices : (V,) int32
-        Which vertices of the file its positions are, in ascending order.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  # with normals and colors, where the file has them
+    # (V,) int32; which vertices of the file its positions are, in ascending order.
     vertices: IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class StreamedMesh:
-    """A mesh that stays in its file. Made by `StreamedMesh.open`.
+    """A mesh that stays in its file. Made by `StreamedMesh.open`."""
 
-    Attributes
-    ----------
-    name : str
-        The file's, without the folder.
-    n_faces : int
-        Number of triangles.
-    bounds : (2, 3) float64
-        Least and greatest coordinates of the triangles.
-    """
-
-    name: str
-    n_faces: int
-    bounds: FloatArray
+    name: str  # the file's, without the folder
+    n_faces: int  # number of triangles
+    bounds: FloatArray  # (2, 3) float64; least and greatest coordinates of the triangles
     _source: MeshSource
     _threads: int | None
 

@@ -38,22 +38,14 @@ ROWS_PER_BLOCK = 1 << 19
 
 @dataclass(frozen=True, eq=False)
 class MeshSource:
-    """A mesh in a file that can be read in chunks.
-
-    Attributes
-    ----------
-    n_rows : int
-        Polygons, at least.
-    blocks : callable
-        Yields all triangles in blocks of (n, 3) int32 vertices, checked; takes a number of threads.
-    attributes : callable
-        Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
-    """
+    """A mesh in a file that can be read in chunks."""
 
     path: Path
     vertices: FileVertices
-    n_rows: int
+    n_rows: int  # polygons, at least
+    # Yields all triangles in blocks of (n, 3) int32 vertices, checked; takes a number of threads.
     blocks: Callable[[int | None], Iterator[IntArray]]
+    # Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
     attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
 
 

@@ -29,19 +29,11 @@ Words = npt.NDArray[np.uint64]
 
 @dataclass(frozen=True, eq=False)
 class FileVertices:
-    """Positions of vertices in the bytes of a file.
-
-    Attributes
-    ----------
-    n : int
-        Number of vertices.
-    layout : (9,) int64
-        Where they are; see `core/streamed_vertices.c`.
-    """
+    """Positions of vertices in the bytes of a file."""
 
     file: MappedFile
-    n: int
-    layout: npt.NDArray[np.int64]
+    n: int  # number of vertices
+    layout: npt.NDArray[np.int64]  # (9,) int64; where they are; see `core/streamed_vertices.c`
 
     @property
     def data(self) -> ByteArray:
@@ -117,19 +109,12 @@ class FileVertices:
 
 @dataclass(frozen=True, eq=False)
 class VertexMarks:
-    """Marks of some vertices, which number them in the order of the file.
+    """Marks of some vertices, which number them in the order of the file."""
 
-    Attributes
-    ----------
-    bits, ranks
-        One bit for each vertex, and how many are set before each word of 64.
-    vertices : (n,) int32
-        The marked ones, in ascending order.
-    """
-
+    # bits, ranks: One bit for each vertex, and how many are set before each word of 64.
     bits: Words
     ranks: IntArray
-    vertices: IntArray
+    vertices: IntArray  # (n,) int32; the marked ones, in ascending order
 
     @classmethod
     def of_bits(cls, bits: Words) -> VertexMarks:
