@@ -25,8 +25,8 @@ from texbake.mesh.files.fbx_materials import image_names
 from texbake.mesh.files.fbx_scene import read_scene
 from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
 from texbake.mesh.files.obj_uv_sets import uv_sets_path
+from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import decode_name
-from texbake.mesh.files.usd_process import ask_usd
 
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _MAP = re.compile(
@@ -123,7 +123,7 @@ def _text(name: bytes) -> str:
 
 
 def _of_usd(path: Path) -> Iterator[str]:
-    yield from map(str, ask_usd(path, "files", {}))
+    yield from map(str, read_in_child(path, "files", {}))
 
 
 _READERS = {

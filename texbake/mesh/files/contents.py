@@ -29,7 +29,7 @@ from texbake.mesh.files.mtl import library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
 from texbake.mesh.files.passed_over import passed_over_in_fbx, passed_over_in_gltf
-from texbake.mesh.files.usd_process import ask_usd
+from texbake.mesh.files.reader_process import read_in_child
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def read_contents(path: PathLike) -> FileContents | None:
         scene = read_scene(path)
         return replace(_of_fbx(scene), passed_over=passed_over_in_fbx(scene))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
-        contents: FileContents = ask_usd(path, "contents", _CLASSES)
+        contents: FileContents = read_in_child(path, "contents", _CLASSES)
         return contents
     return _of_obj(Path(path)) if suffix == ".obj" else None
 

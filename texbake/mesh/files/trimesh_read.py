@@ -19,12 +19,12 @@ from zipfile import ZipFile, is_zipfile
 
 import numpy as np
 
+from texbake.child import LIMITS
 from texbake.errors import FileFormatError, MeshError, one_line, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unused
+from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import damaged, read_array
-from texbake.mesh.files.usd_limits import LIMITS
-from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
@@ -38,7 +38,7 @@ _NO_INDEX = re.compile(r"-|\d{11}")
 def read_with_trimesh(path: PathLike) -> Mesh:
     """Read a .dae, .zae, .3mf, .3dxml or .xaml file, scenes as the module describes."""
     read_array(path)  # raises where it is missing or empty
-    mesh: Mesh = ask_usd(path, "trimesh", {"Mesh": Mesh, "UvSet": UvSet})
+    mesh: Mesh = read_in_child(path, "trimesh", {"Mesh": Mesh, "UvSet": UvSet})
     return mesh
 
 
@@ -73,6 +73,8 @@ def _load(path: PathLike, suffix: str) -> Any:
             return trimesh.load_scene(file, file_type=suffix[1:], process=False)
     except MemoryError:
         raise
+    except SystemError as error:  # there was no memory for an exception
+        raise MemoryError from error
     except Exception as error:
         raise damaged(path, error) from error
 

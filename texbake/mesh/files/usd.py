@@ -30,7 +30,7 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.files.passed_over import warn_of_cages
-from texbake.mesh.files.usd_process import ask_usd
+from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.usd_stage import (
     UsdCorners,
     numbers_of,
@@ -53,7 +53,7 @@ def read_usd(path: PathLike) -> Mesh:
     TextureCoordinate or of two floats a corner), tangents of four floats a corner (`tangents`),
     display colors at vertices, and subsets.
     """
-    mesh: Mesh = ask_usd(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})
+    mesh: Mesh = read_in_child(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})
     return mesh
 
 

@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from texbake.child import LIMITS
 from texbake.core import portable_math as pm
 from texbake.errors import quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.contents import FileContents, MaterialContent
+from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.usd import UsdPart, read_parts
-from texbake.mesh.files.usd_limits import LIMITS
-from texbake.mesh.files.usd_process import ask_usd
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
 from texbake.mesh.materials import (
     CHANNELS,
@@ -61,7 +61,7 @@ _CLASSES = {made.__name__: made for made in (Materials, MeshMaterial, ChannelSou
 
 def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Read the materials of a USD file; None where no face has one."""
-    found: Materials | None = ask_usd(path, "materials", _CLASSES)
+    found: Materials | None = read_in_child(path, "materials", _CLASSES)
     # The groups of the mesh are those of the file, in its order.
     if found is None or mesh.face_groups is None:
         return None

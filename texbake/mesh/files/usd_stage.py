@@ -1,7 +1,7 @@
 """USD stages: opened with errors of one line, and the values that their meshes carry, by corner.
 
 usd-core, Pixar's own wheel, is optional: `pip install 'texbake[usd]'`. What opens a stage runs in a
-process of its own; see `usd_process`.
+process of its own; see `reader_process`.
 """
 
 from __future__ import annotations

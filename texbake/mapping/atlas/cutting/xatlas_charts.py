@@ -15,22 +15,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from texbake.child import ChildError
 from texbake.core import core, portable_math as pm
 from texbake.errors import DependencyError
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
-from texbake.mapping.atlas.cutting.workers import WorkerFailure, WorkerRequest, ask_workers
+from texbake.mapping.atlas.cutting.workers import WorkerRequest, run_in_workers
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 
-_WORKER = Path(__file__).with_name("cut_worker.py")
+_WORKER = "texbake.mapping.atlas.cutting.cut_worker"
 _DOES_NOT_LOAD = 3  # exit code of the worker if xatlas does not load
 
 # Longest side of the box that xatlas sees. xatlas treats areas below 1.2e-7 as zero; at this size
@@ -62,7 +63,7 @@ def xatlas_charts(
     """
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
     parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together
-    answers = ask_workers(
+    answers = run_in_workers(
         _WORKER,
         [part.request(timeout) for part in parts],
         threads=threads,
@@ -102,9 +103,7 @@ class _Part:
         """The request to a worker for this batch."""
         if timeout is None:
             timeout = _SECONDS_TO_START + _SECONDS_A_FACE * len(self.faces)
-        return WorkerRequest(
-            body=self._body, read=self._read, timeout=timeout, most_bytes=16 + 48 * len(self.faces)
-        )
+        return WorkerRequest(body=self._body, read=self._read, timeout=timeout)
 
     def plain_charts(self) -> Charts | None:
         """Charts by normals alone; None if no face has an area."""
@@ -113,22 +112,21 @@ class _Part:
         chart_ids[faces[empty]] = NO_CHART
         return repair_charts(self.points[self.faces], faces, uvs, chart_ids)
 
-    def _body(self) -> bytes:
-        counts = np.array([len(self.points), len(self.faces)], dtype=np.uint64)
+    def _body(self) -> Any:
         points = (self.points * _WORKING_SIZE).astype(np.float32)
-        return counts.tobytes() + points.tobytes() + self.faces.astype(np.uint32).tobytes()
+        return points, self.faces.astype(np.uint32)
 
-    def _read(self, answer: bytes) -> Charts | None:
+    def _read(self, answer: Any) -> Charts | None:
         """Read the charts of an answer and repair them; None if there are none."""
-        n_uvs, n_faces = np.frombuffer(answer, np.uint64, 2).tolist()
-        if len(answer) != 16 + 12 * (n_uvs + n_faces) or n_faces not in (0, len(self.faces)):
-            raise ValueError("an answer of the wrong length")
-        uvs = np.frombuffer(answer, np.float32, 2 * n_uvs, 16).reshape(-1, 2)
-        chart_ids = np.frombuffer(answer, np.uint32, n_uvs, 16 + 8 * n_uvs)
-        faces = np.frombuffer(answer, np.uint32, 3 * n_faces, 16 + 12 * n_uvs).reshape(-1, 3)
-        if n_faces == 0:
+        if answer is None:
             return None
-        if not (np.isfinite(uvs).all() and faces.max() < n_uvs):
+        uvs, chart_ids, faces = answer
+        if not (
+            [array.dtype.str for array in answer] == ["<f4", "<u4", "<u4"]
+            and (uvs.shape, faces.shape) == ((len(chart_ids), 2), (len(self.faces), 3))
+            and np.isfinite(uvs).all()
+            and faces.max() < len(uvs)
+        ):
             raise ValueError("invalid coordinates")
         of_corners = chart_ids[faces]
         if (of_corners != of_corners[:, :1]).any():
@@ -137,20 +135,20 @@ class _Part:
 
 
 def _with_plain_charts(
-    parts: Sequence[_Part], answers: Sequence[Charts | WorkerFailure | None]
+    parts: Sequence[_Part], answers: Sequence[Charts | ChildError | None]
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
     """Charts of each batch, by normals where xatlas failed, and notes on the failures."""
     pieces = []
     failed: dict[str, list[int]] = {}
     for part, answer in zip(parts, answers, strict=True):
-        if isinstance(answer, WorkerFailure) and answer.exit_code == _DOES_NOT_LOAD:
+        if isinstance(answer, ChildError) and answer.code == _DOES_NOT_LOAD:
             raise DependencyError(f"xatlas: it does not load; {answer.reason}")
         charts = answer if isinstance(answer, Charts) else part.plain_charts()
         if charts is None:
             continue
         pieces.append((part.face_ids, charts))
         if not isinstance(answer, Charts):
-            reason = answer.reason if isinstance(answer, WorkerFailure) else "found no charts"
+            reason = answer.reason if isinstance(answer, ChildError) else "found no charts"
             failed.setdefault(reason, []).append(len(part.faces))
     notes = []
     for reason, sizes in failed.items():

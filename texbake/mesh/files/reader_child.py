@@ -1,17 +1,12 @@
-"""The process that reads a USD file and answers one question about it; see `usd_process`.
+"""The process that reads a file with a library of others, and answers requests about it.
 
-    python -P -m texbake.mesh.files.usd_child QUESTION FILE PARENT
-
-PARENT is the process that asks: this one ends with it. The answer goes to stdout, as `answers.send`
-writes it: a pair of "answer" and the answer, or of the name of an error and its message.
+`reader_process` starts it. An answer is a pair of "answer" and of what was found and warned of, or
+of the name of an error and its message.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
-import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -19,51 +14,44 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from texbake.child import LIMITS, serve
 from texbake.errors import FileFormatError, TexbakeError, heard_warnings
 from texbake.limits import ALLOW_OUTSIDE, is_within
-from texbake.mesh.files.answers import send
-from texbake.mesh.files.usd_limits import LIMITS
 from texbake.mesh.files.usd_stage import require_usd
 
-QUESTIONS = {
+REQUESTS = {
     "mesh": ("texbake.mesh.files.usd", "mesh_of_stage"),
     "materials": ("texbake.mesh.files.usd_materials", "materials_of_stage"),
     "contents": ("texbake.mesh.files.usd_materials", "contents_of_stage"),
     "files": (__name__, "files_of_stage"),
     "trimesh": ("texbake.mesh.files.trimesh_read", "mesh_of_trimesh"),
 }
-"""Questions, and the module and function that answer each, given the path."""
-
-_PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
+"""Requests, and the module and function that answer each, given the path."""
 
 
-def main(question: str, path: str, parent: int) -> None:
-    """Answer a question on stdout."""
-    _end_with(parent)
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # usd-core prints to stdout as well
+def answer_request(request: tuple[str, str]) -> tuple[str, Any]:
+    """Answer a request about a file."""
+    name, path = request
     heard: list[str] = []
-    answer: tuple[str, Any]
     try:
         with heard_warnings(heard.append):
-            answer = ("answer", (_answer(question, path), heard))
+            return "answer", (_answer(name, path), heard)
     except MemoryError:
-        answer = (
+        return (
             FileFormatError.__name__,
             f"{path}: reading it takes more memory than a file of its size may; export it again, "
             "or, if you trust it, read it with texbake --allow-outside",
         )
     except TexbakeError as error:
-        answer = (type(error).__name__, str(error))
+        return type(error).__name__, str(error)
     except Exception:
-        answer = ("bug", traceback.format_exc())
-    send(answer, answers)
+        return "bug", traceback.format_exc()
 
 
-def _answer(question: str, path: str) -> Any:
-    module, name = QUESTIONS[question]
+def _answer(request: str, path: str) -> Any:
+    module, name = REQUESTS[request]
     answer: Callable[[str], Any] = getattr(import_module(module), name)
-    is_usd = question != "trimesh"
+    is_usd = request != "trimesh"
     if is_usd:
         require_usd(path)
     if os.environ.get(ALLOW_OUTSIDE) == "1":
@@ -75,14 +63,6 @@ def _answer(question: str, path: str) -> Any:
     found = answer(path)
     del held
     return found
-
-
-def _end_with(parent: int) -> None:
-    """End this process when its parent ends, also if that is killed."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PARENT_DEATH, signal.SIGKILL)
-    if os.getppid() != parent:
-        sys.exit(1)
 
 
 def _layers(path: str) -> Iterator[Any]:
@@ -129,4 +109,4 @@ def files_of_stage(path: str) -> list[str]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    serve(answer_request)

@@ -11,48 +11,55 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 _LENGTH = struct.Struct("<Q")
 _KINDS = "bifu"  # of arrays: booleans and numbers
+_ALIGNMENT = 16  # bytes
 Classes = Mapping[str, type]
 
 
-class AnswerError(Exception):
+class MessageError(Exception):
     """What was received is cut off, or not what the other side may send."""
 
 
-def send(value: Any, file: IO[bytes]) -> None:
-    """Write a value: numbers, texts, bytes, arrays, sequences, mappings and dataclasses of them.
+def pack(value: Any) -> list[bytes | memoryview]:
+    """Return the message of a value, in parts.
 
+    A value is a number, a text, bytes, an array, or a sequence, mapping or dataclass of values.
     Keys of mappings are texts or numbers. Sequences are received as tuples.
     """
     writer = _Writer()
     text = json.dumps(writer.tree(value)).encode()
-    file.write(_LENGTH.pack(len(text)))
-    file.write(text)
+    text += b" " * _padding(_LENGTH.size + len(text))
+    parts: list[bytes | memoryview] = [_LENGTH.pack(len(text)) + text]
     for blob in writer.blobs:
-        file.write(blob)
-    file.flush()
+        parts += [blob, bytes(_padding(len(blob)))]
+    return parts
 
 
-def receive(file: IO[bytes], classes: Classes) -> Any:
-    """Read a value that `send` has written."""
+def unpack(message: bytes, classes: Classes) -> Any:
+    """Return the value of a message; arrays share its memory."""
     try:
-        (length,) = _LENGTH.unpack(_read(file, _LENGTH.size).tobytes())
-        return _Reader(file, classes).value(json.loads(_read(file, length).tobytes()))
-    except (ValueError, TypeError, LookupError, RecursionError, MemoryError) as error:
-        raise AnswerError(f"{type(error).__name__}: {error}") from None
+        (length,) = _LENGTH.unpack_from(message)
+        end = _LENGTH.size + length
+        return _Reader(message, end, classes).value(json.loads(message[_LENGTH.size : end]))
+    except (struct.error, ValueError, TypeError, LookupError, RecursionError) as error:
+        raise MessageError(f"{type(error).__name__}: {error}") from None
+
+
+def _padding(n_bytes: int) -> int:
+    return -n_bytes % _ALIGNMENT
 
 
 class _Writer:
     """Makes what JSON can hold of a value, and keeps the bytes that follow it."""
 
     def __init__(self) -> None:
-        self.blobs: list[memoryview | bytes] = []
+        self.blobs: list[bytes | memoryview] = []
         self._sent: dict[int, int] = {}
 
     def tree(self, value: Any) -> Any:
@@ -83,24 +90,11 @@ class _Writer:
         return {"bytes": len(value)}
 
 
-def _read(file: IO[bytes], length: int) -> npt.NDArray[np.uint8]:
-    """Read an exact number of bytes."""
-    data = np.empty(length, dtype=np.uint8)
-    view = data.data
-    while view:
-        n = file.readinto(view)  # type: ignore[attr-defined]
-        if not n:
-            raise AnswerError("it is cut off")
-        view = view[n:]
-    return data
-
-
 class _Reader:
     """Makes values of JSON and of the bytes that follow, in the order in which they were sent."""
 
-    def __init__(self, file: IO[bytes], classes: Classes) -> None:
-        self._file = file
-        self._classes = classes
+    def __init__(self, message: bytes, at: int, classes: Classes) -> None:
+        self._message, self._at, self._classes = message, at, classes
         self._received: list[bytes] = []
 
     def value(self, tree: Any) -> Any:
@@ -110,7 +104,8 @@ class _Reader:
         if not isinstance(tree, dict):
             return tree
         if "bytes" in tree:
-            self._received.append(_read(self._file, tree["bytes"]).tobytes())
+            at = self._take(tree["bytes"])
+            self._received.append(self._message[at : at + tree["bytes"]])
             return self._received[-1]
         if "again" in tree:
             return self._received[tree["again"]]
@@ -123,5 +118,15 @@ class _Reader:
 
     def _array(self, dtype: np.dtype[Any], shape: list[int]) -> npt.NDArray[Any]:
         if dtype.kind not in _KINDS:
-            raise AnswerError(f"it has an array of {dtype}")
-        return _read(self._file, math.prod(shape) * dtype.itemsize).view(dtype).reshape(shape)
+            raise MessageError(f"it has an array of {dtype}")
+        n = math.prod(shape)
+        at = self._take(n * dtype.itemsize)
+        return np.frombuffer(self._message, dtype, n, at).reshape(shape)
+
+    def _take(self, n_bytes: int) -> int:
+        """Return where the next bytes begin, and pass over them."""
+        at = self._at
+        if not 0 <= n_bytes <= len(self._message) - at:
+            raise MessageError("it is cut off")
+        self._at = at + n_bytes + _padding(n_bytes)
+        return at

@@ -7,14 +7,12 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
+from texbake.child import memory_allowed, seconds_allowed
 from texbake.errors import FileFormatError
-from texbake.mesh.files import answers, read_mesh, write_mesh
-from texbake.mesh.files.usd_limits import memory_allowed, seconds_allowed
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import cube
-from texbake.mesh.uv_sets import UvSet
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits are those of Linux")
 
@@ -146,58 +144,19 @@ def test_it_ends_with_the_process_that_asks(damage, tmp_path, sent):
 
 def test_layers_in_the_folder_count_and_others_do_not(tmp_path, monkeypatch):
     pytest.importorskip("pxr", reason="usd-core is not installed")
-    from texbake.mesh.files import usd_child
+    from texbake.mesh.files import reader_child
 
     allowed = []
-    monkeypatch.setattr(usd_child.LIMITS, "allow", allowed.append)
+    monkeypatch.setattr(reader_child.LIMITS, "allow", allowed.append)
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "a.usda").write_text("#usda 1.0\n(subLayers = [@b.usda@, @/etc/x.usda@])")
     (tmp_path / "sub" / "b.usda").write_text("#usda 1.0\n(subLayers = [@a.usda@, @none.usda@])  ")
     (tmp_path / "outside.usda").write_text("#usda 1.0\n")
     root = tmp_path / "sub" / "root.usda"
     root.write_text("#usda 1.0\n(subLayers = [@a.usda@, @../outside.usda@])")
-    layers = list(usd_child._layers(str(root)))
+    layers = list(reader_child._layers(str(root)))
     assert [Path(layer.realPath).stem for layer in layers] == ["root", "a", "b"]
     assert allowed == [(tmp_path / "sub" / f"{name}.usda").stat().st_size for name in "ab"]
-
-
-def test_answers_come_as_they_were_sent(tmp_path):
-    mesh = cube()
-    uvs = np.zeros((1, 2))
-    mesh = mesh.replace(uv_sets={"second": UvSet(uvs=uvs, faces=np.zeros_like(mesh.faces))})
-    image = b"image"
-    value = ({1: None, "a": True}, (1, 0.1, "\udc80ä"), image, (image, b""), mesh, np.zeros((0, 3)))
-    with (tmp_path / "answer").open("wb") as file:
-        answers.send(value, file)
-    classes = {"Mesh": type(mesh), "UvSet": UvSet}
-    with (tmp_path / "answer").open("rb") as file:
-        found = answers.receive(file, classes)
-    assert found[:4] == value[:4]
-    assert found[3][0] is found[2]
-    assert found[5].shape == (0, 3)
-    for name in ("positions", "faces", "normals", "normal_faces"):
-        ours, theirs = getattr(mesh, name), getattr(found[4], name)
-        assert (ours is None and theirs is None) or (
-            np.array_equal(ours, theirs) and ours.dtype == theirs.dtype
-        )
-    assert found[4].uv_sets["second"].uvs.tolist() == [[0.0, 0.0]]
-    data = (tmp_path / "answer").read_bytes()
-    for length in range(0, len(data), 7):
-        (tmp_path / "cut").write_bytes(data[:length])
-        with (tmp_path / "cut").open("rb") as file, pytest.raises(answers.AnswerError):
-            answers.receive(file, classes)
-    with (tmp_path / "answer").open("rb") as file, pytest.raises(answers.AnswerError, match="Mesh"):
-        answers.receive(file, {})
-
-
-@pytest.mark.parametrize(
-    "text",
-    [b'{"array": "O", "shape": [1]}', b'{"array": "<f8", "shape": [99999999999999]}', b"{}", b"x"],
-)
-def test_other_answers_are_refused(tmp_path, text):
-    (tmp_path / "answer").write_bytes(len(text).to_bytes(8, "little") + text)
-    with (tmp_path / "answer").open("rb") as file, pytest.raises(answers.AnswerError):
-        answers.receive(file, {})
 
 
 def test_a_usd_file_in_a_folder_with_modules_runs_none_of_them(tmp_path, monkeypatch):
