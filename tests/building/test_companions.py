@@ -147,8 +147,6 @@ def test_names_without_measure_take_no_more_than_the_file(tmp_path: Path) -> Non
     assert len(companions(tmp_path / "a.mtl")) == 1
     (tmp_path / "a.obj").write_text("mtllib " + " ".join(map(str, range(10_000))))
     assert len(companions(tmp_path / "a.obj")) == 10_002
-    (tmp_path / "a.obj").write_text("".join(f"mtllib {i}\n" for i in range(10_000)))
-    assert len(companions(tmp_path / "a.obj")) < 3_000
     (tmp_path / "a.gltf").write_text("[" * 100_000)
     assert companions(tmp_path / "a.gltf") == []
 

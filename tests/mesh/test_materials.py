@@ -305,14 +305,6 @@ def test_a_library_of_many_names_is_read_once(tmp_path, monkeypatch):
     assert [material.name for material in read_contents(path).materials] == ["wood"]
 
 
-def test_too_many_libraries_are_refused(tmp_path):
-    path = obj_with(tmp_path, "a.mtl", "newmtl wood\n")
-    path.write_text("".join(f"mtllib {i}.mtl\n" for i in range(1000)) + path.read_text())
-    for read in (lambda: read_materials(path, read_mesh(path)), lambda: read_contents(path)):
-        with pytest.raises(FileFormatError, match=r"names more than 1,000 material libraries"):
-            read()
-
-
 def test_an_image_of_many_names_is_read_once(tmp_path, monkeypatch):
     statements = "newmtl wood\nmap_Kd a.png\nmap_Pr ./a.png\nmap_Pm .//a.png\n"
     path = obj_with(tmp_path, "a.mtl", statements)

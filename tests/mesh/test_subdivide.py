@@ -10,7 +10,7 @@ from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import TransformOptions
 from texbake.mesh.shapes import plane
-from texbake.mesh.subdivide import subdivide
+from texbake.mesh.transform import subdivide
 from texbake.verbs.transform import transform_file
 
 BOX = """#usda 1.0

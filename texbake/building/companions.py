@@ -23,7 +23,7 @@ from texbake.files import read_bytes, require_file
 from texbake.limits import allows_outside, is_within
 from texbake.mesh.files.fbx_materials import image_names
 from texbake.mesh.files.fbx_scene import read_scene
-from texbake.mesh.files.mtl import MOST_LIBRARIES, map_name
+from texbake.mesh.files.mtl import map_name
 from texbake.mesh.files.obj_uv_sets import uv_sets_path
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import decode_name
@@ -99,8 +99,6 @@ def _of_obj(path: Path) -> Iterator[str]:
         name = _text(library)
         # One name with blanks in it, or several without.
         names.update(dict.fromkeys([name, *name.split()]))
-        if len(names) > 2 * MOST_LIBRARIES:  # the reader refuses the file
-            break
     yield from names
     yield uv_sets_path(path).name
 

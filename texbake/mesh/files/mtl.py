@@ -24,7 +24,7 @@ import numpy as np
 
 from texbake.errors import FileError, FileFormatError, quoted, shortened, warn_of
 from texbake.files import PathLike, appearing_together, is_file, read_bytes, replacing
-from texbake.limits import LONGEST_NAME, file_beside, real_path
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.obj import MARK, F, find_lines, polygon_sizes, read_obj_text
 from texbake.mesh.files.obj_write import plain_name, write_obj
 from texbake.mesh.files.source import BYTE_ORDER_MARK, decode_name
@@ -41,8 +41,6 @@ from texbake.mesh.polygons import polygon_of_triangles
 
 _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-MOST_LIBRARIES = 1000
-"""Material libraries that an OBJ file may name."""
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 # Channels by the statements of their values, and by those of their images.
 VALUES = {
@@ -63,8 +61,6 @@ _OPTION_WORDS = {
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-texres": 1, "-type": 1,
 }  # fmt: skip
-# Characters of a map statement, in which each option is looked for in all that follows.
-_LONGEST_STATEMENT = 4 * LONGEST_NAME
 
 
 # Content and name of each image that has been read, by its real path.
@@ -130,11 +126,6 @@ def library_names(path: Path, data: bytes | memoryview) -> list[str]:
         name = decode_name(statement)
         # One name with spaces in it, or several without.
         spelled.update(dict.fromkeys([name] if is_file(path.parent / name) else name.split()))
-        if len(spelled) > MOST_LIBRARIES:
-            raise FileFormatError(
-                f"{path}: it names more than {MOST_LIBRARIES:,} material libraries (mtllib); "
-                "join them in one"
-            )
     for name in spelled:
         names.setdefault(real_path(path, name), name)
     return list(names.values())
@@ -235,8 +226,6 @@ def _mapped(
 def map_name(words: str) -> tuple[str, str]:
     """Name and wrapping of a map statement: options, then the name of a file, spaces and all."""
     wrap, rest = "repeat", words
-    if len(words) > _LONGEST_STATEMENT:  # all of it is a name, which is too long for a file
-        return words, wrap
     while (parts := rest.split(maxsplit=1)) and parts[0] in _OPTION_WORDS:
         option, rest = parts[0], parts[1] if len(parts) > 1 else ""
         for _ in range(_OPTION_WORDS[option]):

@@ -28,8 +28,7 @@ from texbake.mesh.files.ply_tables import (
 )
 from texbake.mesh.mesh import IntArray
 from texbake.mesh.polygons import triangulated
-from texbake.mesh.streamed.mapped_file import MappedFile, map_file
-from texbake.mesh.streamed.vertices import FileVertices
+from texbake.mesh.streamed.vertices import FileVertices, MappedFile, map_file
 from texbake.parallel import run_bands
 
 # Rows that are read at once.
