@@ -16,8 +16,8 @@ from random_scenes import random_scene, with_object, write_images
 import texbake as tb
 from texbake.core import portable_math as pm
 from texbake.mesh.topology import surface_side
-from texbake.rendering.exposure import exposed
 from texbake.rendering.framing import framed
+from texbake.rendering.resolve import exposed
 from texbake.texture.cube_map import shrink_cube
 from texbake.texture.encoding import (
     color_ids,

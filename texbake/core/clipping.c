@@ -10,7 +10,7 @@
    triangles reach it. Intersections are always computed from the inner end of an edge, so two
    triangles that share an edge are cut at the same point.
 
-   Called from texbake/rendering/raster/clip.py, visibility_buffer.c and scanline_rasterizer.c. */
+   Called from texbake/rendering/rasterize.py, visibility_buffer.c and scanline_rasterizer.c. */
 
 #include "clipping.h"
 

@@ -6,10 +6,10 @@
 #include <math.h>
 #include <stdint.h>
 
-/* Units of the grid in a sample, as in texbake/rendering/raster/clip.py. */
+/* Units of the grid in a sample, as in texbake/rendering/rasterize.py. */
 enum { SUBPIXEL_BITS = 8, SUBPIXELS = 1 << SUBPIXEL_BITS, HALF_SAMPLE = SUBPIXELS / 2 };
 
-/* Column that marks a vertex outside the grid, as in texbake/rendering/raster/clip.py. */
+/* Column that marks a vertex outside the grid, as in texbake/rendering/rasterize.py. */
 #define OFF_GRID INT32_MIN
 
 /* A triangle cut by five planes has 8 corners at most. Where corners lie on a plane up to rounding,

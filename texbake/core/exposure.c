@@ -4,7 +4,7 @@
    light from all sides. Light up to START is unchanged; brighter light keeps its hue and approaches
    white.
 
-   Called from texbake/rendering/exposure.py. */
+   Called from texbake/rendering/resolve.py. */
 
 #include "core.h"
 #include "numbers.h"

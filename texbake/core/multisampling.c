@@ -6,7 +6,7 @@
 
    Based on: Akeley, "RealityEngine graphics", SIGGRAPH 1993.
 
-   Called from texbake/rendering/raster/fragments.py. */
+   Called from texbake/rendering/fragments.py. */
 
 #include "arena.h"
 #include "core.h"

@@ -4,7 +4,7 @@
    Hardware 1997: weights are computed from the corners in clip space, so the triangle need not be
    clipped.
 
-   Called from texbake/rendering/raster/fragments.py. */
+   Called from texbake/rendering/fragments.py. */
 
 #include "perspective_weights.h"
 

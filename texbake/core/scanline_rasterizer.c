@@ -12,14 +12,14 @@
    Blinn, "Hyperbolic interpolation", IEEE Computer Graphics and Applications 12(4), 1992; Hecker,
    "Perspective texture mapping", 1995.
 
-   Called from texbake/rendering/raster/scanline.py. */
+   Called from texbake/rendering/rasterize.py. */
 
 #include "clipping.h"
 #include "core.h"
 #include "numbers.h"
 #include "perspective_weights.h"
 
-/* Which faces of an object are drawn, as in texbake/rendering/raster/world.py. */
+/* Which faces of an object are drawn, as in texbake/rendering/rasterize.py. */
 enum { SKIP, CULL_BACK, SHOW_BACK };
 
 /* Values that are updated incrementally: three corner weights before division, and depth. */

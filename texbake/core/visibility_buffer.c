@@ -15,7 +15,7 @@
    2001, for peeling. Unlike Pineda, the first and last sample of a row of a wide triangle are
    computed by division instead of a search.
 
-   Called from texbake/rendering/raster/rasterize.py. */
+   Called from texbake/rendering/rasterize.py. */
 
 #include <stdlib.h>
 
@@ -24,10 +24,10 @@
 #include "numbers.h"
 #include "objects.h"
 
-/* Rows of samples in a band, as in texbake/rendering/raster/rasterize.py. */
+/* Rows of samples in a band, as in texbake/rendering/rasterize.py. */
 enum { BAND_ROWS = 32 };
 
-/* Which faces of an object are drawn, as in texbake/rendering/raster/world.py. */
+/* Which faces of an object are drawn, as in texbake/rendering/rasterize.py. */
 enum { SKIP, CULL_BACK, SHOW_BACK };
 
 /* Up to this many samples in a row, testing each one is faster than dividing. */

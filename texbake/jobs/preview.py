@@ -29,12 +29,11 @@ from texbake.progress import ProgressSink, Stages
 from texbake.rendering.contributions import Contribution, contributions_of
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
-from texbake.rendering.exposure import exposed
 from texbake.rendering.maps import space_warnings
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, exposed
 from texbake.rendering.results import Costs
 from texbake.rendering.scene.scene import Scene, turntable_cameras
 from texbake.sampling.time_budget import BudgetClock, with_actual_time

@@ -12,10 +12,9 @@ import numpy as np
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
-from texbake.rendering.exposure import exposed
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import draw_picture
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, exposed
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.texture.image import FloatImage
 

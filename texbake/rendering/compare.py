@@ -28,11 +28,10 @@ from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare
-from texbake.rendering.exposure import exposed
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, colored_angles, side_by_side
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, exposed
 from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene

@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
-from texbake.rendering.exposure import exposed
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, exposed
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.texture.encoding import quantize_srgb
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -259,14 +259,15 @@ def _computed(
 
 
 def _n_bytes(value: Any) -> int:
-    """Memory in bytes of an array, of an object with `n_bytes`, or of the parts of a tuple."""
+    """Memory in bytes of arrays and of what holds them, unless it has its own `n_bytes`."""
     if isinstance(value, np.ndarray):
         return value.nbytes
-    if isinstance(value, tuple | list):
-        return sum(map(_n_bytes, value))
-    if isinstance(value, dict):
-        return sum(map(_n_bytes, value.values()))
-    return int(getattr(value, "n_bytes", 0))
+    if hasattr(value, "n_bytes"):
+        return int(value.n_bytes)
+    if is_dataclass(value):
+        value = vars(value)
+    parts = value.values() if isinstance(value, dict) else value
+    return sum(map(_n_bytes, parts)) if isinstance(value, tuple | list | dict) else 0
 
 
 def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:

@@ -9,10 +9,9 @@ from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, plan_of, prepare
 from texbake.rendering.effect import Plan
-from texbake.rendering.exposure import exposed
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.resolve import Frame
+from texbake.rendering.resolve import Frame, exposed
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.rendering.studio import studio_scene
 from texbake.sampling.time_budget import BudgetClock

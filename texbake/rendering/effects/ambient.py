@@ -100,7 +100,6 @@ def _hold_back(fragments: Fragments, state: RenderState) -> None:
 
 
 OCCLUSION_SHARES = Result(_find_occlusion)
-
 OCCLUSION_PICTURE = Effect(
     name="occlusion picture",
     does="computes ambient occlusion from depths",

@@ -165,7 +165,6 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
 
 
 BUFFER_RANGES = Result(_prepare)
-
 BUFFER = Effect(
     name="buffer",
     does="shows a buffer of the renderer",

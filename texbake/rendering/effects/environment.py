@@ -205,7 +205,6 @@ def _light(fragments: Fragments, state: RenderState) -> None:
 
 
 ENVIRONMENT_MAP = Result(_load)
-
 ENVIRONMENT = Effect(
     name="environment",
     does="makes a cube map of the environment",
@@ -215,7 +214,6 @@ ENVIRONMENT = Effect(
 )
 
 BACKGROUND_PICTURE = Result(_background)
-
 BACKGROUND = Effect(
     name="background",
     does="shows the environment behind surfaces",
@@ -229,7 +227,6 @@ BACKGROUND = Effect(
 )
 
 IRRADIANCE_MAP = Result(_load_irradiance)
-
 IRRADIANCE = Effect(
     name="irradiance",
     does="integrates the environment's light for each normal",
@@ -240,7 +237,6 @@ IRRADIANCE = Effect(
 )
 
 PREFILTERED_MAP = Result(_load_levels)
-
 PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
     does="blurs the environment for each roughness",

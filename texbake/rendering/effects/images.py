@@ -319,7 +319,6 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
 
 
 LOADED_IMAGES = Result(_load)
-
 IMAGES = Effect(
     name="images",
     does="reads the images of materials",
@@ -331,7 +330,6 @@ IMAGES = Effect(
 )
 
 IMAGES_WITH_LEVELS = Result(_load_mips)
-
 MIP_MAPS = Effect(
     name="mip maps",
     does="makes mip levels of images",

@@ -187,7 +187,6 @@ def lights_any(fragments: Fragments, incident: IncidentLight) -> bool:
 
 
 PLACED_LIGHTS = Result(_prepare)
-
 LIGHTS = Effect(
     name="lights",
     does="places lights in world space",

@@ -163,9 +163,7 @@ def _refract(fragments: Fragments, state: RenderState) -> None:
 
 
 FIXED_ENVIRONMENTS = Result(_load)
-
 RENDERED_ENVIRONMENTS = Result(_prepare)
-
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
     does="renders a cube map of the scene around an object",

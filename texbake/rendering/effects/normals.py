@@ -68,7 +68,6 @@ def _interpolate(fragments: Fragments, state: RenderState) -> None:
 
 
 MESH_NORMALS = Result(_load_normals)
-
 VERTEX_NORMALS = Effect(
     name="vertex normals",
     does="computes vertex normals",
@@ -150,7 +149,6 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
 
 
 MESH_TANGENTS = Result(_load_tangents)
-
 TANGENTS = Effect(
     name="tangents",
     does="computes MikkTSpace tangents",

@@ -53,11 +53,6 @@ class TextureSlopes:
     # (F,): world length of one unit of texture coordinates; 0 on degenerate faces
     sizes: FloatArray
 
-    @property
-    def n_bytes(self) -> int:
-        """Memory of the arrays in bytes."""
-        return self.slopes.nbytes + self.sizes.nbytes
-
 
 def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
     if request.material(index).parallax is not None:
@@ -163,7 +158,6 @@ def _shares(
 
 
 TEXTURE_SLOPES = Result(_load)
-
 PARALLAX = Effect(
     name="parallax",
     does="moves texture coordinates to where the view ray meets the heights",

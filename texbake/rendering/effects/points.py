@@ -153,7 +153,6 @@ def _require_further_uvs(state: RenderState, target: int) -> None:
 
 
 MAPPED_MESHES = Result(_map, deferred=True)
-
 MAPPING = Effect(
     name="mapping",
     does="gives meshes new texture coordinates",
@@ -184,7 +183,6 @@ DERIVATIVES = Effect(
 )
 
 _REQUIRED_UVS = Result(_require_uvs)
-
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
     does="interpolates texture coordinates",
@@ -195,7 +193,6 @@ TEXTURE_COORDINATES = Effect(
 )
 
 _REQUIRED_FURTHER_UVS = Result(_require_further_uvs)
-
 FURTHER_COORDINATES = Effect(
     name="further texture coordinates",
     does="interpolates further sets of texture coordinates",

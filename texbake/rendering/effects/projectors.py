@@ -137,11 +137,6 @@ class LightCookie:
     image: LoadedImage
     matrix: FloatArray
 
-    @property
-    def n_bytes(self) -> int:
-        """Memory of its texels."""
-        return self.image.n_bytes
-
 
 def _cookie_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
     light = request.light(index)
@@ -227,9 +222,7 @@ def _tint(fragments: Fragments, state: RenderState, index: int, incident: Incide
 
 
 COOKIE_IMAGES = Result(_load_cookie, deferred=True)
-
 COOKIE_MATRICES = Result(_place_cookie, deferred=True)
-
 LIGHT_PROFILES = Effect(
     name="light profiles",
     does="puts slides into spots",
@@ -319,9 +312,7 @@ def _project(fragments: Fragments, state: RenderState) -> None:
 
 
 PROJECTED_IMAGES = Result(_load_projected)
-
 PROJECTOR_VIEWS = Result(_view_from_projectors)
-
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
     does="projects pictures onto surfaces",

@@ -160,11 +160,6 @@ class CornerLight:
     own: Floats
     reflected: Floats
 
-    @property
-    def n_bytes(self) -> int:
-        """Memory of both."""
-        return self.own.nbytes + self.reflected.nbytes
-
 
 def _shade_corners(state: RenderState, target: int) -> CornerLight:
     n_faces = len(state.drawn(target).faces)
@@ -242,7 +237,6 @@ def _interpolate(fragments: Fragments, state: RenderState) -> None:
 
 
 CORNER_LIGHT = Result(_shade_corners)
-
 VERTEX_LIGHT = Effect(
     name="vertex light",
     does="interpolates light between vertices",

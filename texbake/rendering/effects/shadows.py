@@ -210,7 +210,6 @@ def _receivers(request: RenderRequest) -> Iterator[Activation]:
 
 
 LIGHT_SHADOWS = Result(_prepare, deferred=True)
-
 SHADOW_MAPS = Effect(
     name="shadow maps",
     does="renders the depths that lights see",

@@ -63,7 +63,6 @@ def _place(state: RenderState, target: int) -> DrawnObject:
 
 
 PLACED_OBJECTS = Result(_place)
-
 PLACING = Effect(
     name="placing",
     does="transforms meshes to world space",
@@ -313,7 +312,6 @@ def _from_tangent_space(
 
 
 RELIEFS = Result(_load_relief)
-
 DISPLACED_OBJECTS = Result(_displace)
 
 

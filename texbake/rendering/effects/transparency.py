@@ -173,7 +173,6 @@ def _objects_in_layers(state: RenderState) -> frozenset[int]:
 
 
 PEELED_LAYERS = Result(_peel)
-
 LAYERS = Effect(
     name="layers",
     does="peels transparent surfaces from front to back",

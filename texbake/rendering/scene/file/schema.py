@@ -26,13 +26,17 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.file.materials import (
     BumpMapTable,
     DisplacementTable,
+    ImageOnly,
+    ImageTable,
     MaterialOf,
     MaterialTable,
     NormalMapTable,
     ParallaxTable,
+    ProcedureTable,
     ProjectedTable,
     ReflectionTable,
     RefractionTable,
+    VolumeTable,
 )
 from texbake.rendering.scene.file.objects import MappingTable, ObjectMaker, ObjectTable
 from texbake.rendering.scene.file.tables import (
@@ -44,7 +48,6 @@ from texbake.rendering.scene.file.tables import (
     switched,
     table,
 )
-from texbake.rendering.scene.file.textures import ImageOnly, ImageTable, ProcedureTable, VolumeTable
 from texbake.rendering.scene.file.values import (
     COLOR,
     FILE,
