@@ -34,7 +34,7 @@ from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.results import Costs, Deferred, Result, Results, Target
 from texbake.rendering.scene.scene import Scene
-from texbake.rendering.scene_simplification import RemovedPart, simplify_scene
+from texbake.rendering.scene_simplification import SkippedEffect, simplify_scene
 from texbake.rendering.texture_order import base_colors_alone, in_texture_order
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import FloatImage
@@ -71,7 +71,7 @@ class Prepared:
     effects: Sequence[Effect] = EFFECTS
     threads: int | None = None
     loaded: SceneCache = field(default_factory=SceneCache)
-    removed: tuple[RemovedPart, ...] = ()
+    removed: tuple[SkippedEffect, ...] = ()
     keeps_materials: bool = False
 
     def request(self, camera: Camera, keep: Collection[str]) -> RenderRequest:

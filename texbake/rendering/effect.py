@@ -38,6 +38,7 @@ from texbake.rendering.results import Costs, Deferred, Result, Results, Target, 
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import DEFAULT_MATERIAL
 from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene_simplification import SkippedEffect
 from texbake.texture.image import FloatImage
 
 
@@ -174,15 +175,6 @@ class Pass:
     def is_for(self, target: Target) -> bool:
         """Whether a target activates the effect."""
         return target in self._targets
-
-
-@dataclass(frozen=True)
-class SkippedEffect:
-    """An effect, or one target of it, that is not in the plan."""
-
-    name: str
-    requested_by: str
-    why: str
 
 
 @dataclass(frozen=True)

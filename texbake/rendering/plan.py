@@ -11,9 +11,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection, SkippedEffect
+from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Costs, Target
+from texbake.rendering.scene_simplification import SkippedEffect
 
 # Passes that every picture has, in the order in which they run.
 EVERY_PICTURE = {
@@ -57,9 +58,9 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
             else:
                 rejections[effect.name].append(answer)
     passes = [Pass(each, tuple(active[each.name])) for each in effects if active[each.name]]
-    skipped = [SkippedEffect(item.name, item.by, item.why) for item in request.removed]
+    skipped = list(request.removed)
     shown = {item.name for item in request.removed}
-    removed = {(item.name, item.by) for item in request.removed}
+    removed = {(item.name, item.requested_by) for item in request.removed}
     for effect in effects:
         skipped += [
             SkippedEffect(effect.name, item.requested_by, item.why)

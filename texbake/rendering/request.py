@@ -29,7 +29,7 @@ from texbake.rendering.scene.textures import (
     Texture,
     uv_set_of,
 )
-from texbake.rendering.scene_simplification import RemovedPart, lights_object
+from texbake.rendering.scene_simplification import SkippedEffect, lights_object
 
 # Features of a material whose textures parallax moves.
 _MOVED = ("normal_map", "bump_map", "reflection", "refraction")
@@ -51,7 +51,7 @@ class RenderRequest:
     keep: frozenset[str] = frozenset()
     depth: int = 0
     window: Window | None = None
-    removed: tuple[RemovedPart, ...] = ()
+    removed: tuple[SkippedEffect, ...] = ()
     keeps_materials: bool = False
 
     @property

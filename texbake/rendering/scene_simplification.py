@@ -102,23 +102,23 @@ def _corners(item: SceneObject) -> FloatArray | None:
 
 
 @dataclass(frozen=True)
-class RemovedPart:
-    """A part of a scene that was taken out."""
+class SkippedEffect:
+    """An effect, or one target of it, that is not in the plan."""
 
-    name: str  # name of the effect that it would call for, or of the map
-    by: str  # the part that it belongs to: `object "vase"`, `the scene`
+    name: str  # name of the effect, or of the map
+    requested_by: str  # the part that it belongs to: `object "vase"`, `the scene`
     why: str
 
 
 def simplify_scene(
     scene: Scene, options: RenderOptions, *, keeps_materials: bool = False
-) -> tuple[Scene, RenderOptions, tuple[RemovedPart, ...]]:
+) -> tuple[Scene, RenderOptions, tuple[SkippedEffect, ...]]:
     """Return a scene and its options without what changes no pixel, and what that was.
 
     `keeps_materials` says whether something else than shading may read materials, such as a buffer
     that is shown or an effect of the caller's own. Only what is 0 is left out of them then.
     """
-    found: list[RemovedPart] = []
+    found: list[SkippedEffect] = []
     original = scene
     scene = replace(scene, objects=tuple(_without_zeros(item, found) for item in scene.objects))
     lights = _active_lights(scene, found)
@@ -130,15 +130,15 @@ def simplify_scene(
     return replace(scene, objects=objects, lighting=lighting), options, tuple(found)
 
 
-def _without_zeros(item: SceneObject, found: list[RemovedPart]) -> SceneObject:
+def _without_zeros(item: SceneObject, found: list[SkippedEffect]) -> SceneObject:
     material = item.material
     for name, why, simpler in without_zeros(material):
-        found.append(RemovedPart(name, f'object "{item.name}"', why))
+        found.append(SkippedEffect(name, f'object "{item.name}"', why))
         material = simpler
     return item if material is item.material else replace(item, material=material)
 
 
-def _active_lights(scene: Scene, found: list[RemovedPart]) -> tuple[Light, ...]:
+def _active_lights(scene: Scene, found: list[SkippedEffect]) -> tuple[Light, ...]:
     """Lights, of which spots that shine past all objects are dark."""
     active = []
     for light in scene.lighting.lights:
@@ -150,7 +150,9 @@ def _active_lights(scene: Scene, found: list[RemovedPart]) -> tuple[Light, ...]:
         ):
             active.append(light)
         else:
-            found.append(RemovedPart("lights", f'light "{light.name}"', "its cone meets no object"))
+            found.append(
+                SkippedEffect("lights", f'light "{light.name}"', "its cone meets no object")
+            )
             active.append(replace(light, intensity=0.0, profile=None, shadow=None))
     return tuple(active)
 
@@ -160,7 +162,7 @@ def _shines(light: Light) -> bool:
 
 
 def _active_lighting(
-    lighting: Lighting, options: RenderOptions, found: list[RemovedPart]
+    lighting: Lighting, options: RenderOptions, found: list[SkippedEffect]
 ) -> tuple[Lighting, RenderOptions]:
     """Leave out an environment that is dark; where it was seen, the background is black."""
     environment = lighting.environment
@@ -170,7 +172,7 @@ def _active_lighting(
     if environment.intensity != 0.0 and not is_black:
         return lighting, options
     why = "the environment is black" if is_black else "the environment's intensity is 0"
-    found.append(RemovedPart("environment", "the scene", why))
+    found.append(SkippedEffect("environment", "the scene", why))
     if environment.background:
         options = replace(options, background=(0.0, 0.0, 0.0))
     return replace(lighting, environment=None), options
@@ -195,18 +197,20 @@ def _active_object(
     item: SceneObject,
     lighting: Lighting,
     around: Surroundings | None,
-    found: list[RemovedPart],
+    found: list[SkippedEffect],
 ) -> SceneObject:
     material = item.material
     by = f'object "{item.name}"'
     for name, why, simpler in _steps(item, around):
         if why:
-            found.append(RemovedPart(name, by, why))
+            found.append(SkippedEffect(name, by, why))
         material = simpler
     if material.displacement is not None and not (
         _may_be_seen(scene, item, material) or _casts_shadows(scene, item, lighting)
     ):
-        found.append(RemovedPart("displacement", by, "the object is not seen and casts no shadow"))
+        found.append(
+            SkippedEffect("displacement", by, "the object is not seen and casts no shadow")
+        )
         material = replace(material, displacement=None)
     return item if material is item.material else replace(item, material=material)
 
