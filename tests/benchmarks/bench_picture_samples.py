@@ -24,7 +24,7 @@ from texbake.jobs.preview_scene import with_lighting
 from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
-from texbake.rendering.draw import laid_out, prepare
+from texbake.rendering.draw import lay_out, prepare
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.scene import camera_of
 from texbake.texture.encoding import encode_srgb
@@ -41,7 +41,7 @@ def truth_of(scene, options):
     """Light (H, W, 3) of 394 samples per pixel, and which pixels show a surface."""
     asked = replace(options, max_error=0.5)
     request = RenderRequest(scene, asked, camera_of(scene, asked))
-    state = laid_out(prepare(scene, asked), request, Stages(), all_objects=True)
+    state = lay_out(prepare(scene, asked), request, Stages(), all_objects=True)
     grids = [PixelSums.empty(options.height, options.width) for _ in TRUTH]
     for sums, side in zip(grids, TRUTH, strict=True):
         PixelSampler(state).take(np.ones(sums.counts.shape, bool), Sides(side, side), sums)

@@ -18,7 +18,7 @@ from PIL import Image as Picture
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, mapped, placed
+from texbake.rendering.scene.scene import Scene, SceneObject, apply_mapping, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
 
 # Other programs choose by settings of their own how they filter along a slope.
@@ -115,7 +115,7 @@ def write_scene(scene: Scene, path: Path) -> None:
 
 
 def _mesh(file: Writer, item: SceneObject) -> int:
-    mesh, material = placed(mapped(item)), item.material
+    mesh, material = place_mesh(apply_mapping(item)), item.material
     normals, corners = shading_normals(mesh)
     attributes = {
         "POSITION": file.rows(mesh.positions[mesh.faces].reshape(-1, 3)),

@@ -16,8 +16,8 @@ from random_scenes import random_scene, with_object, write_images
 import texbake as tb
 from texbake.core import portable_math as pm
 from texbake.mesh.topology import surface_side
-from texbake.rendering.framing import framed
-from texbake.rendering.resolve import exposed
+from texbake.rendering.framing import fill_picture
+from texbake.rendering.resolve import expose
 from texbake.texture.cube_map import shrink_cube
 from texbake.texture.encoding import (
     color_ids,
@@ -168,9 +168,9 @@ def preview(drawn: Drawn) -> None:
     frame = tb.render(mesh, options=options)
     if options.max_error is None and options.buffer is None and options.mapping_order == "screen":
         assert frame.face_ids.max() < mesh.n_faces
-    exposed([frame], options)
+    expose([frame], options)
     surface_side(mesh)
-    framed([mesh], options)
+    fill_picture([mesh], options)
 
 
 def numbers(drawn: Drawn) -> None:

@@ -21,7 +21,7 @@ from texbake.mesh.weld import later_copies, without_copies
 from texbake.raycast import outside
 from texbake.raycast.morton_tree import MortonTree
 from texbake.rendering import rasterize as rasterizer
-from texbake.rendering.rasterize import SHOW_BACK, joined
+from texbake.rendering.rasterize import SHOW_BACK, join_objects
 
 N = 3000
 
@@ -168,7 +168,7 @@ def test_a_stack_is_drawn_once(monkeypatch):
     # Far beyond the screen, where vertices have no place on its grid.
     far = np.array([[-9e9, -9e9, 0.3], [9e9, -9e9, 0.3], [0, 9e9, 0.3]])
     huge = Mesh(positions=np.concatenate([far, far * [1, 1, 2]]), faces=[[0, 1, 2], [3, 4, 5]])
-    world = joined([(mesh.positions - 0.25, mesh.faces) for mesh in (soup, ball, huge, soup)])
+    world = join_objects([(mesh.positions - 0.25, mesh.faces) for mesh in (soup, ball, huge, soup)])
     camera = np.diag([1.6, 1.6, 0.2, 1.0])
     camera[2, 3] = 0.5
     modes = np.full(4, SHOW_BACK, dtype=np.uint8)

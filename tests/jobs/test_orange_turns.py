@@ -12,7 +12,7 @@ from texbake.jobs.options import DemoOptions
 from texbake.jobs.orange_turns import METHODS, TRUTH, TURNS, measure_turns, turns_svg
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import draw, prepare, relit
+from texbake.rendering.draw import draw, prepare, relight
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
@@ -99,7 +99,7 @@ def test_a_scene_under_other_lights_is_the_scene_prepared_anew():
     ]
     first = prepare(scenes[0], options)
     draw(first, camera)
-    again = draw(relit(first, scenes[1]), camera)
+    again = draw(relight(first, scenes[1]), camera)
     anew = draw(prepare(scenes[1], options), camera)
     assert again.color.tobytes() == anew.color.tobytes()
     assert again.color.tobytes() != draw(first, camera).color.tobytes()

@@ -17,7 +17,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages import viewer
 from texbake.pages.asset_page import AssetPage, write_asset_page, write_bake_page
-from texbake.rendering.panels import colored_angles
+from texbake.rendering.panels import color_angles
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import write_image
 
@@ -151,7 +151,7 @@ def test_equal_meshes_have_no_error(browser, tmp_path) -> None:
     seen = differing(shown, BACKGROUND)
     assert seen.mean() > 0.1
     # 8 bits leave 0.4 degrees at most; 1 degree and a half of the scale's 30 is hardly blue.
-    limit = encode_srgb(colored_angles(np.full((1, 1), 1.5, np.float32)))[0, 0] * 255.0
+    limit = encode_srgb(color_angles(np.full((1, 1), 1.5, np.float32)))[0, 0] * 255.0
     inside = shown[seen]
     assert np.percentile(inside.max(axis=1), 99) <= limit.max() + 1.0
 
@@ -172,7 +172,7 @@ def test_the_error_is_the_angle(browser, tmp_path) -> None:
     browser.set("[name=wipe]", 0)
     shown = canvas_alone(browser)
     middle = shown[shown.shape[0] // 2, shown.shape[1] // 2].astype(float)
-    expected = encode_srgb(colored_angles(np.full((1, 1), 20.0, np.float32)))[0, 0] * 255.0
+    expected = encode_srgb(color_angles(np.full((1, 1), 20.0, np.float32)))[0, 0] * 255.0
     # The scale has 24 colors, between which the page interpolates.
     np.testing.assert_allclose(middle, expected, atol=8.0)
 

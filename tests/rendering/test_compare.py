@@ -13,7 +13,7 @@ from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.compare import compare, compare_shapes
 from texbake.rendering.draw import draw
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
+from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
 from texbake.texture.image import write_image
 
 SMALL = RenderOptions(width=120, height=90)
@@ -189,9 +189,9 @@ def test_no_view_is_an_error():
 
 def test_colors_of_angles_grow_brighter_to_the_end_of_the_scale():
     angles = np.linspace(0, MAX_ANGLE_DEG, 50, dtype=np.float32)[None]
-    luminance = colored_angles(angles)[0] @ (0.2126, 0.7152, 0.0722)
+    luminance = color_angles(angles)[0] @ (0.2126, 0.7152, 0.0722)
     assert (np.diff(luminance) > 0).all()
-    ends = colored_angles(np.array([[MAX_ANGLE_DEG, 90.0, np.nan, np.nan]], np.float32))[0]
+    ends = color_angles(np.array([[MAX_ANGLE_DEG, 90.0, np.nan, np.nan]], np.float32))[0]
     np.testing.assert_array_equal(ends[0], ends[1])
     np.testing.assert_array_equal(ends[2], ends[3])
     assert not np.array_equal(ends[1], ends[2])

@@ -11,7 +11,7 @@ import pytest
 from texbake.errors import FileFormatError, MeshError, ReadWarning
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import camera_of, placed
+from texbake.rendering.scene.scene import camera_of, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import Image, write_image
 
@@ -303,7 +303,7 @@ def test_each_node_places_each_primitive(asset, tmp_path):
     assert [item.name for item in scene.objects] == ["left 0", "left 1", "mirror 0", "mirror 1"]
     assert scene.objects[0].mesh is scene.objects[2].mesh
     assert scene.objects[0].transform is None
-    mirrored = placed(scene.objects[2])
+    mirrored = place_mesh(scene.objects[2])
     np.testing.assert_array_equal(mirrored.bounds, [[-1, 3, 0], [0, 4, 0]])
     a, b, c = mirrored.positions[mirrored.faces[0]]
     assert np.cross(b - a, c - a)[2] > 0  # still seen from the front

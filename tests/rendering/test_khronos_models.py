@@ -14,7 +14,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import CameraView, placed
+from texbake.rendering.scene.scene import CameraView, place_mesh
 
 pytestmark = pytest.mark.realdata
 
@@ -69,7 +69,7 @@ def test_texture_settings_look_like_the_samples_beside_them(data_dir):
     names = [f"{kind}Mesh{axis}" for kind in kinds for axis in "ST"]
     for name in (*names, "SingleSidedMesh", "DoubleSidedMesh"):
         (item,) = (item for item in scene.objects if item.name == name)
-        x, y, _ = placed(item).bounds[0]
+        x, y, _ = place_mesh(item).bounds[0]
         corner = np.array([x + 0.12, y + 0.12])
         other = corner + np.array([2.15, 0.0])
         # The edges of the mark fall differently between pixels.
@@ -86,7 +86,8 @@ def test_a_texture_transform_on_either_set_looks_like_the_sample(data_dir):
     names = {item.name: item for item in scene.objects}
     for row in ("BaseColor", "Emission", "Normal", "MetalRough", "Occlusion", "Unlit"):
         first, second, sample = (
-            placed(names[row + which]).bounds[0][:2] + 0.015 for which in ("UV0", "UV1", "Sample")
+            place_mesh(names[row + which]).bounds[0][:2] + 0.015
+            for which in ("UV0", "UV1", "Sample")
         )
         assert cell(picture, center, side, sample, 0.17).std() > 0.04, row  # a check mark
         for test in first, second:
@@ -114,7 +115,7 @@ def test_several_uv_sets_show_the_logo_once_on_each_face(data_dir):
 
 def test_arrows_point_at_their_targets(data_dir):
     scene = read_scene(data_dir / "gltf/OrientationTest.glb")
-    meshes = {item.name: placed(item) for item in scene.objects}
+    meshes = {item.name: place_mesh(item) for item in scene.objects}
     for side in ("X1", "X2", "Y1", "Y2", "Z1", "Z2"):
         arrow, target = meshes[f"Arrow{side}"].positions, meshes[f"Target{side}"].positions
         gap = np.linalg.norm(arrow[:, None] - target[None], axis=2).min()
@@ -123,10 +124,12 @@ def test_arrows_point_at_their_targets(data_dir):
 
 def test_alpha_is_cut_off_where_the_arrows_stand(data_dir):
     scene = read_scene(data_dir / "gltf/AlphaBlendModeTest.glb")
-    arrows = next(placed(item) for item in scene.objects if item.name == "GreenArrows").positions
+    arrows = next(
+        place_mesh(item) for item in scene.objects if item.name == "GreenArrows"
+    ).positions
     for name in "TestCutoff25", "TestCutoffDefault", "TestCutoff75":
         (item,) = (item for item in scene.objects if item.name == name)
-        (left, bottom, _), (right, high, _) = placed(item).bounds
+        (left, bottom, _), (right, high, _) = place_mesh(item).bounds
         center = (left + right) / 2 + 0.05, (bottom + high) / 2, 0.0
         size = math.ceil(80 * (high - bottom + 0.5))
         side = size / 80  # 80 pixels per unit

@@ -26,7 +26,7 @@ from texbake.rendering.scene.material import (
     Reflection,
 )
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, camera_of, mapped
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, apply_mapping, camera_of
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.rendering.scene.transforms import transform_matrix
 
@@ -98,7 +98,7 @@ def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     name: str, n_mapped: list[str]
 ) -> None:
     item = replace(BALL, material=Material(**READERS[name]))
-    expected = render_scene(scene_of(mapped(item)), OPTIONS)
+    expected = render_scene(scene_of(apply_mapping(item)), OPTIONS)
     other = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
     assert expected.color.tobytes() != other.color.tobytes()
     n_mapped.clear()
@@ -142,7 +142,7 @@ def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(
     cameras = [camera_of(replace(scene, view=view), OPTIONS) for view in (VIEW, around, around)]
     frames = [draw(prepared, camera) for camera in cameras]
     assert len(n_mapped) == 1
-    expected = draw(prepare(scene_of(scene.objects[0], mapped(hidden)), OPTIONS), cameras[1])
+    expected = draw(prepare(scene_of(scene.objects[0], apply_mapping(hidden)), OPTIONS), cameras[1])
     assert frames[1].color.tobytes() == expected.color.tobytes() == frames[2].color.tobytes()
 
 
@@ -160,6 +160,6 @@ def test_a_mapping_that_cannot_be_computed_names_the_file_and_the_object(tmp_pat
 
 def test_light_maps_lie_on_the_coordinates_of_the_mapping() -> None:
     found, expected = (
-        bake_light_maps(scene_of(item)).maps[0].values for item in (BALL, mapped(BALL))
+        bake_light_maps(scene_of(item)).maps[0].values for item in (BALL, apply_mapping(BALL))
     )
     np.testing.assert_array_equal(found, expected)

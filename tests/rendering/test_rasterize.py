@@ -14,7 +14,7 @@ from texbake.rendering.rasterize import (
     SUBPIXELS,
     VisibilityBuffer,
     Window,
-    joined,
+    join_objects,
     rasterize,
     rasterize_scanlines,
 )
@@ -25,7 +25,7 @@ FLAT = np.eye(4)
 
 def drawn(positions, faces, matrix, width, height, back_faces="cull", **options):
     """The visibility buffer of a single object."""
-    world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
+    world = join_objects([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
     modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
     return rasterize(world, matrix, width, height, modes=modes, **options)
 
@@ -229,7 +229,7 @@ def test_each_object_is_skipped_culled_or_shown_whole():
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
     sheets = [np.concatenate([square, np.full((4, 1), depth)], axis=1) for depth in (0.8, 0.6, 0.4)]
     faces = np.array([[0, 1, 2], [0, 3, 2]], np.int32)
-    world = joined([(sheet, faces) for sheet in sheets])
+    world = join_objects([(sheet, faces) for sheet in sheets])
     np.testing.assert_array_equal(world.starts, [0, 2, 4, 6])
 
     def nearest(*modes):
@@ -265,7 +265,7 @@ def test_layers_are_peeled_from_front_to_back():
     options = RenderOptions(view=(10.0, 20.0))
     matrix = Camera.framing(mesh, options=options).clip_from_world(1.0)
     shown = {"modes": np.array([SHOW_BACK], np.uint8)}
-    world = joined([(mesh.positions, mesh.faces)])
+    world = join_objects([(mesh.positions, mesh.faces)])
     nothing = drawn(mesh.positions, mesh.faces[:1, [0, 0, 0]], matrix, 64, 64)
     first = rasterize(world, matrix, 64, 64, **shown)
     second = rasterize(world, matrix, 64, 64, behind=first, before=nothing, **shown)
@@ -277,7 +277,7 @@ def test_layers_are_peeled_from_front_to_back():
     np.testing.assert_array_equal(second.face_ids, back.face_ids)
     assert (third.face_ids == -1).all()
     # Of two in the same place the lower index comes first, then the other; none is lost.
-    twice = joined([(mesh.positions, np.concatenate([mesh.faces, mesh.faces]))])
+    twice = join_objects([(mesh.positions, np.concatenate([mesh.faces, mesh.faces]))])
     near = rasterize(twice, matrix, 64, 64, **shown)
     again = rasterize(twice, matrix, 64, 64, behind=near, before=nothing, **shown)
     covered = front.face_ids >= 0
@@ -303,7 +303,7 @@ WIDTH, HEIGHT = 200, 150
 def both(mesh, view, mode, fov=35.0):
     options = RenderOptions(view=view, fov=fov)
     matrix = Camera.framing(mesh, options=options).clip_from_world(WIDTH / HEIGHT)
-    world = joined([(mesh.positions, mesh.faces)])
+    world = join_objects([(mesh.positions, mesh.faces)])
     modes = np.array([mode], np.uint8)
     expected = rasterize(world, matrix, WIDTH, HEIGHT, modes=modes)
     visibility, weights = rasterize_scanlines(world, matrix, WIDTH, HEIGHT, modes=modes)

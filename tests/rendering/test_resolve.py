@@ -12,7 +12,7 @@ from texbake.rendering.fragments import DrawnObject, Fragments
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import VisibilityBuffer
 from texbake.rendering.render import render_scene
-from texbake.rendering.resolve import Frame, Sums, exposed, exposure_of
+from texbake.rendering.resolve import Frame, Sums, expose, find_exposure
 from texbake.rendering.results import Costs
 from texbake.rendering.scene.lights import Lighting
 from texbake.rendering.scene.material import Material
@@ -141,7 +141,7 @@ def test_darker_light_stays_as_it_is():
 
 def test_grays_keep_their_order():
     """Each step of gray is brighter in every pixel, up to white."""
-    frames = exposed([render_scene(scene(g), PLAIN) for g in (0.0, 0.1, 0.3, 0.6, 1.0)], AUTO)
+    frames = expose([render_scene(scene(g), PLAIN) for g in (0.0, 0.1, 0.3, 0.6, 1.0)], AUTO)
     for darker, brighter in pairwise(frames):
         inside = darker.coverage == 1.0
         lit = inside & (brighter.color[..., 1] > 0.01)
@@ -164,15 +164,15 @@ def test_differences_of_light_up_to_white_do_not_grow_in_codes(exposure):
 
 def test_pictures_share_one_exposure():
     frames = [render_scene(scene(gray, brightness=3.0), PLAIN) for gray in (0.3, 1.0)]
-    dark, bright = exposed(frames, AUTO)
-    assert dark.exposure == bright.exposure == exposure_of(frames) < 1.0
-    assert exposure_of(frames[:1]) > exposure_of(frames[1:])
+    dark, bright = expose(frames, AUTO)
+    assert dark.exposure == bright.exposure == find_exposure(frames) < 1.0
+    assert find_exposure(frames[:1]) > find_exposure(frames[1:])
 
 
 def test_at_most_a_quarter_of_the_surface_is_above_white():
     frame = render_scene(scene(1.0, brightness=5.0), PLAIN)
     peaks = frame.color[frame.coverage == 1.0][:, :3].max(axis=1)
-    above = (exposure_of([frame]) * peaks > 1.0).mean()
+    above = (find_exposure([frame]) * peaks > 1.0).mean()
     assert 0.24 < above <= 0.25
 
 

@@ -15,7 +15,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import plan_scene, render_scene
 from texbake.rendering.scene.file.schema import TABLES
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import camera_of, mapped
+from texbake.rendering.scene.scene import apply_mapping, camera_of
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.image import write_image
 
@@ -204,10 +204,10 @@ def test_a_mapping_gives_coordinates(folder):
     box = '[[objects]]\nshape = "cube"\n'
     assert read(folder, box).objects[0].mesh.uvs is None
     found = read(folder, f'{box}mapping = {{method = "planar", axis = "y", scale = [2, 3]}}')
-    uvs = mapped(found.objects[0]).mesh.uvs
+    uvs = apply_mapping(found.objects[0]).mesh.uvs
     np.testing.assert_allclose(uvs.max(axis=0) - uvs.min(axis=0), [2, 3], atol=1e-12)
     (item,) = read(folder, f'{box}mapping = "spherical"').objects
-    assert item.mapping.method == "spherical" and mapped(item).mesh.uvs is not None
+    assert item.mapping.method == "spherical" and apply_mapping(item).mesh.uvs is not None
 
 
 def test_shapes(folder):

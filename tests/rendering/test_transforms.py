@@ -13,7 +13,7 @@ from texbake.rendering.scene.scene import (
     SceneObject,
     camera_of,
     outline,
-    placed,
+    place_mesh,
     turntable_cameras,
 )
 from texbake.rendering.scene.transforms import transform_matrix
@@ -28,15 +28,15 @@ def scene(view=None, **changes):
 
 def test_an_object_without_a_transform_is_its_mesh():
     item = SceneObject(mesh=cube())
-    assert placed(item) is item.mesh
+    assert place_mesh(item) is item.mesh
     assert outline(item) is item.mesh
 
 
 def test_scaled_then_turned_then_moved():
     matrix = transform_matrix(scale=(2, 1, 1), rotate=(0, 0, 90), translate=(0, 0, 5))
     item = SceneObject(mesh=cube(), transform=matrix)
-    np.testing.assert_array_equal(placed(item).bounds, [[-0.5, -1, 4.5], [0.5, 1, 5.5]])
-    np.testing.assert_array_equal(outline(item).positions, placed(item).positions)
+    np.testing.assert_array_equal(place_mesh(item).bounds, [[-0.5, -1, 4.5], [0.5, 1, 5.5]])
+    np.testing.assert_array_equal(outline(item).positions, place_mesh(item).positions)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -71,16 +71,16 @@ def test_what_is_no_transform(matrix, message):
 def test_small_and_large_transforms_are_not_singular():
     for size in 1e-200, 1e-9, 1e9, 1e100:
         item = SceneObject(mesh=cube(), transform=transform_matrix(scale=size))
-        assert placed(item).diagonal == pytest.approx(size * cube().diagonal)
+        assert place_mesh(item).diagonal == pytest.approx(size * cube().diagonal)
     item = SceneObject(mesh=cube(), transform=transform_matrix(scale=(1e-6, 1e6, 1.0)))
-    assert placed(item).diagonal == pytest.approx(1e6 * np.ptp(cube().positions[:, 1]))
+    assert place_mesh(item).diagonal == pytest.approx(1e6 * np.ptp(cube().positions[:, 1]))
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_a_view_of_angles_frames_what_is_placed(up):
     options = RenderOptions(width=640, height=360, up=up)
     camera = camera_of(scene(CameraView(angles=(40, 10), fov=50)), options)
-    meshes = [placed(item) for item in scene().objects]
+    meshes = [place_mesh(item) for item in scene().objects]
     framed = Camera.framing(
         *meshes, options=RenderOptions(width=640, height=360, up=up, view=(40, 10), fov=50)
     )
@@ -91,7 +91,7 @@ def test_a_view_of_angles_frames_what_is_placed(up):
 
 def test_no_view_is_that_of_the_options():
     camera = camera_of(scene(), OPTIONS)
-    framed = Camera.framing(*(placed(item) for item in scene().objects), options=OPTIONS)
+    framed = Camera.framing(*(place_mesh(item) for item in scene().objects), options=OPTIONS)
     np.testing.assert_allclose(camera.eye, framed.eye, rtol=1e-15)
 
 
@@ -164,7 +164,7 @@ def test_a_turn_of_a_position_goes_around_the_middle(up):
     options = RenderOptions(up=up)
     view = CameraView(position=(9, 4, 7), target=(3, 1, 0), up=(0.1, 1, 0.2))
     cameras = turntable_cameras(scene(view), options, 4)
-    center, _ = Camera.sphere_around(*(placed(item) for item in scene().objects))
+    center, _ = Camera.sphere_around(*(place_mesh(item) for item in scene().objects))
     axis = {"y": 1, "z": 2}[up]
     first = cameras[0].axes @ (center - cameras[0].eye)
     for camera in cameras:

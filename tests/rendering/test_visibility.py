@@ -5,7 +5,7 @@ import pytest
 
 from texbake.rendering.camera import Camera
 from texbake.rendering.fragments import fragment_rows, weights_at
-from texbake.rendering.rasterize import CULL_BACK, SHOW_BACK, joined, rasterize
+from texbake.rendering.rasterize import CULL_BACK, SHOW_BACK, join_objects, rasterize
 
 WIDTH, HEIGHT = 160, 120
 
@@ -30,14 +30,14 @@ def rays(camera):
 
 
 def seen(camera, positions, faces, back_faces="cull"):
-    world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
+    world = join_objects([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
     modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
     return rasterize(world, camera.clip_from_world(WIDTH / HEIGHT), WIDTH, HEIGHT, modes=modes)
 
 
 def weights_of(visibility, camera, positions, faces, **options):
     """Weights, sides and changes of the covered samples, each a fragment of its own."""
-    world = joined([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
+    world = join_objects([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
     rows = fragment_rows(visibility.face_ids, world, (0, HEIGHT), side=1)
     np.testing.assert_array_equal(rows.faces, visibility.face_ids[visibility.face_ids >= 0])
     matrix = camera.clip_from_world(WIDTH / HEIGHT)
@@ -148,7 +148,7 @@ def test_a_camera_inside_a_closed_mesh_sees_it_all_around():
 def test_changes_are_differences_of_neighboring_pixels():
     camera = camera_at((1.5, 1, 2), (-1.4, -0.8, -2))
     visibility = seen(camera, QUAD, [[0, 1, 2]])
-    world = joined([(QUAD, np.array([[0, 1, 2]], np.int32))])
+    world = join_objects([(QUAD, np.array([[0, 1, 2]], np.int32))])
     rows = fragment_rows(visibility.face_ids, world, (0, HEIGHT), side=1)
     inside = (rows.places > 20).all(axis=1) & (rows.places < (140, 100)).all(axis=1)
     places = rows.places[inside]
@@ -175,7 +175,7 @@ def test_changes_are_differences_of_neighboring_pixels():
 def test_affine_weights_are_linear_on_the_screen():
     camera = camera_at((2.5, 1, 2), (-2.4, -0.8, -2))
     visibility = seen(camera, QUAD, SPLIT)
-    world = joined([(QUAD, np.array(SPLIT, np.int32))])
+    world = join_objects([(QUAD, np.array(SPLIT, np.int32))])
     rows = fragment_rows(visibility.face_ids, world, (0, HEIGHT), side=1)
     affine, _, _ = weights_of(visibility, camera, QUAD, SPLIT, affine=True)
     correct, _, _ = weights_of(visibility, camera, QUAD, SPLIT)

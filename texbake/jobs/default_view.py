@@ -16,7 +16,7 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import Camera
-from texbake.rendering.framing import framed
+from texbake.rendering.framing import fill_picture
 from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
@@ -111,7 +111,7 @@ def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> Defaul
         for mesh, item in zip(meshes, scene.objects, strict=True)
         if item.visible and not is_hidden(item.material)
     ]
-    found = framed(seen or meshes, options)
+    found = fill_picture(seen or meshes, options)
     return DefaultView(path, scene, options, found.camera, found.n_strays, side)
 
 

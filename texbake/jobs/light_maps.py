@@ -41,7 +41,7 @@ from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene, mapped, placed
+from texbake.rendering.scene.scene import Scene, apply_mapping, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import write_image
 from texbake.texture.image_formats import check_image_format
@@ -260,7 +260,7 @@ def bake_light_maps(
     """
     options = options or BakeOptions()
     stages = Stages(progress)
-    meshes = [placed(mapped(item, threads=options.threads)) for item in scene.objects]
+    meshes = [place_mesh(apply_mapping(item, threads=options.threads)) for item in scene.objects]
     chosen = [
         index
         for index, item in enumerate(scene.objects)

@@ -32,7 +32,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, uv_sphere
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import Prepared, draw, prepare, relit
+from texbake.rendering.draw import Prepared, draw, prepare, relight
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame, picture_error
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
@@ -237,7 +237,7 @@ def _turned(
 ) -> Iterator[Frame]:
     for angle in angles:
         if turned == "light":
-            model = relit(model, _scene(item, angle))
+            model = relight(model, _scene(item, angle))
         yield draw(model, _camera(angle if turned == "viewer" else 0))
 
 

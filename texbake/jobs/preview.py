@@ -33,7 +33,7 @@ from texbake.rendering.maps import space_warnings
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
-from texbake.rendering.resolve import Frame, exposed
+from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.results import Costs
 from texbake.rendering.scene.scene import Scene, turntable_cameras
 from texbake.sampling.time_budget import BudgetClock, with_actual_time
@@ -305,7 +305,7 @@ def write_turntable(
         for file, camera in zip(turntable_files(path, n_views), cameras, strict=True):
             frame = draw_picture(prepared, camera)
             if options.exposes:  # the exposure of the first picture, so that light does not flicker
-                (frame,) = exposed([frame], options, exposure=exposure, threads=threads)
+                (frame,) = expose([frame], options, exposure=exposure, threads=threads)
                 exposure = frame.exposure
             frame.write(file, threads=threads)
             advance(1)

@@ -14,7 +14,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import draw_picture
-from texbake.rendering.resolve import Frame, exposed
+from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.texture.image import FloatImage
 
@@ -61,7 +61,7 @@ def render_side_by_side(
             draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
         )
     if all(options.exposes for _, options in variants):
-        frames = exposed(frames, variants[0][1], threads=threads)
+        frames = expose(frames, variants[0][1], threads=threads)
     from texbake.rendering.panels import Panel, side_by_side
 
     panels = [

@@ -25,7 +25,7 @@ from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
 from texbake.rendering.effects.projectors import LightCookie, cookie_colors, cookie_of
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
-from texbake.rendering.rasterize import joined
+from texbake.rendering.rasterize import join_objects
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import Scene
 
@@ -63,7 +63,7 @@ class StaticLight:
         ]
         self._scene: RayScene | None = None
         if casters and any(light.shadow is not None for light in self._lights):
-            world = joined(casters)
+            world = join_objects(casters)
             everything = Mesh(positions=world.positions, faces=world.faces, name=scene.name)
             self._scene = RayScene.build(everything, self._frame, threads=threads)
 

@@ -32,7 +32,7 @@ from texbake.pages.page import as_json
 from texbake.pages.pictures import MapPicture, picture_codes
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import MAX_ANGLE_DEG, colored_angles
+from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
 
 MOST_TRIANGLES = 300_000  # per mesh on a page: two to three MB
 
@@ -87,7 +87,7 @@ def view_data(
 def angle_colors() -> list[str]:
     """Return the CSS colors of angles from 0 to `MAX_ANGLE_DEG` in even steps."""
     angles = np.linspace(0.0, MAX_ANGLE_DEG, _LEGEND_STEPS, dtype=np.float32)
-    codes = picture_codes(colored_angles(angles[None, :]))[0]
+    codes = picture_codes(color_angles(angles[None, :]))[0]
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in codes.tolist()]
 
 

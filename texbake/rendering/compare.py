@@ -30,8 +30,8 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import Panel, colored_angles, side_by_side
-from texbake.rendering.resolve import Frame, exposed
+from texbake.rendering.panels import Panel, color_angles, side_by_side
+from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
@@ -124,7 +124,7 @@ class Comparison:
 
     def difference(self) -> FloatImage:
         """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""
-        return colored_angles(self.angles_deg)
+        return color_angles(self.angles_deg)
 
     def side_by_side(self, *, difference: bool = True) -> FloatImage:
         """(H', W', 3) float32: the pictures with captions, in linear light, and their difference.
@@ -245,7 +245,7 @@ def compare(
         )
     mapped = min(1, len(others))
     if options.exposure != "none":  # for display; errors are measured before
-        frames = exposed(frames, options, threads=threads)
+        frames = expose(frames, options, threads=threads)
     return Comparison(
         mapped=others[0] if others else bare,
         bare=bare,

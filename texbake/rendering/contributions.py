@@ -17,7 +17,7 @@ from texbake.progress import ProgressSink
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.resolve import Frame, exposed
+from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.texture.encoding import quantize_srgb
 
@@ -71,7 +71,7 @@ def contributions_of(
             continue
         other = render_scene(without, plain, camera=camera, threads=threads, progress=progress)
         if whole.exposure is not None:
-            (other,) = exposed([other], options, exposure=whole.exposure, threads=threads)
+            (other,) = expose([other], options, exposure=whole.exposure, threads=threads)
         # Opacity counts as a change, too.
         codes = _codes(other)
         difference = np.where(shown > codes, shown - codes, codes - shown)

@@ -27,9 +27,9 @@ from texbake.rendering.effects.environment import OF_ENVIRONMENT
 from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
 from texbake.rendering.effects.transparency import PEELED_LAYERS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.passes import find_visible, shaded_fragments
+from texbake.rendering.passes import find_visible, shade_fragments
 from texbake.rendering.plan import compile_plan
-from texbake.rendering.rasterize import World, joined
+from texbake.rendering.rasterize import World, join_objects
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.results import Costs, Deferred, Result, Results, Target
@@ -111,7 +111,7 @@ def share_environment(drawn: Prepared, other: Prepared) -> None:
     cache.results = cache.results.or_those_of(drawn.loaded.results.only(OF_ENVIRONMENT))
 
 
-def relit(prepared: Prepared, scene: Scene) -> Prepared:
+def relight(prepared: Prepared, scene: Scene) -> Prepared:
     """Prepare a scene of the same objects under other lights, with what is known of the objects."""
     other = prepare(scene, prepared.options, effects=prepared.effects, threads=prepared.threads)
     of_objects = [
@@ -147,10 +147,10 @@ def draw(
 
 
 def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[Frame, RenderState]:
-    state = laid_out(prepared, request, stages)
+    state = lay_out(prepared, request, stages)
     with stages.stage("shade"):
-        sums = shaded_sums(state)
-        behind = behind_surfaces(state)
+        sums = shade_to_sums(state)
+        behind = find_background(state)
         color, coverage, normals = sums.finished(behind, threads=state.threads)
     frame = Frame(
         color=color,
@@ -164,7 +164,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[F
     return frame, state
 
 
-def laid_out(
+def lay_out(
     prepared: Prepared, request: RenderRequest, stages: Stages, *, all_objects: bool = False
 ) -> RenderState:
     """Run all passes before shading: visibility and the prepared results of effects."""
@@ -278,13 +278,13 @@ def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:
     displaced = state.plan.has("displacement")
     world = None if displaced else prepared.loaded.world
     if world is None:
-        world = joined([(item.positions, item.faces) for item in objects])
+        world = join_objects([(item.positions, item.faces) for item in objects])
     if not displaced:
         prepared.loaded.world = world
     return DrawnScene(objects, world)
 
 
-def shaded_sums(state: RenderState) -> Sums:
+def shade_to_sums(state: RenderState) -> Sums:
     """Shade all fragments in bands of rows and add them to their pixels."""
     height, width = state.options.height, state.options.width
     sums = Sums.empty(
@@ -298,17 +298,17 @@ def shaded_sums(state: RenderState) -> Sums:
 
     def work(start: int, stop: int) -> None:
         if layers is None:
-            for fragments in shaded_fragments(state, visibility, (start, stop))[1]:
+            for fragments in shade_fragments(state, visibility, (start, stop))[1]:
                 with state.costs.timed("pixels"):
                     sums.add(fragments)
         else:
-            layers.compose(state, sums, (start, stop), shaded_fragments)
+            layers.compose(state, sums, (start, stop), shade_fragments)
 
     run_bands(work, height, band=max(1, _PIXELS // width), threads=state.threads)
     return sums
 
 
-def behind_surfaces(state: RenderState) -> FloatImage | None:
+def find_background(state: RenderState) -> FloatImage | None:
     """Return the background: the picture of an effect, a color, or None."""
     for item in state.plan.passes:
         if item.effect.behind is not None:

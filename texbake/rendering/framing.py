@@ -48,7 +48,7 @@ class Framed:
     n_strays: int
 
 
-def framed(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
+def fill_picture(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
     """Return a camera that fills the picture with meshes."""
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)

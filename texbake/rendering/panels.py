@@ -50,7 +50,7 @@ class Panel:
     legend: bool = False
 
 
-def colored_angles(angles_deg: FloatImage) -> FloatImage:
+def color_angles(angles_deg: FloatImage) -> FloatImage:
     """(H, W, 3): colors of angles (H, W) in linear light; NaN is gray."""
     shown = np.isfinite(angles_deg)
     colors = np.empty((*angles_deg.shape, 3), np.float32)

@@ -46,7 +46,7 @@ def find_visible(state: RenderState) -> VisibleScene:
         if state.options.interpolation == "scanline":
             visibility, weights = rasterize_scanlines(state.world, *screen_of(state), modes=opaque)
         else:
-            visibility = rasterized(state, opaque)
+            visibility = rasterize_samples(state, opaque)
         seen = seen_objects(visibility, state.world, threads=state.threads)
     state.costs.add("rasterizing", 0.0, visibility.n_bytes)
     return VisibleScene(
@@ -64,7 +64,7 @@ def screen_of(state: RenderState) -> tuple[FloatArray, int, int]:
     return state.camera.clip_from_world(width / height), width, height
 
 
-def rasterized(
+def rasterize_samples(
     state: RenderState,
     modes: npt.NDArray[np.uint8],
     *,
@@ -108,7 +108,7 @@ def seen_objects(
     return frozenset(np.flatnonzero(seen).tolist())
 
 
-def shaded_fragments(
+def shade_fragments(
     state: RenderState,
     visibility: VisibilityBuffer,
     rows: tuple[int, int],
@@ -126,10 +126,10 @@ def shaded_fragments(
             and state.options.interpolation != "scanline",
             wants_samples=wants_samples,
         )
-    return found, shaded_objects(state, visibility, found)
+    return found, shade_objects(state, visibility, found)
 
 
-def shaded_objects(
+def shade_objects(
     state: RenderState, visibility: VisibilityBuffer | None, found: FragmentRows
 ) -> list[Fragments]:
     """Shade fragments object by object; `visibility` is the buffer they come from, if any."""

@@ -70,7 +70,7 @@ class VisibilityBuffer:
         return self.face_ids.nbytes + self.depths.nbytes
 
 
-def joined(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
+def join_objects(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
     """Join the positions and faces of objects; a single object's arrays are shared, not copied."""
     counts = [len(faces) for _, faces in parts]
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

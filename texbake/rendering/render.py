@@ -11,7 +11,7 @@ from texbake.rendering.draw import Prepared, draw, plan_of, prepare
 from texbake.rendering.effect import Plan
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.resolve import Frame, exposed
+from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.rendering.studio import studio_scene
 from texbake.sampling.time_budget import BudgetClock
@@ -181,4 +181,4 @@ def draw_picture(
         frame = draw(prepared, camera, keep=keep, progress=progress)
     if not prepared.options.exposes:
         return frame
-    return exposed([frame], prepared.options, threads=prepared.threads)[0]
+    return expose([frame], prepared.options, threads=prepared.threads)[0]

@@ -235,7 +235,7 @@ def picture_error(
 _BRIGHT = 0.25
 
 
-def exposed(
+def expose(
     frames: Sequence[Frame],
     options: RenderOptions,
     *,
@@ -244,11 +244,11 @@ def exposed(
 ) -> list[Frame]:
     """Return frames with exposed light, all with the same exposure."""
     if exposure is None:
-        exposure = exposure_of(frames, threads=threads)
+        exposure = find_exposure(frames, threads=threads)
     return [_exposed(frame, exposure, options, threads) for frame in frames]
 
 
-def exposure_of(frames: Sequence[Frame], *, threads: int | None = None) -> float:
+def find_exposure(frames: Sequence[Frame], *, threads: int | None = None) -> float:
     """Factor, at most 1, at which a quarter of the entirely covered pixels is above white."""
     n_covered, n_bright = np.sum([_counts(frame, threads) for frame in frames], axis=0).tolist()
     if n_bright <= _BRIGHT * n_covered:

@@ -15,7 +15,7 @@ from texbake.rendering.adaptive_pixels.pixel_statistics import (
     shading_errors,
 )
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
-from texbake.rendering.draw import laid_out, prepare
+from texbake.rendering.draw import lay_out, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.request import RenderRequest
@@ -47,7 +47,7 @@ def a_scene(name):
 
 def sampled(scene, options, sides, *, wanted=None):
     camera = camera_of(scene, options)
-    state = laid_out(
+    state = lay_out(
         prepare(scene, options), RenderRequest(scene, options, camera), Stages(), all_objects=True
     )
     sums = PixelSums.empty(options.height, options.width)

@@ -26,11 +26,11 @@ from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.adaptive_pixels.pixel_statistics import Float32Array, PixelSums
-from texbake.rendering.draw import behind_surfaces
+from texbake.rendering.draw import find_background
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import PEELED_LAYERS, LayeredSamples
 from texbake.rendering.fragments import FragmentRows, fragment_rows
-from texbake.rendering.passes import find_visible, shaded_objects
+from texbake.rendering.passes import find_visible, shade_objects
 from texbake.rendering.rasterize import VisibilityBuffer, Window
 
 BoolArray = npt.NDArray[np.bool_]
@@ -182,7 +182,7 @@ class PixelSampler:
         """Add opaque fragments to their pixels."""
         fragments, places = self._fragments(visibility, window, rows, sides)
         first = 0
-        for shaded in shaded_objects(self._state, None, fragments):
+        for shaded in shade_objects(self._state, None, fragments):
             with self._state.costs.timed("pixels"):
                 sums.add(places[first : first + len(shaded)], shaded.counts, shaded.light)
             first += len(shaded)
@@ -201,7 +201,7 @@ class PixelSampler:
         samples = LayeredSamples.empty(((rows[1] - rows[0]) * side, window.shape[1] * side))
         for layer in layers:
             fragments, _ = self._fragments(layer, window, rows, sides)
-            shaded = shaded_objects(self._state, None, fragments)
+            shaded = shade_objects(self._state, None, fragments)
             samples.composite_under(
                 self._state, fragments.of_samples, shaded, opaque=layer is layers[-1]
             )
@@ -231,8 +231,8 @@ def _behind_all(state: RenderState) -> Float32Array | None:
             empty = replace(state, request=request, visible_scene=visible)
             with state.costs.timed(item.name):
                 behind = item.effect.prepare.compute(empty, None)
-            return behind_surfaces(empty.including(item.effect.prepare, None, behind))
-    return behind_surfaces(state)
+            return find_background(empty.including(item.effect.prepare, None, behind))
+    return find_background(state)
 
 
 PixelIds = npt.NDArray[np.int64]

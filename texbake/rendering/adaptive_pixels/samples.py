@@ -31,7 +31,7 @@ from texbake.rendering.adaptive_pixels.pixel_statistics import (
 from texbake.rendering.adaptive_pixels.recheck import recheck
 from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelCache, PixelSampler, Sides
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import Prepared, laid_out, shaded_sums
+from texbake.rendering.draw import Prepared, lay_out, shade_to_sums
 from texbake.rendering.effect import RenderState
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import parse_picture_bound
@@ -175,13 +175,13 @@ def draw_adaptively(
     clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)
     request = prepared.request(camera, keep)
-    state = laid_out(prepared, request, stages, all_objects=True)
+    state = lay_out(prepared, request, stages, all_objects=True)
     adaptive = AdaptivePicture(state, keeps=options.time_budget is not None)
     coverage: FloatImage | None = None
     normals: FloatImage | None = None
     if "normals" in keep:  # before the first samples, so that its time is known
         with stages.stage("shade normals"):
-            plain = shaded_sums(state)
+            plain = shade_to_sums(state)
             _, coverage, normals = plain.finished(None, threads=state.threads)
     start = clock.spent
     with stages.stage("shade"):

@@ -23,7 +23,7 @@ from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
-from texbake.rendering.scene.scene import mapped, placed
+from texbake.rendering.scene.scene import apply_mapping, place_mesh
 
 
 def textured_mesh(state: RenderState, target: int) -> Mesh:
@@ -52,8 +52,8 @@ class MappedMesh:
 
 
 def _map(state: RenderState, target: int) -> MappedMesh:
-    item = mapped(state.scene.objects[target], threads=state.threads)
-    return MappedMesh(item.mesh, placed(item))
+    item = apply_mapping(state.scene.objects[target], threads=state.threads)
+    return MappedMesh(item.mesh, place_mesh(item))
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:

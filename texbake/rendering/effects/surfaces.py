@@ -35,7 +35,7 @@ from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.material import Displacement, Material
-from texbake.rendering.scene.scene import placed
+from texbake.rendering.scene.scene import place_mesh
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
     ImageTexture,
@@ -51,7 +51,7 @@ def _placing_reasons(request: RenderRequest, index: int) -> Iterator[str]:
 
 def _place(state: RenderState, target: int) -> DrawnObject:
     item = state.scene.objects[target]
-    mesh = placed(item)
+    mesh = place_mesh(item)
     inverse = None if item.transform is None else pm.inv(item.transform)
     return DrawnObject(
         mesh=mesh,

@@ -29,7 +29,7 @@ from texbake.rendering.effect import Effect, RenderState, for_each
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, FragmentRows, Fragments
-from texbake.rendering.passes import rasterized, seen_objects
+from texbake.rendering.passes import rasterize_samples, seen_objects
 from texbake.rendering.rasterize import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
@@ -158,7 +158,7 @@ def _peel(state: RenderState, target: Target) -> Layers:
     last = VisibilityBuffer(np.full(shape, -1, np.int32), np.full(shape, _BEFORE_ALL, np.float32))
     layers: list[VisibilityBuffer] = []
     while len(layers) < MAX_LAYERS:
-        layer = rasterized(state, modes, behind=last, before=opaque)
+        layer = rasterize_samples(state, modes, behind=last, before=opaque)
         if not (layer.face_ids >= 0).any():
             break
         layers.append(layer)

@@ -73,7 +73,8 @@ class CameraView:
 class SceneObject:
     """A mesh with a transform and a material.
 
-    A `mapping` gives the mesh new texture coordinates when something reads them; see `mapped`.
+    A `mapping` gives the mesh new texture coordinates when something reads them; see
+    `apply_mapping`.
     """
 
     mesh: Annotated[Mesh, Option("Mesh in its own space.")]
@@ -93,7 +94,7 @@ class SceneObject:
 
     def __post_init__(self) -> None:
         if self.transform is not None:
-            matrix = checked_transform(self.transform, "transform")
+            matrix = check_transform(self.transform, "transform")
             object.__setattr__(self, "transform", matrix)
 
     def box_corners(self) -> FloatArray:
@@ -161,7 +162,7 @@ class Scene:
         )
 
 
-def checked_transform(transform: FloatArray, name: str) -> FloatArray:
+def check_transform(transform: FloatArray, name: str) -> FloatArray:
     """Return a transform as a read-only (4, 4) float64 array."""
     matrix = np.array(transform, np.float64)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
@@ -174,7 +175,7 @@ def checked_transform(transform: FloatArray, name: str) -> FloatArray:
     return frozen(matrix)
 
 
-def mapped(item: SceneObject, *, threads: int | None = None) -> SceneObject:
+def apply_mapping(item: SceneObject, *, threads: int | None = None) -> SceneObject:
     """Return an object whose mesh has the coordinates from its mapping, if it has a mapping."""
     if item.mapping is None:
         return item
@@ -184,10 +185,10 @@ def mapped(item: SceneObject, *, threads: int | None = None) -> SceneObject:
     return replace(item, mesh=unwrap(item.mesh, item.mapping, threads=threads), mapping=None)
 
 
-def placed(item: SceneObject) -> Mesh:
+def place_mesh(item: SceneObject) -> Mesh:
     """Return the mesh of an object in world space; the mesh itself if it has no transform.
 
-    The texture coordinates that a mapping replaces are left out; see `mapped`.
+    The texture coordinates that a mapping replaces are left out; see `apply_mapping`.
     """
     mesh = item.mesh
     if item.mapping is not None and item.mapping.uv_set is None and item.mapping.only is None:

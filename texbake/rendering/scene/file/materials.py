@@ -21,7 +21,14 @@ from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo, WithJso
 from texbake.errors import FileError, OptionError
 from texbake.mapping.classical.projector import read_matrix, whole_matrix
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.scene.file.tables import Table, converted, described, list_of, made, table
+from texbake.rendering.scene.file.tables import (
+    Table,
+    built_by,
+    converted_by,
+    described,
+    list_of,
+    table,
+)
 from texbake.rendering.scene.file.values import (
     COLOR,
     FILE,
@@ -116,9 +123,9 @@ VolumeTable = table(
     },
     without=("procedure", "parameters", "filtered", "uv_set"),
 )
-Volume = made(VolumeTable, VolumeTexture)
-ImageOnly = made(ImageTable, ImageTexture)
-Procedure = converted(ProcedureTable, _procedure_texture)
+Volume = built_by(VolumeTable, VolumeTexture)
+ImageOnly = built_by(ImageTable, ImageTexture)
+Procedure = converted_by(ProcedureTable, _procedure_texture)
 
 
 def _kind_of(value: Any) -> str:
@@ -299,14 +306,14 @@ MaterialTable = table(
         "occlusion": UnitSlot,
         "opacity": UnitSlot,
         "light_map": ColorSlot,
-        "normal_map": made(NormalMapTable, NormalMap),
-        "bump_map": made(BumpMapTable, BumpMap),
-        "displacement": made(DisplacementTable, Displacement),
-        "parallax": made(ParallaxTable, Parallax),
-        "reflection": made(ReflectionTable, Reflection),
-        "refraction": made(RefractionTable, Refraction),
-        "projected": list_of(made(ProjectedTable, _projected)),
+        "normal_map": built_by(NormalMapTable, NormalMap),
+        "bump_map": built_by(BumpMapTable, BumpMap),
+        "displacement": built_by(DisplacementTable, Displacement),
+        "parallax": built_by(ParallaxTable, Parallax),
+        "reflection": built_by(ReflectionTable, Reflection),
+        "refraction": built_by(RefractionTable, Refraction),
+        "projected": list_of(built_by(ProjectedTable, _projected)),
     },
     without=("name",),
 )
-MaterialOf = made(MaterialTable, Material)
+MaterialOf = built_by(MaterialTable, Material)

@@ -22,7 +22,7 @@ from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
-from texbake.rendering.scene.file.tables import Table, described, made, table, types_of_fields
+from texbake.rendering.scene.file.tables import Table, built_by, described, table, types_of_fields
 from texbake.rendering.scene.file.values import (
     File,
     Text,
@@ -35,7 +35,7 @@ from texbake.rendering.scene.file.values import (
 )
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import SceneObject, checked_transform
+from texbake.rendering.scene.scene import SceneObject, check_transform
 from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import read_image
 
@@ -95,7 +95,9 @@ ObjectTable = table(
             choice((*SHAPES, *PLAIN_SHAPES)), "Surface that is made in place of a mesh file."
         ),
         **_SHAPE_KEYS,
-        "mapping": described(made(MappingTable, _mapping), "New texture coordinates for the mesh."),
+        "mapping": described(
+            built_by(MappingTable, _mapping), "New texture coordinates for the mesh."
+        ),
         **_TRANSFORM_KEYS,
         "material": described(_MATERIAL, "Name of a material of this file, or a table of its own."),
     },
@@ -118,7 +120,7 @@ class ObjectMaker:
     _numbers: dict[str, int] = field(default_factory=dict)
     _n_triangles: int = 0
 
-    def made(self, index: int, found: Table) -> list[SceneObject]:
+    def build(self, index: int, found: Table) -> list[SceneObject]:
         """Build the objects of one table: a single object, or all objects of a glTF file."""
         given = found.given()
         steps = "objects", index
@@ -231,8 +233,8 @@ def _transform(given: Mapping[str, Any]) -> FloatArray | None:
     if "matrix" in given:
         if parts:
             raise OptionError(f"{next(iter(parts))}: it conflicts with the matrix; give only one")
-        return checked_transform(given["matrix"], "matrix")
-    return checked_transform(transform_matrix(**parts), "scale") if parts else None
+        return check_transform(given["matrix"], "matrix")
+    return check_transform(transform_matrix(**parts), "scale") if parts else None
 
 
 def _composed(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray | None:

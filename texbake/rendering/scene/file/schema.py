@@ -41,11 +41,11 @@ from texbake.rendering.scene.file.materials import (
 from texbake.rendering.scene.file.objects import MappingTable, ObjectMaker, ObjectTable
 from texbake.rendering.scene.file.tables import (
     Table,
+    built_by,
     described,
     file_schema,
     list_of,
-    made,
-    switched,
+    switchable_by,
     table,
 )
 from texbake.rendering.scene.file.values import (
@@ -111,7 +111,7 @@ def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> 
 LightTable = table(
     Light,
     {
-        "shadow": switched(ShadowTable, Shadow),
+        "shadow": switchable_by(ShadowTable, Shadow),
         "profile": ImageOnly,
     },
     required=("kind",),
@@ -156,11 +156,11 @@ def _named(lights: list[Light]) -> tuple[Light, ...]:
     )
 
 
-Lights = list_of(made(LightTable, _light), _named)
-EnvironmentOf = made(EnvironmentTable, Environment)
-AmbientOf = made(AmbientTable, Ambient)
-FogOf = made(FogTable, Fog)
-OcclusionOf = made(OcclusionTable, AmbientOcclusion)
+Lights = list_of(built_by(LightTable, _light), _named)
+EnvironmentOf = built_by(EnvironmentTable, Environment)
+AmbientOf = built_by(AmbientTable, Ambient)
+FogOf = built_by(FogTable, Fog)
+OcclusionOf = built_by(OcclusionTable, AmbientOcclusion)
 
 
 # Render options that are not keys of [render]: for the camera, for bare meshes or per picture.
@@ -230,8 +230,8 @@ SceneTable: type[Table] = create_model(
     __base__=Table,
     __doc__="A scene: its objects, materials, lights and camera, and how it is drawn.",
     name=(described(Text, "Name of the scene."), None),
-    camera=(described(made(CameraTable, _view), "Where the scene is seen from."), None),
-    render=(described(made(RenderTable, _checked_render), "How the picture is drawn."), None),
+    camera=(described(built_by(CameraTable, _view), "Where the scene is seen from."), None),
+    render=(described(built_by(RenderTable, _checked_render), "How the picture is drawn."), None),
     ambient=(described(AmbientOf, "Light that comes from everywhere alike."), None),
     environment=(described(EnvironmentOf, "A panorama or cube map around the scene."), None),
     fog=(described(FogOf, "Fog between the objects and the camera."), None),
@@ -299,7 +299,7 @@ def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = 
         raise FileFormatError(f"{path}: {first_error(error)}") from error
     materials = {name: replace(material, name=name) for name, material in found.materials.items()}
     maker = ObjectMaker(path, materials, progress)
-    objects = tuple(item for i, each in enumerate(found.objects) for item in maker.made(i, each))
+    objects = tuple(item for i, each in enumerate(found.objects) for item in maker.build(i, each))
     scene = Scene(
         objects=objects,
         lighting=Lighting(

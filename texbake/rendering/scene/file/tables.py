@@ -59,7 +59,7 @@ class Table(BaseModel):
     source: ClassVar[type | None] = None  # the class whose fields are the keys
     # Key that is set by a plain value in place of the table; None if a table is required
     short: ClassVar[str | None] = None
-    # Whether `true` is accepted as an empty table, and `false` as none; see `switched`
+    # Whether `true` is accepted as an empty table, and `false` as none; see `switchable_by`
     switchable: ClassVar[bool] = False
     takes_more: ClassVar[bool] = False  # whether unknown keys are kept
     further_keys: ClassVar[JsonSchema] = {}  # JSON Schemas of unknown keys
@@ -197,28 +197,28 @@ def file_schema(model: type[Table], title: str) -> JsonSchema:
     return {"$schema": FileSchema.schema_dialect, **schema, "title": title}
 
 
-def made(model: type[Table], make: Callable[..., Any]) -> Any:
+def built_by(model: type[Table], make: Callable[..., Any]) -> Any:
     """Type of a table that becomes the result of `make(**given_keys)`."""
-    return converted(model, lambda found: make(**found.given()))
+    return converted_by(model, lambda found: make(**found.given()))
 
 
-def switched(model: type[Table], make: Callable[..., Any]) -> Any:
-    """As `made`, of a switchable table; `false` becomes None."""
+def switchable_by(model: type[Table], make: Callable[..., Any]) -> Any:
+    """As `built_by`, of a switchable table; `false` becomes None."""
 
     def unless_off(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
         return None if value is False else check(value)
 
-    return Annotated[made(model, make), WrapValidator(unless_off)]
+    return Annotated[built_by(model, make), WrapValidator(unless_off)]
 
 
-def converted(kind: Any, convert: Callable[[Any], Any]) -> Any:
+def converted_by(kind: Any, convert: Callable[[Any], Any]) -> Any:
     """Type of a value that a function converts after validation."""
     return Annotated[kind, AfterValidator(convert)]
 
 
 def list_of(kind: Any, convert: Callable[[list[Any]], Any] = tuple) -> Any:
     """Type of a list of values of one type that a function converts."""
-    return converted(list[kind], convert)
+    return converted_by(list[kind], convert)
 
 
 def _type_of(item: OptionField) -> Any:
