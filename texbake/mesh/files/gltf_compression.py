@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import DependencyError, MeshError, quoted
+from texbake.mesh.files.source import ByteArray, Cursor
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 
@@ -152,7 +153,7 @@ def decode_draco(
 
     content = data.tobytes()
     try:
-        n_faces, n_vertices = _draco_counts(content)
+        n_faces, n_vertices = _draco_counts(data)
         most = _LEAST_FACES + _FACES_PER_BYTE * len(content)
         if max(n_faces, n_vertices) > most:
             return (
@@ -170,53 +171,53 @@ def decode_draco(
     return rows, indices
 
 
-def _draco_counts(data: bytes) -> tuple[int, int]:
+def _draco_counts(data: ByteArray) -> tuple[int, int]:
     """Return the triangles and vertices that a Draco mesh claims, and its decoder takes memory for.
 
     Raises an exception where the head is none of a mesh, or is cut short.
     """
-    if data[:5] != b"DRACO" or data[7] != 1:
+    head = Cursor("Draco", data)
+    magic, major, minor, kind, method, flags = head.unpack("5s4BH")
+    if magic != b"DRACO" or kind != 1:
         raise ValueError("no mesh")
-    is_old, by_edges = data[5] < 2, data[8] == 1
-    at = _after_metadata(data, 11) if data[10] & 0x80 else 11
+    if flags & 0x8000:
+        _skip_metadata(head)
+    by_edges = method == 1
     if by_edges:
-        at += 1  # of the way through the triangles
-        if (data[5], data[6]) < (2, 2):
-            _, at = _draco_number(data, at, is_old)  # new vertices
-    first, at = _draco_number(data, at, is_old)
-    second, at = _draco_number(data, at, is_old)
+        head.take(1)  # the way through the triangles
+        if (major, minor) < (2, 2):
+            _draco_number(head, major)  # new vertices
+    first, second = _draco_number(head, major), _draco_number(head, major)
     return (second, first) if by_edges else (first, second)
 
 
-def _draco_number(data: bytes, at: int, is_old: bool) -> tuple[int, int]:
-    """Return a count and where it ends: 32 bits, or since version 2, 7 bits in each byte."""
-    if is_old:
-        return int.from_bytes(data[at : at + 4], "little"), at + 4
-    number = shift = 0
-    while shift < 64:
-        number |= (data[at] & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-        if data[at - 1] < 0x80:
+def _draco_number(head: Cursor, major: int = 2) -> int:
+    """Return a count: 32 bits, or since version 2, 7 bits in each byte."""
+    if major < 2:
+        return int(head.unpack("I")[0])
+    number = 0
+    for shift in range(0, 64, 7):
+        (byte,) = head.take(1).tolist()
+        number |= (byte & 0x7F) << shift
+        if byte < 0x80:
             break
-    return number, at
+    return number
 
 
-def _after_metadata(data: bytes, at: int) -> int:
-    """Return where the metadata end: those of attributes, with their numbers, and of the mesh."""
-    n_attributes, at = _draco_number(data, at, False)
+def _skip_metadata(head: Cursor) -> None:
+    """Skip metadata: those of attributes, with their numbers, and of the mesh."""
+    n_attributes = _draco_number(head)
     for number in range(n_attributes + 1):
         if number < n_attributes:
-            _, at = _draco_number(data, at, False)
+            _draco_number(head)
         n_left, has_name = 1, False
         while n_left:  # a group, and the groups in it with their names
-            at += 1 + data[at] if has_name else 0
-            n_entries, at = _draco_number(data, at, False)
-            for _ in range(n_entries):
-                n_bytes, at = _draco_number(data, at + 1 + data[at], False)
-                at += n_bytes
-            n_groups, at = _draco_number(data, at, False)
-            n_left, has_name = n_left - 1 + n_groups, True
-    return at
+            if has_name:
+                head.take(*head.unpack("B"))
+            for _ in range(_draco_number(head)):
+                head.take(*head.unpack("B"))
+                head.take(_draco_number(head))
+            n_left, has_name = n_left - 1 + _draco_number(head), True
 
 
 _STEPS = 65535
