@@ -13,7 +13,7 @@ from texbake_cli.main import texbake
 from texbake.errors import FileFormatError
 from texbake.mesh.files import gltf_document, read_mesh
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_nodes import MAX_PLACED
+from texbake.mesh.files.gltf_nodes import MAX_TRIANGLES
 from texbake.mesh.files.source import read_array
 from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
@@ -83,7 +83,7 @@ def assert_is_a_bomb(path, change):
 @pytest.mark.parametrize("read", [read_mesh, read_scene])
 def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
     no_array_is_read(monkeypatch)
-    path = instances(2000, claimed=MAX_PLACED // 1000)
+    path = instances(2000, claimed=MAX_TRIANGLES // 1000)
     with pytest.raises(FileFormatError, match=r"20,000 triangles up to 40,000,000, more"):
         read(path)
 
@@ -94,7 +94,7 @@ def test_primitives_that_share_one_accessor_are_a_bomb_as_well(instances, monkey
     def change(document, primitives):
         primitives *= 2000
 
-    assert_is_a_bomb(instances(1, claimed=MAX_PLACED // 1000), change)
+    assert_is_a_bomb(instances(1, claimed=MAX_TRIANGLES // 1000), change)
 
 
 def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
@@ -104,7 +104,7 @@ def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
         document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
         primitives[0]["indices"] = 1
 
-    assert_is_a_bomb(instances(2000, claimed=MAX_PLACED // 1000), change)
+    assert_is_a_bomb(instances(2000, claimed=MAX_TRIANGLES // 1000), change)
 
 
 def test_each_uv_set_counts_as_the_triangles_do(instances, monkeypatch):
@@ -113,7 +113,7 @@ def test_each_uv_set_counts_as_the_triangles_do(instances, monkeypatch):
     def change(document, primitives):
         primitives[0]["attributes"] |= {f"TEXCOORD_{i}": 0 for i in range(20)}
 
-    assert_is_a_bomb(instances(100, claimed=MAX_PLACED // 1000), change)
+    assert_is_a_bomb(instances(100, claimed=MAX_TRIANGLES // 1000), change)
 
 
 def test_meshes_of_the_same_arrays_are_read_once(instances, monkeypatch):

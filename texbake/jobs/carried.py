@@ -20,7 +20,7 @@ from texbake.errors import first_few
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import read_document
-from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import (
     CHANNELS,
@@ -81,7 +81,7 @@ def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, 
 
 def left_out(path: PathLike) -> tuple[str, ...]:
     """Return a sentence about what of a model file is not carried over; none for nothing."""
-    found = passed_over(path)
+    found = unread_parts(path)
     return (f"{path}: {', '.join(found)} left out",) if found else ()
 
 

@@ -24,8 +24,8 @@ from texbake.jobs.outputs import (
 )
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl import write_obj_materials
-from texbake.mesh.files.passed_over import passed_over
 from texbake.mesh.files.source import parsed_once
+from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink
@@ -66,7 +66,7 @@ class SourceMaterials:
                 materials = read_materials(path, mesh)
             except TexbakeError:  # it is damaged
                 materials, lost = None, ("materials",)
-            further = passed_over(path)
+            further = unread_parts(path)
         if materials is not None and not any(item.channels for item in materials.materials):
             lost = ("materials",) if materials.missing else ()
             materials = None

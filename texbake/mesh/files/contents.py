@@ -28,8 +28,8 @@ from texbake.mesh.files.gltf_material_read import (
 from texbake.mesh.files.mtl import library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
-from texbake.mesh.files.passed_over import passed_over_in_fbx, passed_over_in_gltf
 from texbake.mesh.files.reader_process import read_in_child
+from texbake.mesh.files.unread_parts import unread_fbx_parts, unread_gltf_parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +62,10 @@ def read_contents(path: PathLike) -> FileContents | None:
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
         document = read_document(path)
-        return replace(_of_gltf(document), passed_over=passed_over_in_gltf(document))
+        return replace(_of_gltf(document), passed_over=unread_gltf_parts(document))
     if suffix == ".fbx":
         scene = read_scene(path)
-        return replace(_of_fbx(scene), passed_over=passed_over_in_fbx(scene))
+        return replace(_of_fbx(scene), passed_over=unread_fbx_parts(scene))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
         contents: FileContents = read_in_child(path, "contents", _CLASSES)
         return contents

@@ -43,13 +43,13 @@ from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
     Id,
-    PlacedModel,
+    ModelInstance,
     model_geometry,
-    placed_models,
+    model_instances,
     read_scene,
 )
-from texbake.mesh.files.passed_over import passed_over_in_fbx, warn_of_fbx
 from texbake.mesh.files.source import decode_name
+from texbake.mesh.files.unread_parts import unread_fbx_parts, warn_of_fbx
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
@@ -77,12 +77,12 @@ def read_fbx(path: PathLike) -> Mesh:
     return join_parts(parts, Path(path).name)
 
 
-def _models_to_read(scene: FbxScene) -> tuple[list[PlacedModel], bool]:
+def _models_to_read(scene: FbxScene) -> tuple[list[ModelInstance], bool]:
     """Models that are shown, or all if none of those has a mesh; and whether that adds any."""
-    shown = list(placed_models(scene))
+    shown = list(model_instances(scene))
     if any(model_geometry(scene, item.model) for item in shown):
         return shown, False
-    all_models = list(placed_models(scene, hidden=True))
+    all_models = list(model_instances(scene, hidden=True))
     return all_models, len(all_models) > len(shown)
 
 
@@ -96,7 +96,7 @@ def _why_empty(scene: FbxScene) -> str:
         )
     if any(model_geometry(scene, item) for item in scene.objects.values()):
         return "all its meshes are empty; a mesh needs at least one triangle"
-    others = passed_over_in_fbx(scene)
+    others = unread_fbx_parts(scene)
     has = f", but {', '.join(others)}" if others else ""
     return f"it has no faces{has}; a mesh needs at least one triangle"
 
@@ -133,7 +133,7 @@ class FbxPart:
         return f"{self.model.name}/{material}"
 
 
-def read_parts(scene: FbxScene, models: Iterable[PlacedModel] | None = None) -> Iterator[FbxPart]:
+def read_parts(scene: FbxScene, models: Iterable[ModelInstance] | None = None) -> Iterator[FbxPart]:
     """Yield the geometry that the models of a scene show, in the order of the tree.
 
     `models` are the result of `_models_to_read`, if it is known.

@@ -17,7 +17,7 @@ import numpy as np
 
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_nodes import PASSED_OVER, Budget, Node
+from texbake.mesh.files.fbx_nodes import UNREAD_NODES, Budget, Node
 from texbake.mesh.files.source import ByteArray, line_number, text_of
 from texbake.mesh.mesh import FloatArray
 
@@ -86,8 +86,8 @@ class _Reader:
             if not self._skip_blank() or self.text[self.at] != ord("{"):
                 continue
             self.at += 1
-            if node.name in PASSED_OVER:
-                self._pass_over()
+            if node.name in UNREAD_NODES:
+                self._skip_node()
                 continue
             open_nodes.append(node)
         if len(open_nodes) > 1:
@@ -151,7 +151,7 @@ class _Reader:
         except ValueError:
             self.fail(f"{quoted(words[:20].decode('latin-1').splitlines()[0])} is not a number")
 
-    def _pass_over(self) -> None:
+    def _skip_node(self) -> None:
         """Skip to behind the brace that closes the one before."""
         depth = 1
         while depth:

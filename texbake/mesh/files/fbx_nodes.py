@@ -22,7 +22,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.source import ByteArray, Cursor, decode_name
 
 # Nodes whose children nobody asks for: they are passed over, however many there are.
-PASSED_OVER = frozenset({
+UNREAD_NODES = frozenset({
     "AnimationCurve", "AnimationCurveNode", "AnimationLayer", "AnimationStack", "Control",
     "CollectionExclusive", "Deformer", "Document", "Documents", "FBXHeaderExtension",
     "NodeAttribute", "Pose", "References", "Shape", "Takes", "Thumbnail",
@@ -152,7 +152,7 @@ class _Reader:
                 open_nodes.pop()
                 continue
             parent.children.append(node)
-            if cursor.at < stop and node.name not in PASSED_OVER:
+            if cursor.at < stop and node.name not in UNREAD_NODES:
                 open_nodes.append((node, stop))
             else:
                 cursor.at = stop
@@ -169,7 +169,7 @@ class _Reader:
         if not first <= first + n_bytes <= stop <= cursor.stop:
             cursor.fail("a node has a wrong length")
         node = Node(name)
-        if name not in PASSED_OVER or n_bytes < 1024:
+        if name not in UNREAD_NODES or n_bytes < 1024:
             cursor.stop = first + n_bytes
             node.values = self._values(n_values)
         cursor.at = first + n_bytes

@@ -190,14 +190,14 @@ def _defaults(root: Node, name: str) -> dict[str, list[Any]]:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedModel:
+class ModelInstance:
     """A model and the (4, 4) matrix of its geometry to the world: Y up, meters."""
 
     model: FbxObject
     matrix: FloatArray
 
 
-def placed_models(scene: FbxScene, *, hidden: bool = False) -> Iterator[PlacedModel]:
+def model_instances(scene: FbxScene, *, hidden: bool = False) -> Iterator[ModelInstance]:
     """Models that are shown, or all models with `hidden`, depth first, each after its parent."""
     models = {key: item for key, item in scene.objects.items() if item.node.name == "Model"}
     children: dict[Id, list[Id]] = {}
@@ -225,7 +225,7 @@ def placed_models(scene: FbxScene, *, hidden: bool = False) -> Iterator[PlacedMo
             )
         shown = is_shown and _is_visible(properties)
         if shown or hidden:
-            yield PlacedModel(model, matrix)
+            yield ModelInstance(model, matrix)
         pending += [(child, here, shown) for child in reversed(children.get(key, ()))]
     if n_placed < len(models):
         scene.fail("its models stand in a cycle")

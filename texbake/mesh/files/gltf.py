@@ -27,14 +27,14 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import (
     INDICES,
     TRIANGLES,
-    PlacedNodes,
+    SceneNodes,
+    check_instance_count,
     further_sets,
-    placed_nodes,
-    require_placeable,
+    scene_nodes,
 )
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
-from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name, without_cycle_search
+from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, check_corner_count
 from texbake.mesh.uv_sets import UvSet, require_few_sets
 
@@ -48,8 +48,8 @@ def read_gltf(path: PathLike) -> Mesh:
     Groups are named after the node, else the mesh.
     """
     with without_cycle_search():
-        placed = placed_nodes(read_document(path))
-        require_placeable(placed)
+        placed = scene_nodes(read_document(path))
+        check_instance_count(placed)
         parts = _read_parts(placed)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
@@ -67,7 +67,7 @@ class _Part(NamedTuple):
     node: int  # place of the node in the scene
 
 
-def _read_parts(placed: PlacedNodes) -> list[_Part]:
+def _read_parts(placed: SceneNodes) -> list[_Part]:
     """Read what the nodes of a scene place, primitives that share all arrays once."""
     document = placed.document
     requests: dict[Any, PrimitiveRequest] = {}

@@ -189,7 +189,7 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
     )
 
 
-def unread_parts(document: Document, index: int | None) -> tuple[str, ...]:
+def unread_extensions(document: Document, index: int | None) -> tuple[str, ...]:
     """Name the extensions of a material that are not read, and such textures of the others."""
     source = {} if index is None else document.item("materials", index)
     extensions = document.mapping(source, "extensions")

@@ -37,9 +37,9 @@ from texbake.mesh.files.gltf_material_read import (
     image_source,
     material_index,
     read_material,
-    unread_parts,
+    unread_extensions,
 )
-from texbake.mesh.files.gltf_nodes import placed_nodes, triangle_count
+from texbake.mesh.files.gltf_nodes import scene_nodes, triangle_count
 from texbake.mesh.files.gltf_primitives import primitive_uvs
 from texbake.mesh.materials import (
     CHANNELS,
@@ -66,7 +66,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     # The groups of the mesh are its primitives, in this order.
     of_meshes: dict[int, list[dict[str, Any]]] = {}
     primitives: list[dict[str, Any]] = []
-    for node in placed_nodes(document).nodes:
+    for node in scene_nodes(document).nodes:
         if "mesh" in node:
             source, index = document.item("meshes", node["mesh"]), node["mesh"]
             if index not in of_meshes:
@@ -83,7 +83,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     of_groups = np.array([numbers[index] for index in used], dtype=np.int32)
     reader = _MaterialReader(document)
     materials = tuple(reader.material(index) for index in order)
-    unread = Counter(part for index in order for part in unread_parts(document, index))
+    unread = Counter(part for index in order for part in unread_extensions(document, index))
     for part, n in unread.items():
         reader.missing.add("", f"{shortened(part)} of {n} material{'s' * (n > 1)} is not read")
     uv_sets = reader.uv_sets(materials, primitives, mesh)

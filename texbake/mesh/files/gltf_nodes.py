@@ -27,7 +27,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""
 INDICES = "indices"
 _UV_SET = re.compile("TEXCOORD_([0-9]{1,9})")
-MAX_PLACED = 20_000_000
+MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
 
 They take some 1 GB, and 2 GB where no two triangles share a vertex.
@@ -35,7 +35,7 @@ They take some 1 GB, and 2 GB where no two triangles share a vertex.
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedNodes:
+class SceneNodes:
     """Nodes of a scene, depth first."""
 
     document: Document
@@ -73,7 +73,7 @@ class PlacedNodes:
         return matrices
 
 
-def require_placeable(placed: PlacedNodes) -> None:
+def check_instance_count(placed: SceneNodes) -> None:
     """Raise `FileFormatError` if a file repeats its triangles too often.
 
     Nodes can share a mesh, and primitives an accessor, so a small file can ask for more triangles
@@ -92,7 +92,7 @@ def require_placeable(placed: PlacedNodes) -> None:
             counts[index] = sum(_size(document, primitive) for primitive in primitives)
         n_placed += counts[index]
     # A triangle takes more than a byte, unless it is there several times.
-    most = most_triangles(MAX_PLACED)
+    most = most_triangles(MAX_TRIANGLES)
     if n_placed > most and n_placed > document.n_bytes:
         raise FileFormatError(
             f"{document.path}: its nodes repeat {sum(counts.values()):,} triangles up to "
@@ -111,7 +111,7 @@ def _size(document: Document, primitive: dict[str, Any]) -> int:
     return max(n_triangles, n_vertices // 3) * (1 + len(further_sets(document, primitive)))
 
 
-def placed_nodes(document: Document) -> PlacedNodes:
+def scene_nodes(document: Document) -> SceneNodes:
     """Return the nodes of the scene.
 
     A file without nodes has each of its meshes once, where it is.
@@ -120,7 +120,7 @@ def placed_nodes(document: Document) -> PlacedNodes:
     if not nodes:
         meshes: list[dict[str, Any]] = [{"mesh": i} for i in range(len(document.items("meshes")))]
         n = len(meshes)
-        return PlacedNodes(document, meshes, np.full(n, -1), np.zeros(n, np.int64))
+        return SceneNodes(document, meshes, np.full(n, -1), np.zeros(n, np.int64))
     found: list[dict[str, Any]] = []
     parents: list[int] = []
     levels: list[int] = []
@@ -140,7 +140,7 @@ def placed_nodes(document: Document) -> PlacedNodes:
         found.append(node)
         parents.append(parent)
         levels.append(level)
-    return PlacedNodes(document, found, np.array(parents, np.int64), np.array(levels, np.int64))
+    return SceneNodes(document, found, np.array(parents, np.int64), np.array(levels, np.int64))
 
 
 def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:

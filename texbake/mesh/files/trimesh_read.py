@@ -48,7 +48,7 @@ def mesh_of_trimesh(path: PathLike) -> Mesh:
     if is_zipfile(path):
         LIMITS.allow(_PACKED * Path(path).stat().st_size)
     primitives: list[Any] = []
-    broken = _hear_geometries(primitives) if suffix in (".dae", ".zae") else []
+    broken = _record_geometries(primitives) if suffix in (".dae", ".zae") else []
     scene = _load(path, suffix)
     if broken:
         noun = "geometry" if len(broken) == 1 else "geometries"
@@ -89,7 +89,7 @@ def _replace_unknown(path: PathLike, scene: Any) -> None:
             mesh._cache.cache["vertex_normals"] = finite_rows(path, normals, "normals")
 
 
-def _hear_geometries(primitives: list[Any]) -> list[Exception]:
+def _record_geometries(primitives: list[Any]) -> list[Exception]:
     """Make pycollada tell what it reads and leaves out, and keep numbers that are not finite.
 
     Returns a list of what it leaves out, which is filled as it reads.

@@ -29,8 +29,8 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
-from texbake.mesh.files.passed_over import warn_of_cages
 from texbake.mesh.files.reader_process import read_in_child
+from texbake.mesh.files.unread_parts import warn_of_cages
 from texbake.mesh.files.usd_stage import (
     UsdCorners,
     numbers_of,

@@ -23,10 +23,10 @@ from texbake.files import PathLike, is_file
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
-from texbake.mesh.files.gltf_nodes import PlacedNodes, placed_nodes, require_placeable
+from texbake.mesh.files.gltf_nodes import SceneNodes, check_instance_count, scene_nodes
 from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
-from texbake.mesh.files.passed_over import warn_of_gltf
 from texbake.mesh.files.source import short_name
+from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet
@@ -55,8 +55,8 @@ def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> 
     """Read a .glb or .gltf file as a scene."""
     with Stages(progress).stage(f"read {Path(path).name}"):
         document = read_document(path)
-        placed = placed_nodes(document)
-        require_placeable(placed)
+        placed = scene_nodes(document)
+        check_instance_count(placed)
         return _Reader(document).scene(placed)
 
 
@@ -81,7 +81,7 @@ class _Reader:
             if name not in SHOWN
         ]
 
-    def scene(self, placed: PlacedNodes) -> Scene:
+    def scene(self, placed: SceneNodes) -> Scene:
         """Everything that the file's scene holds."""
         matrices = placed.matrices()
         of_meshes = placed.mesh_matrices(matrices)

@@ -11,7 +11,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
-    PlacedModel,
+    ModelInstance,
     has_polygons,
     model_geometry,
     read_scene,
@@ -33,7 +33,7 @@ _LIGHTS = "KHR_lights_punctual"
 _POSES = ("skin", "shape key")
 
 
-def passed_over(path: PathLike) -> tuple[str, ...]:
+def unread_parts(path: PathLike) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
     Those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other formats.
@@ -46,12 +46,12 @@ def passed_over(path: PathLike) -> tuple[str, ...]:
     return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
 
 
-def passed_over_in_gltf(document: Document) -> tuple[str, ...]:
+def unread_gltf_parts(document: Document) -> tuple[str, ...]:
     """Count the parts of a glTF document that are not read."""
     return _named(_counts_of_gltf(document))
 
 
-def passed_over_in_fbx(scene: FbxScene) -> tuple[str, ...]:
+def unread_fbx_parts(scene: FbxScene) -> tuple[str, ...]:
     """Count the parts of an FBX scene that are not read."""
     return _named(_counts_of_fbx(scene))
 
@@ -62,7 +62,7 @@ def warn_of_gltf(document: Document) -> None:
         warn_of(document.path, note)
 
 
-def warn_of_fbx(scene: FbxScene, models: Iterable[PlacedModel]) -> None:
+def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
     """Warn of unread parts of an FBX scene that would change its surface.
 
     `models` are the visible ones.

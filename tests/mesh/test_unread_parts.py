@@ -8,7 +8,7 @@ from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.errors import ReadWarning
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.files.passed_over import passed_over
+from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.shapes import cube
 from texbake.verbs.transform import transform_file
 
@@ -37,7 +37,7 @@ def test_animations_and_lights_of_gltf_are_counted(tmp_path):
     )
     assert read_contents(path).passed_over == ("2 animations", "1 skin", "1 light")
     # The reader itself warns of the skin.
-    assert passed_over(path) == ("2 animations", "1 light")
+    assert unread_parts(path) == ("2 animations", "1 light")
     with pytest.warns(ReadWarning, match="left out 1 skin"):
         (warning,) = transform_file(path, tmp_path / "b.glb").warnings
     assert "written without 2 animations, 1 light" in warning
@@ -45,8 +45,8 @@ def test_animations_and_lights_of_gltf_are_counted(tmp_path):
 
 def test_a_plain_file_has_nothing_to_pass_over(tmp_path):
     write_glb(cube(), tmp_path / "a.glb")
-    assert passed_over(tmp_path / "a.glb") == ()
-    assert passed_over(tmp_path / "a.obj") == ()
+    assert unread_parts(tmp_path / "a.glb") == ()
+    assert unread_parts(tmp_path / "a.obj") == ()
 
 
 def test_fbx_animations_and_skins_are_counted(tmp_path):
@@ -56,9 +56,9 @@ def test_fbx_animations_and_skins_are_counted(tmp_path):
     objects.append(("Deformer", [71, "\0\1Deformer", "Skin"], []))
     path = tmp_path / "a.fbx"
     path.write_bytes(binary(nodes))
-    assert passed_over(path) == ()  # the animation moves nothing
+    assert unread_parts(path) == ()  # the animation moves nothing
     assert read_contents(path).passed_over == ("1 skin",)
     objects.append(("AnimationCurve", [72, "\0\1AnimCurve", ""], []))
     path.write_bytes(binary(nodes))
-    assert passed_over(path) == ("1 animation",)
+    assert unread_parts(path) == ("1 animation",)
     assert read_contents(path).passed_over == ("1 animation", "1 skin")
