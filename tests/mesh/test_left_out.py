@@ -159,10 +159,7 @@ TRIANGLE = "f 1 2 3\n"
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (
-            SQUARE + TRIANGLE + "f 3 4\nf 1\nf 1 3 4\n",
-            "left out 2 faces with fewer",
-        ),
+        (SQUARE + TRIANGLE + "f 3 4\nf 1\nf 1 3 4\n", "left out 2 faces with fewer"),
         (SQUARE.replace(" 1", " 1,5") + TRIANGLE + "f 1 3 4\n", "decimal commas are read as"),
         ("\ufeff" + SQUARE + TRIANGLE + "f 1 3 4\n", None),
         (SQUARE + TRIANGLE + "f 1 3 4\n\0", None),

@@ -11,13 +11,7 @@ from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.jobs.carried import compared_without
 from texbake.mesh.files import mtl, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
-from texbake.mesh.materials import (
-    UNPLACED,
-    ChannelSource,
-    Materials,
-    MeshMaterial,
-    read_materials,
-)
+from texbake.mesh.materials import UNPLACED, ChannelSource, Materials, MeshMaterial, read_materials
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.scene.read import read_scene
 from texbake.verbs.transform import transform_file

@@ -116,8 +116,7 @@ def test_groups_of_objects_come_back_from_files(tmp_path, suffix):
 def test_an_object_of_two_groups_is_one():
     mesh = icosphere(1)
     halves = mesh.replace(
-        face_groups=np.arange(mesh.n_faces) % 2,
-        group_names=("ball/red", "ball/blue"),
+        face_groups=np.arange(mesh.n_faces) % 2, group_names=("ball/red", "ball/blue")
     )
     both = join_parts([halves, grouped(transformed(mesh, ASIDE), "other")], "both")
     assert both.group_objects == (0, 0, 1)

@@ -170,10 +170,7 @@ def lathe(profile, **options):
 
 
 def test_a_profile_gives_the_shapes_that_have_names():
-    for profile, shape in (
-        ([(1, -1), (1, 1)], "cylinder"),
-        ([(1, -1), (0, 1)], "cone"),
-    ):
+    for profile, shape in (([(1, -1), (1, 1)], "cylinder"), ([(1, -1), (0, 1)], "cone")):
         named, turned = make(shape, resolution=(24, 6)), lathe(profile, resolution=(24, 6))
         np.testing.assert_array_equal(named.faces, turned.faces)
         np.testing.assert_array_equal(named.positions, turned.positions)

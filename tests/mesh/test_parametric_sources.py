@@ -26,11 +26,7 @@ def written(tmp_path):
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "0 0\n1 0.5\n1 2\n",
-        "# a jar\n\n0, 0\n 1,0.5 # foot\r\n+1e0\t2.0",
-        "\ufeff0 0\n1 .5\n1 2",
-    ],
+    ["0 0\n1 0.5\n1 2\n", "# a jar\n\n0, 0\n 1,0.5 # foot\r\n+1e0\t2.0", "\ufeff0 0\n1 .5\n1 2"],
 )
 def test_profiles_are_read(written, text):
     assert read_profile(written(text)).tolist() == [[0, 0], [1, 0.5], [1, 2]]
@@ -165,10 +161,7 @@ def without(text, number):
         (without(shared(), 3), "line 3: patch 2 of 2 has 1 indices; it needs 16"),
         ("2\n" + rows([FIRST], ",")[0], "it ends before patch 2 of 2"),
         (shared().replace(",16\n", ",29\n"), "line 2: patch 1 has the index 29; there are points"),
-        (
-            shared().replace("\n1,2,", "\n0,2,"),
-            "line 2: patch 1 has the index 0; there",
-        ),
+        (shared().replace("\n1,2,", "\n0,2,"), "line 2: patch 1 has the index 0; there"),
         (shared().replace("\n1,2,", "\n1.5,2,"), "line 2: patch 1 has '1.5' for an index"),
         (shared().replace("\n1,2,", "\n-,2,"), "line 2: patch 1 has '-' for an index"),
         # holes in points

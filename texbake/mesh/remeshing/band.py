@@ -51,21 +51,13 @@ class CrowdedGridError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Distances to a surface at the points near it, in units of a voxel.
+    """Distances to a surface at the points near it, in units of a voxel."""
 
-    Attributes
-    ----------
-    slots : (nx, ny, nz) int32
-        Row of each block of 8 x 8 x 8 points, -1 where it is far from the surface.
-    corners : (n_slots, 3) int32
-        First point of each block with a row.
-    distances : (n_slots, 512) float32
-        Unsigned, at most `BAND_WIDTH`.
-    """
-
+    # (nx, ny, nz) int32; row of each block of 8 x 8 x 8 points, -1 where it is far from the
+    # surface.
     slots: IntArray
-    corners: IntArray
-    distances: npt.NDArray[np.float32]
+    corners: IntArray  # (n_slots, 3) int32; first point of each block with a row
+    distances: npt.NDArray[np.float32]  # (n_slots, 512) float32; unsigned, at most `BAND_WIDTH`
 
     @property
     def shape(self) -> tuple[int, int, int]:

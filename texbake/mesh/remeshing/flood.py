@@ -36,16 +36,10 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Rooms:
-    """What was found of the rooms of more than a point.
-
-    Attributes
-    ----------
-    n_untested : int
-        Those whose winding numbers were not measured, and which count as solid.
-    """
+    """What was found of the rooms of more than a point."""
 
     n_cavities: int
-    n_untested: int
+    n_untested: int  # those whose winding numbers were not measured, and which count as solid
 
 
 def flood_outside(

@@ -22,23 +22,16 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loops of a boundary.
+    """The loops of a boundary."""
 
-    Attributes
-    ----------
-    vertices : (n,) int32
-        Those of each loop in turn.
-    sizes : (m,) int64
-    widths, lengths : (m,) float64
-        Twice the distance of the farthest vertex from the mean of all, and along the edges.
-    parts : (m,) int32
-        Which separate part of the surface each belongs to, as `face_components` numbers them.
-    """
-
-    vertices: IntArray
-    sizes: Indices
+    vertices: IntArray  # (n,) int32; those of each loop in turn
+    sizes: Indices  # (m,) int64
+    # widths, lengths: (m,) float64; twice the distance of the farthest vertex from the mean of all,
+    # and along the edges.
     widths: FloatArray
     lengths: FloatArray
+    # (m,) int32; which separate part of the surface each belongs to, as `face_components` numbers
+    # them.
     parts: IntArray
 
     @classmethod
@@ -103,11 +96,7 @@ class Loops:
 
 
 NO_LOOPS = Loops(
-    np.zeros(0, np.int32),
-    np.zeros(0, np.int64),
-    np.zeros(0),
-    np.zeros(0),
-    np.zeros(0, np.int32),
+    np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int32)
 )
 
 
@@ -151,9 +140,7 @@ def with_own_fans(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntA
             heads.append(other[same])
     labels = np.arange(len(corners), dtype=np.int32)
     core.merge_labels(
-        labels,
-        np.concatenate(tails).astype(np.int32),
-        np.concatenate(heads).astype(np.int32),
+        labels, np.concatenate(tails).astype(np.int32), np.concatenate(heads).astype(np.int32)
     )
     firsts = np.unique(labels, return_index=True)[1]
     return points[corners[firsts]], labels.reshape(-1, 3)

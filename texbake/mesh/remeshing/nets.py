@@ -25,21 +25,11 @@ JUST_SOLID = -0.05
 
 @dataclass(frozen=True, eq=False)
 class Nets:
-    """A surface of quads.
+    """A surface of quads."""
 
-    Attributes
-    ----------
-    positions : (V, 3) float64
-        In units of a voxel, each in a cell of its own.
-    thin : (V,) bool
-        Vertices around a sheet without thickness.
-    quads : (n, 4) int32
-        Counter-clockwise seen from outside.
-    """
-
-    positions: FloatArray
-    thin: npt.NDArray[np.bool_]
-    quads: IntArray
+    positions: FloatArray  # (V, 3) float64; in units of a voxel, each in a cell of its own
+    thin: npt.NDArray[np.bool_]  # (V,) bool; vertices around a sheet without thickness
+    quads: IntArray  # (n, 4) int32; counter-clockwise seen from outside
 
     @property
     def n_handles(self) -> int:
@@ -89,10 +79,7 @@ def nets_of(
 
 
 def solid_points(
-    band: Band,
-    field: npt.NDArray[np.float32],
-    labels: npt.NDArray[np.uint8],
-    threads: int | None,
+    band: Band, field: npt.NDArray[np.float32], labels: npt.NDArray[np.uint8], threads: int | None
 ) -> npt.NDArray[np.bool_]:
     """Whether each point of the grid is solid, (nx, ny, nz), as in `nets_of`."""
     solid = np.empty(labels.shape, dtype=np.bool_)

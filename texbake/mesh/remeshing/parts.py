@@ -23,18 +23,10 @@ _CUT_OFF = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Separate parts of a closed surface.
+    """Separate parts of a closed surface."""
 
-    Attributes
-    ----------
-    ids : (F,) int32
-        Part of each face.
-    volumes : (n,) float64
-        In units of a voxel, negative for the walls of cavities.
-    """
-
-    ids: IntArray
-    volumes: FloatArray
+    ids: IntArray  # (F,) int32; part of each face
+    volumes: FloatArray  # (n,) float64; in units of a voxel, negative for the walls of cavities
 
     @classmethod
     def of(cls, points: FloatArray, faces: IntArray) -> Parts:

@@ -230,11 +230,7 @@ def largest_sheets(
 
 
 def _cleaned(
-    points: FloatArray,
-    faces: IntArray,
-    n_given: int,
-    rim: TriangleTree | None,
-    threads: int | None,
+    points: FloatArray, faces: IntArray, n_given: int, rim: TriangleTree | None, threads: int | None
 ) -> tuple[FloatArray, IntArray]:
     """Leave out small parts, and fill holes that the grid made.
 

@@ -49,30 +49,16 @@ _CLOSED = "it has no boundary"
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A surface whose vertices at one place are one.
+    """A surface whose vertices at one place are one."""
 
-    Attributes
-    ----------
-    faces : (F, 3) int32
-        Neighbors wind alike where that is possible. Those with repeated vertices are left out.
-    loops : Loops
-        Of its boundary.
-    open_parts : (n,) bool
-        Which separate parts are open surfaces.
-    is_open : bool
-        Whether most of its area is of open surfaces.
-    is_one_sided : bool
-        Whether neighbors cannot wind alike everywhere, as on a Möbius strip.
-    reason : str
-        Why, as the end of a sentence.
-    """
-
+    # (F, 3) int32; neighbors wind alike where that is possible. Those with repeated vertices are
+    # left out.
     faces: IntArray
-    loops: Loops
-    open_parts: BoolArray
-    is_open: bool
-    is_one_sided: bool
-    reason: str
+    loops: Loops  # of its boundary
+    open_parts: BoolArray  # which separate parts are open surfaces
+    is_open: bool  # whether most of its area is of open surfaces
+    is_one_sided: bool  # whether neighbors cannot wind alike everywhere, as on a Möbius strip
+    reason: str  # why, as the end of a sentence
 
 
 # Of a surface that is wrapped without being examined.
@@ -165,25 +151,16 @@ def _seen_through_holes(
 
 @dataclass(frozen=True, eq=False)
 class Filled:
-    """A surface with the triangles that fill its holes.
+    """A surface with the triangles that fill its holes."""
 
-    Attributes
-    ----------
-    faces : (F, 3) int32
-        Those of the surface, then those that fill holes; neighbors wind alike.
-    smooth : (F,) bool or None
-        Those that fill small holes; None if no hole is filled.
-    n_given, n_holes : int
-        Faces of the surface, and filled holes.
-    rim : (n, 2) int32
-        Edges of the boundary that is left.
-    """
-
+    # (F, 3) int32; those of the surface, then those that fill holes; neighbors wind alike.
     faces: IntArray
+    # (F,) bool or None; those that fill small holes; None if no hole is filled.
     smooth: BoolArray | None
+    # n_given, n_holes: Faces of the surface, and filled holes.
     n_given: int
     n_holes: int
-    rim: IntArray
+    rim: IntArray  # (n, 2) int32; edges of the boundary that is left
 
 
 def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Filled:
