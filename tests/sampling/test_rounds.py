@@ -17,6 +17,7 @@ class Work:
         rng = np.random.default_rng(seed)
         self.now, self.work, self.sampling, self.kept = 0.3, 0.0, 0.0, 0.0
         self.unit, self.growth, self.overhead = unit, growth, overhead
+        self.starts = []
         # Errors in closest bounds, each of which costs four samples.
         self.errors = rng.lognormal(4.0, 2.0, 50_000).astype(np.float32)
         self.warnings = []
@@ -38,6 +39,7 @@ class Work:
         return f"{bound:.9g}"
 
     def refine(self, bound):
+        self.starts.append(self.now)
         refined = self.errors > bound
         work = 4.0 * self.growth * np.count_nonzero(refined)
         # Most samples of rounds that were given up are those of a wider bound.
@@ -163,3 +165,54 @@ def test_more_time_never_gives_a_wider_bound(growth, overhead):
     ]
     assert bounds == sorted(bounds, reverse=True)
     assert bounds[0] > 1000.0 and bounds[-1] == 1.0
+
+
+@pytest.mark.parametrize("overhead", [0.0005, 0.02])
+@pytest.mark.parametrize("budget", [5.0, 8.0])
+def test_no_round_begins_when_the_time_is_nearly_spent(budget, overhead):
+    work = Work(budget, overhead=overhead, seed=3)
+    work.run()
+    assert len(work.starts) > 2
+    assert max(work.starts) + work.rounds.after <= 0.92 * budget
+
+
+@pytest.mark.parametrize(("budget", "overhead", "share"), [(6.0, 0.6, 0.87), (9.0, 1.2, 0.83)])
+def test_a_round_after_which_no_other_pays_takes_most_of_what_is_left(budget, overhead, share):
+    work = Work(budget, overhead=overhead)
+    work.run()
+    assert share * budget < work.now <= budget
+
+
+@pytest.mark.parametrize("more", [10.0, 1000.0, 20_000.0])
+def test_an_overhead_that_grows_with_all_samples_is_foreseen(more):
+    """By most of what it grows, so that another round is not predicted to take far too little."""
+    rounds, per_sample, unit = Work(1000.0).rounds, 4e-4, 1e-6
+    rounds.unit, rounds.total = unit, 1000.0
+    rounds._learn(100.0, 100.0, 1100.0 * per_sample + 100.0 * unit, 100.0 * unit)
+    predicted = rounds.overhead + rounds.unit * more
+    assert 0.65 < predicted / ((1100.0 + more) * per_sample + more * unit) <= 1.0
+
+
+@pytest.mark.parametrize("factor", [0.01, 0.4, 0.6, 1.0, 1.8, 3.0, 100.0])
+def test_one_round_changes_a_prediction_by_a_factor_of_two_at_most(factor):
+    work = Work(1000.0, overhead=0.0)
+    work.errors[:] = 8.0
+    work.run()
+    unit = work.rounds.unit
+    work.rounds._learn(4.0, 100.0, 100.0 * factor * unit, 100.0 * factor * unit)
+    assert work.rounds.unit == pytest.approx(min(max(factor, 0.5), 2.0) * unit)
+
+
+@pytest.mark.parametrize("has_result", [False, True])
+def test_a_round_is_given_up_when_it_and_what_follows_do_not_fit(has_result):
+    """Half of its overhead is still to come; without a result, also a round that has one."""
+    work = Work(10.0)
+    rounds = work.rounds
+    rounds.after, rounds.overhead, rounds._is_least = 1.0, 2.0, False
+    rounds._reached = 4.0 if has_result else float("inf")
+    last = 0.98 * 10.0 - 1.0 - (0.5 if has_result else 1.5) * 2.0
+    for work.now, seconds in ((last - 0.01, 0.0), (1.0, last - 1.01)):
+        rounds.check(seconds)
+    for work.now, seconds in ((last + 0.01, 0.0), (1.0, last - 0.99)):
+        with pytest.raises(OutOfTimeError):
+            rounds.check(seconds)

@@ -26,31 +26,27 @@ from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
 
 FloatArray32 = npt.NDArray[np.float32]
 
-# Share of the time to spend: timings on a shared machine differ.
+# Measured on shared machines: the share of the time to spend, because timings differ by the rest.
 _SPENT_SHARE = 0.96
-# Share of the time in which a round must end, or is given up.
-_LIMIT = 0.98
-# Shares of the time that is left which a round may be predicted to take: the first one, whose work
-# is not well known yet, one of the others, and the last one.
+# So a round must end before half of the rest is over, or is given up, and none begins for less.
+_LIMIT = (1.0 + _SPENT_SHARE) / 2.0
+_LEAST_SHARE = 1.0 - _SPENT_SHARE
+# Measured: how far off predictions are, as shares of the time that is left which a round may be
+# predicted to take: the first one, whose work is not well known, one of the others, and the last.
 _FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 0.4, 0.7, 0.85
-# A round that has less time than so many times its overhead is not worth it.
-_WORTH = 1.5
-# Below this share of the whole time that is left, there is no further round.
-_LEAST_SHARE = 0.03
-# A bound that is less than this closer than the one before is no progress.
-_LEAST_STEP = 0.99
-# Factor on what rounds cost where one was given up, and the share of its samples that another uses.
-_GIVEN_UP = 1.3
-_USED = 0.8
 # What is learnt from one round changes a prediction by this factor at most.
 _MOST_CHANGE = 2.0
-# Share of the overhead of a round that grows with the number of samples, old and new.
-_GROWING = 0.7
+# Half of the overhead of a round is still to come while its samples are taken. Another round takes
+# that of a whole one before.
+_TO_COME = 0.5
+_ANOTHER = 1.0 + _TO_COME
+# Measured: how much more rounds cost where one was given up, the share of its samples that another
+# uses, and the share of the overhead of a round that grows with all samples, old and new.
+_GIVEN_UP, _USED, _GROWING = 1.3, 0.8, 0.7
 _NOTHING = float("inf")  # the bound before the first round
 
-# Errors are counted by their size, in so many steps from one to its double.
-_STEPS = 64
-_OCTAVES = 16
+# Errors, and so bounds, are counted by their size, in so many steps from one to its double.
+_STEPS, _OCTAVES = 64, 16
 
 
 class OutOfTimeError(Exception):
@@ -135,8 +131,8 @@ class Rounds:
 
         `seconds` is how long it still takes at least.
         """
-        # Parts of the overhead are still to come; where there is no result yet, also another round.
-        overheads = 0.5 if self._reached < _NOTHING else 1.5
+        # Where there is no result yet, another round must follow.
+        overheads = _TO_COME if self._reached < _NOTHING else _ANOTHER
         needed = seconds + self.after + overheads * self.overhead
         if not self._is_least and self.clock.spent + needed > _LIMIT * self.seconds:
             raise OutOfTimeError
@@ -184,9 +180,7 @@ class Rounds:
         step = int(fitting[0]) if len(fitting) else len(work) - 1
         bound = float(pm.power(2.0, step / _STEPS))
         if self._reached < _NOTHING and (
-            len(fitting) == 0
-            or left < _LEAST_SHARE * self.seconds
-            or bound > _LEAST_STEP * self._reached
+            len(fitting) == 0 or left < _LEAST_SHARE * self.seconds or bound >= self._reached
         ):
             return None
         self._is_least = self._reached == _NOTHING and step == len(work) - 1
@@ -202,7 +196,7 @@ class Rounds:
         """Seconds that a round may take of those that are left; less if another one follows."""
         if not self._done:
             return _FIRST_SHARE * left
-        has_no_other = (1.0 - _NEXT_SHARE) * left < _WORTH * self.overhead
+        has_no_other = (1.0 - _NEXT_SHARE) * left < _ANOTHER * self.overhead
         is_last = has_no_other or to_closest <= _LAST_SHARE * left
         return (_LAST_SHARE if is_last else _NEXT_SHARE) * left
 
