@@ -1,4 +1,4 @@
-"""The checks of every call: in Python on a function of the test, and in C on the core's own."""
+"""The checks of every call, on a function of the test."""
 
 import ctypes
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.core import core
-from texbake.core.binding import OUT_OF_MEMORY, REFUSED, bind, tell_array_layout
+from texbake.core.binding import OUT_OF_MEMORY, bind
 from texbake.core.declarations import read_prototype, split_prototypes
 
 CALLBACK = ctypes.CFUNCTYPE(
@@ -113,92 +113,16 @@ def test_a_wrong_number_of_arguments_is_an_error(add, seen, arguments):
     assert seen == []
 
 
-# In C. `bin_faces` has a size that is a product, `add_fragments` arrays that may be left out.
+def test_an_array_of_a_derived_class_is_passed(add, seen):
+    class Derived(np.ndarray):
+        pass
+
+    values, mask, sums = arrays()
+    assert add(values.view(Derived), mask, sums, 1.0) == 7
 
 
-def fragments(n=4):
-    return {
-        "pixels": np.zeros(n, np.int32),
-        "counts": np.ones(n, np.float32),
-        "light": np.ones((n, 3), np.float32),
-        "normals": None,
-        "color": np.zeros((2, 4), np.float32),
-        "coverage": np.zeros(2, np.float32),
-        "normal_sums": None,
-    }
-
-
-def bound_in_c(name, seen):
-    """A function of the core that is checked in C, and calls `seen.append` if Python must look."""
-    result = CALLBACK(lambda *arguments: seen.append(arguments))
-    return bind(
-        read_prototype(core._prototypes[name]), result, getattr(core.library, f"checked_{name}")
-    )
-
-
-def test_right_arguments_need_no_second_look(seen):
-    assert core._has_checks
-    add_fragments = bound_in_c("add_fragments", seen)
-    given = fragments()
-    assert add_fragments(*given.values()) is None
-    assert given["coverage"].tolist() == [4.0, 0.0]
-    given |= {"normals": given["light"], "normal_sums": np.zeros((2, 3), np.float32)}
-    add_fragments(*given.values())
-    assert given["normal_sums"].tolist() == [[4.0] * 3, [0.0] * 3]
-    assert seen == []
-
-
-def wrong_fragments():
-    n = 4
-    read_only = np.zeros(2, np.float32)
-    read_only.flags.writeable = False
-    unaligned = np.zeros(4 * 2 + 1, dtype=np.uint8)[1:].view(np.float32)
-    return {
-        "a list": ("counts", [1.0] * n, TypeError),
-        "a number": ("counts", 1.0, TypeError),
-        "missing": ("counts", None, TypeError),
-        "another dtype": ("counts", np.ones(n), TypeError),
-        "another number of the same size": ("pixels", np.zeros(n, np.uint32), TypeError),
-        "another byte order": ("counts", np.ones(n, ">f4"), TypeError),
-        "another rank": ("light", np.ones(n, np.float32), ValueError),
-        "too few": ("counts", np.ones(n - 1, np.float32), ValueError),
-        "too many": ("light", np.ones((n + 1, 3), np.float32), ValueError),
-        "a fixed size": ("light", np.ones((n, 4), np.float32), ValueError),
-        "not contiguous": ("counts", np.ones(2 * n, np.float32)[::2], ValueError),
-        "columns first": ("light", np.ones((3, n), np.float32).T, ValueError),
-        "not aligned": ("coverage", unaligned, ValueError),
-        "read-only": ("coverage", read_only, ValueError),
-        "optional, another dtype": ("normals", np.ones((n, 3)), TypeError),
-        "optional, too few": ("normals", np.ones((n - 1, 3), np.float32), ValueError),
-    }
-
-
-@pytest.mark.parametrize("case", wrong_fragments())
-def test_what_is_wrong_is_refused_in_c(seen, case):
-    name, value, error = wrong_fragments()[case]
-    given = list((fragments() | {name: value}).values())
-    bound_in_c("add_fragments", seen)
-    assert core.library.checked_add_fragments(*given) == REFUSED
-    with pytest.raises(error, match=f"add_fragments: {name}: it "):
-        core.add_fragments(*given)
-
-
-def test_a_size_that_is_a_product_is_refused_in_c_where_it_overflows():
+def test_a_size_that_is_a_product_does_not_overflow():
     corners = np.zeros((0, 3, 2), np.int64)
     with pytest.raises(ValueError, match=r"firsts: .*shape \(1,\)"):
         core.bin_faces(corners, 1 << 62, 4, np.zeros(1, np.int64), None)
     core.bin_faces(corners, 1, 1, np.zeros(2, np.int64), None)
-
-
-def test_an_array_of_a_derived_class_is_passed_after_all():
-    class Derived(np.ndarray):
-        pass
-
-    given = fragments()
-    core.add_fragments(*(given | {"counts": given["counts"].view(Derived)}).values())
-    assert given["coverage"].tolist() == [4.0, 0.0]
-
-
-def test_another_python_checks_in_python(monkeypatch):
-    monkeypatch.setattr("sys.implementation.name", "another")
-    assert not tell_array_layout(core.library)

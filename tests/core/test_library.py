@@ -1,6 +1,5 @@
 """The library that is loaded: which build, and what happens without one."""
 
-import ctypes
 import os
 import subprocess
 import sys
@@ -9,7 +8,6 @@ import pytest
 
 from texbake.core import builds, core, library
 from texbake.core.builds import SUFFIX, find_builds
-from texbake.core.declarations import read_prototype
 from texbake.core.library import load_library
 from texbake.errors import DependencyError
 
@@ -23,14 +21,10 @@ def test_a_function_is_bound_once():
     assert core.solve_blocks is core.solve_blocks
 
 
-CHECKED = [name for name, match in core._prototypes.items() if read_prototype(match).has_check]
-
-
 def test_every_declared_function_is_exported_by_every_build():
     for path in find_builds().values():
         loaded = library._load(path)
-        names = [*core._prototypes, *(f"checked_{name}" for name in CHECKED)]
-        missing = [name for name in names if not hasattr(loaded, name)]
+        missing = [name for name in core._prototypes if not hasattr(loaded, name)]
         assert missing == [], path.name
 
 
@@ -62,17 +56,6 @@ def test_a_broken_library_is_an_error_of_one_line(monkeypatch, tmp_path):
     monkeypatch.setenv("TEXBAKE_CORE", str(broken))
     with pytest.raises(DependencyError, match="the compiled core does not load"):
         load_library()
-
-
-def test_a_library_compiled_with_another_table_is_an_error():
-    library.check_header(core.library, core._header)
-    with pytest.raises(DependencyError, match="was not compiled from these sources"):
-        library.check_header(core.library, core._header + "void more(void);\n")
-
-
-def test_a_library_of_something_else_is_an_error():
-    with pytest.raises(DependencyError, match="was not compiled from these sources"):
-        library.check_header(ctypes.CDLL(None), core._header)
 
 
 def test_too_much_memory_is_an_error_and_no_crash():

@@ -78,8 +78,7 @@ def wrong_values(declaration, array, right):
 @pytest.mark.parametrize("name", WITH_ARRAYS)
 def test_wrong_arrays_are_refused(name):
     declaration = DECLARATIONS[name]
-    checked = getattr(core.library, f"checked_{name}") if declaration.has_check else None
-    function = bind(declaration, NeverCalled(), checked)
+    function = bind(declaration, NeverCalled())
     sizes = {each.name: SIZE for each in declaration.parameters if not each.dimensions}
     for array in declaration.parameters:
         if not array.dimensions:

@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 FOLDER = Path(__file__).resolve().parent
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-_COMPILERS = ("builds.py", "checks.py", "compile_core.py", "declarations.py")
+_COMPILERS = ("builds.py", "compile_core.py")
 _KEPT = 16  # files in the cache: the builds of the eight checkouts used last
 
 

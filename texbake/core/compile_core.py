@@ -28,8 +28,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from builds import FOLDER, library_name, sources_checksum
-from checks import checked_source
-from declarations import read_prototype, split_prototypes
 
 # No fused multiply-adds and nothing reordered: every build gives the same bytes. Without errno and
 # traps, loops with square roots and conditions can use vector instructions; no result changes.
@@ -184,13 +182,12 @@ def _build_library(
     link_sanitizers: bool = True,
 ) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
-        sources = [*sorted(FOLDER.glob("*.c")), _write_checks(Path(scratch))]
+        sources = sorted(FOLDER.glob("*.c"))
         objects = [Path(scratch) / f"{source.stem}.o" for source in sources]
         commands = [
             [*compiler, *flags, "-c", str(source), "-o", str(made)]
             for source, made in zip(sources, objects, strict=True)
         ]
-        commands[-1] += ["-O1", f"-I{FOLDER}"]  # nothing to optimize, and half the time to compile
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             list(pool.map(_run, commands))
         # Linked beside its place and renamed, so that a process that has it loaded keeps its own.
@@ -203,15 +200,6 @@ def _build_library(
         shutil.copy(unfinished, beside)
         beside.replace(library)
     return library
-
-
-def _write_checks(folder: Path) -> Path:
-    """Write the functions that check their arguments into a folder; return the file."""
-    header = (FOLDER / "core.h").read_text(encoding="utf-8")
-    prototypes = split_prototypes(header).values()
-    source = folder / "checks.c"
-    source.write_text(checked_source(map(read_prototype, prototypes), header), encoding="utf-8")
-    return source
 
 
 def _run(command: list[str]) -> None:

@@ -1,9 +1,8 @@
 /* Every function that Python calls, and the one table of what each may be given.
 
-   `texbake/core/declarations.py` reads these prototypes, and from them `checks.py` writes, when the
-   core is compiled, the checks of every array: its type, its dimensions, that it is contiguous and
-   aligned, that sizes of the same name agree, and that what is written to is writable. `binding.py`
-   calls the functions through these checks. An array that is only read is `const`.
+   `texbake/core/declarations.py` reads these prototypes, and `binding.py` checks every array by them:
+   its type, its dimensions, that it is contiguous and aligned, that sizes of the same name agree, and
+   that what is written to is writable. An array that is only read is `const`.
 
    A size stands before the arrays that have it. Where an array's dimension is the size alone, or
    the size plus or minus a constant, Python does not pass it: it comes from the shape. An array that

@@ -72,12 +72,6 @@ class Declaration:
     result: str
     parameters: tuple[Parameter, ...]
 
-    @property
-    def has_check(self) -> bool:
-        """Whether the library checks the arguments, as of all that have arrays and can refuse."""
-        has_arrays = any(parameter.dimensions for parameter in self.parameters)
-        return has_arrays and self.result in {"void", "int64_t"}
-
     @cached_property
     def given(self) -> list[Parameter]:
         """The parameters that Python passes: all but the sizes that come from shapes."""

@@ -14,8 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from texbake.core.binding import bind
 from texbake.core.builds import FOLDER, SUFFIX, BuildError, find_builds
-from texbake.core.checks import checksum
 from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
 
@@ -30,51 +30,18 @@ class Core:
         match = self._prototypes.get(name)
         if match is None:
             raise AttributeError(f"core.h declares no function '{name}'")
-        from texbake.core.binding import bind  # with NumPy, which signals are watched without
-
-        declaration = read_prototype(match)
-        checked = None
-        if declaration.has_check and self._has_checks:
-            checked = getattr(self.library, f"checked_{name}")
-        bound = bind(declaration, getattr(self.library, name), checked)
+        bound = bind(read_prototype(match), getattr(self.library, name))
         setattr(self, name, bound)
         return bound
 
     @cached_property
     def library(self) -> ctypes.CDLL:
-        """The library itself, for calls without arrays of NumPy."""
-        library = load_library()
-        check_header(library, self._header)
-        return library
+        """The library itself."""
+        return load_library()
 
     @cached_property
     def _prototypes(self) -> dict[str, Any]:
-        return split_prototypes(self._header)
-
-    @cached_property
-    def _header(self) -> str:
-        return (FOLDER / "core.h").read_text(encoding="utf-8")
-
-    @cached_property
-    def _has_checks(self) -> bool:
-        from texbake.core.binding import tell_array_layout
-
-        return tell_array_layout(self.library)
-
-
-def check_header(library: ctypes.CDLL, header: str) -> None:
-    """Raise `DependencyError` if a library was not compiled with this `core.h`.
-
-    Its functions could take other arguments than those that are checked here.
-    """
-    tell = getattr(library, "header_checksum", None)
-    if tell is not None:
-        tell.restype = ctypes.c_int64
-    if tell is None or tell() != checksum(header):
-        raise DependencyError(
-            f"{library._name}: it was not compiled from these sources; install texbake again, or "
-            "recompile the library that TEXBAKE_CORE names"
-        )
+        return split_prototypes((FOLDER / "core.h").read_text(encoding="utf-8"))
 
 
 def load_library() -> ctypes.CDLL:
