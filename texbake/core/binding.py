@@ -89,10 +89,7 @@ class _Array:
         self._wanted = f"{parameter.dtype} ({', '.join(parameter.dimensions)})"
         self._dtype = np.dtype(parameter.dtype)
         self._sizes = list(declaration.derived)
-        self._dimensions = [
-            each if each.isidentifier() else compile(each, self._place, "eval")
-            for each in parameter.dimensions
-        ]
+        self._dimensions = [_compiled(each) for each in parameter.dimensions]
 
     def check_kind(self, array: Any) -> None:
         """Raise unless an argument is an array of the declared type and rank, usable as it is."""
@@ -118,8 +115,14 @@ class _Array:
         if array is None:
             return None
         shape = tuple(
-            values[each] if isinstance(each, str) else eval(each, {}, values)
-            for each in self._dimensions
+            [
+                values[each]
+                if type(each) is str
+                else each
+                if type(each) is int
+                else eval(each, {}, values)
+                for each in self._dimensions
+            ]
         )
         if array.shape != shape:
             sizes = ", ".join(f"{size} = {values[size]}" for size in self._sizes)
@@ -129,3 +132,10 @@ class _Array:
             )
         address: int = array.ctypes.data
         return address
+
+
+def _compiled(dimension: str) -> Any:
+    """Return a dimension as a number, the name of a size, or an expression of sizes."""
+    if dimension.isdigit():
+        return int(dimension)
+    return dimension if dimension.isidentifier() else compile(dimension, "core.h", "eval")
