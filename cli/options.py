@@ -173,11 +173,6 @@ def mesh_argument(name: str) -> Decorator[Any]:
     return click.argument(name, type=FileOf(MESH_SUFFIXES))
 
 
-def mesh_option(flag: str, text: str) -> Decorator[Any]:
-    """Add an option that names a mesh file to read."""
-    return click.option(flag, type=FileOf(MESH_SUFFIXES), metavar="MESH", help=text)
-
-
 def image_option(flag: str, text: str) -> Decorator[Any]:
     """Add an option that names an image file to read."""
     return click.option(flag, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE", help=text)
@@ -227,11 +222,6 @@ def output_option(
     return all_of((last, option))
 
 
-def output_file(text: str, suffixes: Sequence[str], *, after: str | None = None) -> Decorator[Any]:
-    """Add `-o FILE`, which is required."""
-    return output_option(FileOf(suffixes), "FILE", text, after=after, required=True)
-
-
 def output_folder(text: str, *, required: bool = False, **extra: Any) -> Decorator[Any]:
     """Add `-o DIR`; if it is required, it may also be the last argument."""
     folder = click.Path(path_type=Path, file_okay=False)
@@ -252,7 +242,6 @@ report_option = click.option(
     help="Also write every setting and figure as JSON.",
 )
 threads_option = options_of(BakeOptions, "threads")
-bits_option = options_of(BakeOptions, "bits")
 
 
 _PICTURE = ("view", "up", "back_faces", "supersampling")

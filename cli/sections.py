@@ -15,7 +15,7 @@ _INDENT = 4
 _COMMON = {
     "bake": ("front", "back", "cage", "samples", "space", "convention", "match_by_name"),
     "unwrap": ("method", "size", "padding", "quality", "seams_at_hard_edges", "normals"),
-    "bake-texture": ("procedure", "param", "photo", "camera"),
+    "bake-texture": ("procedure", "param", "photos", "cameras"),
 }
 
 

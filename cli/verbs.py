@@ -36,6 +36,7 @@ _WRITTEN = {
     "picture": ((".png",), "FILE.png"),
     "drawing": ((".png", ".svg"), "FILE"),
     "report": ((".json",), "FILE.json"),
+    "hits": ((".npz",), "FILE.npz"),
     "page": ((".html",), "FILE.html"),
 }
 
@@ -45,8 +46,10 @@ def command_of(verb: Verb) -> click.Command:
 
     def command(terminal: Terminal, **values: Any) -> None:
         with terminal.progress() as progress:
-            more = {"progress": progress, "command": command_line(), "clock": terminal.clock}
-            given = {name: value for name, value in more.items() if name in verb.parameters}
+            more: dict[str, Callable[[], Any]] = {
+                "progress": lambda: progress, "command": command_line, "clock": terminal.clock,
+            }  # fmt: skip
+            given = {name: make() for name, make in more.items() if verb.takes(name)}
             done = verb.run(**_arguments(verb, values), **given)
         for warning in done.warnings:
             terminal.warn(warning)
@@ -93,6 +96,8 @@ def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
 
 def _input(part: Reads) -> Decorator[Any]:
     kind = FileOf(part.suffixes or _READ[part.kind])
+    if part.argument:
+        return click.argument(part.name, type=kind, required=False)
     if part.required:
         many: dict[str, Any] = {"nargs": -1, "required": True} if part.many else {}
         return click.argument(part.name, type=kind, metavar=part.metavar, **many)

@@ -78,7 +78,6 @@ from .jobs.demo import demo as demo
 from .jobs.export.export import (
     ExportResult as ExportResult,
     export_asset as export_asset,
-    export_files as export_files,
 )
 from .jobs.export.options import ExportOptions as ExportOptions
 from .jobs.light_maps import (
@@ -86,15 +85,11 @@ from .jobs.light_maps import (
     bake_light_map_files as bake_light_map_files,
     bake_light_maps as bake_light_maps,
 )
-from .jobs.lighten import (
-    LightenReport as LightenReport,
-    lighten_file as lighten_file,
-)
+from .jobs.lighten import LightenReport as LightenReport
 from .jobs.lighten_options import LightenOptions as LightenOptions
 from .jobs.maps import (
     MapFiles as MapFiles,
     bake_files as bake_files,
-    remap_files as remap_files,
 )
 from .jobs.meshes import (
     MeshFileInfo as MeshFileInfo,
@@ -122,7 +117,6 @@ from .jobs.run import (
     run as run,
     run_files as run_files,
 )
-from .jobs.textures import bake_texture_files as bake_texture_files
 from .jobs.uv_pictures import (
     render_checker as render_checker,
     write_layout as write_layout,
@@ -314,9 +308,12 @@ from .texture.pack import (
     pack_textures as pack_textures,
 )
 from .texture.sample import sample_texture as sample_texture
+from .verbs.bake_texture import bake_texture_files as bake_texture_files
 from .verbs.cage import cage_file as cage_file
 from .verbs.cubemap import cubemap_files as cubemap_files
+from .verbs.export import export_files as export_files
 from .verbs.height_to_normal import height_to_normal_file as height_to_normal_file
+from .verbs.lighten import lighten_file as lighten_file
 from .verbs.make import (
     Relief as Relief,
     make_file as make_file,
@@ -328,6 +325,7 @@ from .verbs.pack_channels import (
     pack_channel_files as pack_channel_files,
 )
 from .verbs.pack_textures import pack_texture_files as pack_texture_files
+from .verbs.remap import remap_files as remap_files
 from .verbs.remesh import remesh_file as remesh_file
 from .verbs.repair import repair_file as repair_file
 from .verbs.simplify import (

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.jobs.lighten import lighten_file
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.texture.image import write_image
+from texbake.verbs.lighten import lighten_file
 
 SIZE = 2048
 RUNS = 5

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from texbake.baking.memory import TREE_FACE
+from texbake.baking.memory import PROCESS, TREE_FACE
 from texbake.building.build import build
 from texbake.building.digests import checksum
-from texbake.building.memory import IDLE_WORKER, size_by_length, size_of
+from texbake.building.memory import size_by_length, size_of
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, Outlook
 from texbake.building.steps import STEP_KINDS
@@ -162,7 +162,7 @@ def test_triangles_are_counted_without_reading_a_mesh(tmp_path: Path) -> None:
     assert size_by_length("a.stl", 84 + 50 * 1000).n_faces == 1001
     assert size_of(tmp_path / "nothing.ply").n_faces == 0
     settings = STEP_KINDS["bake"].settings({"size": 1})
-    assert STEP_KINDS["bake"].memory(settings, {"high": (size,)}) > IDLE_WORKER + 2000 * TREE_FACE
+    assert STEP_KINDS["bake"].memory(settings, {"high": (size,)}) > PROCESS + 2000 * TREE_FACE
 
 
 def test_the_outlook_counts_down(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,8 +51,8 @@ def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
         ("bake-lightmap room.toml -o m --front 1", "no such option '--front'"),
         ("bake-lightmap room.toml -o m --samples adaptive", "'adaptive' is not a valid integer"),
         ("bake high.ply low.obj --maps lightmap -o m", "lightmap is not one of normal,"),
-        ("bake -o m", "missing argument 'HIGH'"),
-        ("bake high.ply -o m", "missing argument 'LOW'"),
+        ("bake -o m", "HIGH: it is missing"),
+        ("bake high.ply -o m", "LOW: it is missing"),
     ],
 )
 def test_wrong_usage_is_reported(scene: Path, invoke: Invoke, line: str, message: str) -> None:

@@ -162,8 +162,8 @@ def test_images_skew_and_offset_rays(run, folder, tmp_path):
             "put {set} in it",
         ),
         (["low.obj", "--high", "empty"], 1, "no mesh in it"),
-        (["--high", "high.obj"], 2, "missing argument 'LOW'"),
-        (["high.obj"], 2, "missing argument 'LOW'"),
+        (["--high", "high.obj"], 2, "LOW: it is missing"),
+        (["high.obj"], 2, "LOW: it is missing"),
         (["high.obj", "low.obj", "--time-budget", "1s", "--match-by-name"], 2, "time-budget"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileFormatError, OptionError, ReadWarning, heard_warnings
-from texbake.jobs.lighten import _once, lighten_file
+from texbake.jobs.lighten import _once
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run_files
@@ -25,6 +25,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
+from texbake.verbs.lighten import lighten_file
 
 OPTIONS = LightenOptions(n_faces=600, size=256, images="png", views=0)
 
@@ -241,7 +242,7 @@ def test_pictures_of_both_are_compared(model, tmp_path):
         html=page,
         command="texbake lighten",
     )
-    assert done.files[-1] == page
+    assert done.files[-2:] == (page, tmp_path / "light.json")
     assert "two.glb" in page.read_text(encoding="utf-8")
     figures = json.loads((tmp_path / "light.json").read_text())["compare"]
     assert len(figures["psnr_db"]) == 2

@@ -15,7 +15,7 @@ from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError
-from texbake.files import PathLike, appearing_together, check_writable, written_file
+from texbake.files import PathLike, written_file
 from texbake.jobs.carried import (
     carried_channels,
     compared_without,
@@ -34,14 +34,7 @@ from texbake.jobs.lighten_options import (
     LightenOptions,
 )
 from texbake.jobs.low_poly import LowPoly, make_low_poly
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    check_page,
-    check_report,
-    given,
-    write_report,
-)
+from texbake.jobs.outputs import JobResult, given
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -164,54 +157,19 @@ def _pictures(comparison: ModelComparison) -> dict[str, Any]:
     }
 
 
-@appearing_together()
-def lighten_file(
+def lighten(
     model: PathLike,
     output: PathLike,
-    options: LightenOptions | None = None,
-    *,
-    report: PathLike | None = None,
-    html: PathLike | None = None,
-    command: str = "",
-    progress: ProgressSink | None = None,
+    options: LightenOptions,
+    html: PathLike | None,
+    command: str,
+    progress: ProgressSink | None,
 ) -> JobResult[LightenReport]:
-    """Write a model file with fewer triangles and all of its materials in one set of images.
-
-    Parameters
-    ----------
-    model
-        A model with materials: glTF, FBX, OBJ or USD. One without any gets a normal map alone.
-    output
-        A .glb file.
-    options
-        None for the defaults.
-    report
-        File for the figures as JSON.
-    html
-        File for a page where model and result lie over each other; it needs `views`.
-    command
-        What the page shows as the command that made it.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    FileError
-        A file cannot be read or written.
-    FileFormatError
-        The output is not a .glb file.
-    UnwrapError
-        No atlas could be made.
-    """
-    options = options or LightenOptions()
+    """Write a lightened model, and a page of both if `html` is given."""
     if Path(output).suffix.lower() != ".glb":
         raise FileFormatError(f"{output}: a lightened model is one file with its images; use .glb")
     if html is not None and options.views == 0:
         raise OptionError("html, views: the page shows the views; ask for one view or more")
-    check_distinct([output, report, html], [model])
-    check_page(html)
-    check_writable(output)
-    check_report(report)
     stages = Stages()
     with stages.part("read"), parsed_once():
         source = read_mesh(model, progress=progress)
@@ -256,9 +214,7 @@ def lighten_file(
         stages=tuple(stages.records),
     )
     lines = _once([*warnings, *made.warnings], comparison)
-    done = JobResult(files=given(output, report, html), report=figures, warnings=lines)
-    if report is not None:
-        write_report(report, figures.to_json())
+    done = JobResult(files=given(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done

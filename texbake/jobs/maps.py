@@ -11,11 +11,10 @@ import numpy as np
 
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
-from texbake.baking.hits_file import read_hits, write_hits
+from texbake.baking.hits_file import write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
-from texbake.baking.remap import remap_hits
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap, redundant_maps
 from texbake.errors import OptionError
@@ -138,7 +137,7 @@ def bake_files(
         files = {name: Path(path) for name, path in output.items()}
         options = replace(options, maps=tuple(files))
     else:
-        files = _named(Path(output), name_pattern, Path(low).stem, options.maps, format)
+        files = named_maps(Path(output), name_pattern, Path(low).stem, options.maps, format)
     if hits is not None:
         options = replace(options, keep_hits=True)
     if hits is None:  # other maps can be made from hits
@@ -174,7 +173,7 @@ def bake_files(
     baked = explained(high_mesh, low_mesh, baked, join_objects=join_objects)
     result = baked if html is None else _without_maps_of_page(baked, options)
     with stages.stage("write maps"):
-        written = _written(result, files, folder)
+        written = written_maps(result, files, folder)
         if miss_map is not None:
             write_image(result.miss_map(), miss_map)
         if hits is not None:
@@ -182,7 +181,7 @@ def bake_files(
     figures = result.report
     if figures.budget is not None:
         figures = replace(figures, budget=with_actual_time(figures.budget, clock))
-    done = _done(figures, stages.records, written, given(miss_map, report, html, hits))
+    done = map_files(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     redundant = redundant_maps({name: result.maps[name] for name in files}, size)
     done = replace(done, warnings=(*done.warnings, *redundant))
@@ -287,75 +286,28 @@ def _write_page(
     )
 
 
-@appearing_together()
-def remap_files(
-    hits: PathLike,
-    folder: PathLike,
-    changes: Mapping[str, Any] | None = None,
-    *,
-    format: str | None = None,  # noqa: A002
-    name_pattern: str = DEFAULT_PATTERN,
-    report: PathLike | None = None,
-    progress: ProgressSink | None = None,
-) -> MapFiles:
-    """Make other maps from the trace that a bake recorded, without either mesh and without rays.
-
-    Parameters
-    ----------
-    hits
-        What `bake_files` wrote as `hits`.
-    folder
-        For the maps; made if it is missing.
-    changes
-        Fields of `BakeOptions` that differ from those of the bake.
-    format, name_pattern, report, progress
-        As for `bake_files`.
-
-    Returns
-    -------
-    MapFiles
-        The same maps, byte for byte, as a bake with these options writes.
-    """
-    check_folder(folder)
-    check_report(report)
-    stages = Stages(progress)
-    with stages.stage("read hits"):
-        kept = read_hits(hits)
-    options = replace(kept.report.options, **(changes or {}))
-    asset = Path(kept.report.low).stem
-    files = _named(Path(folder), name_pattern, asset, options.maps, format)
-    check_distinct([*files.values(), report], [hits])
-    check_map_files(files, options, Path(folder))
-    result = remap_hits(kept, options, progress=progress)
-    with stages.stage("write maps"):
-        written = _written(result, files, Path(folder))
-    done = _done(result.report, stages.records, written, given(report))
-    if report is not None:
-        write_report(report, done.to_json())
-    # Warnings about the rays were given when they were cast.
-    return replace(done, warnings=clipping_warnings(written.values()))
-
-
-def _named(
+def named_maps(
     folder: Path, pattern: str, asset: str, maps: Sequence[str], suffix: str | None
 ) -> dict[str, Path]:
+    """Return a file in a folder for each map."""
     names = map_file_names(pattern, asset=asset, maps=maps, ext=suffix or DEFAULT_FORMAT)
     return {name: folder / file for name, file in names.items()}
 
 
-def _written(
+def written_maps(
     result: BakeResult, files: Mapping[str, Path], folder: Path | None
 ) -> dict[str, WrittenMap]:
+    """Write maps to their files, in a folder that is made."""
     if folder is not None:
         make_folder(folder)
     return {name: result.maps[name].write(path) for name, path in files.items()}
 
 
-def _done(
+def map_files(
     report: BakeReport,
     around: Sequence[StageRecord],
     written: Mapping[str, WrittenMap],
-    others: Sequence[Path],
+    others: Sequence[Path] = (),
 ) -> MapFiles:
     """Result of a job whose first and last stage stand around those of the report."""
     reading, writing = around

@@ -129,8 +129,8 @@ def check_drawing(path: PathLike) -> None:
 # By the kinds of `texbake.verbs.verb.Writes`.
 OUTPUT_CHECKS: dict[str, Callable[..., None]] = {
     "mesh": check_mesh, "picture": check_picture, "page": check_page, "drawing": check_drawing,
-    "report": check_writable, "image": check_writable, "folder": check_folder,
-    "images": lambda path: None,
+    "report": check_writable, "hits": check_writable, "image": check_writable,
+    "folder": check_folder, "images": lambda path: None,
 }  # fmt: skip
 
 SUFFIXES_OF_UV_SETS = (".glb", ".obj")

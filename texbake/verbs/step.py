@@ -14,7 +14,7 @@ from texbake.schema import Option
 from texbake.verbs.verb import Options, Reads, Verb
 
 if TYPE_CHECKING:
-    from texbake.jobs.outputs import JobResult
+    pass
 
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
@@ -24,9 +24,11 @@ MESH_FORMATS = ("obj", "ply", "glb", "stl", "off")
 IMAGE_FORMATS = ("png", "exr", "tif", "tga")
 FORMAT_OF_MESH = Option("Format of the mesh files.", choices=MESH_FORMATS)
 FORMAT_OF_IMAGE = Option("Format of the images.", choices=IMAGE_FORMATS)
-# Bytes per triangle of a mesh that is read.
+# Figures of memory were measured as the highest resident memory of worker processes and rounded up:
+# a step that is overestimated waits a little longer, one that is underestimated may exhaust the
+# machine. Bytes per triangle of a mesh that is read:
 READ_FACE = 130
-# Bytes of floats per byte of a compressed image that is decoded.
+# ... and of floats per byte of a compressed image that is decoded.
 DECODED = 40
 # Figures that depend on the machine and the moment.
 _UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
@@ -153,7 +155,7 @@ class StepKind:
 
 
 def step_of(
-    function: Callable[..., JobResult[Any]],
+    function: Callable[..., Any],
     *,
     does: str,
     outputs: Callable[[Settings], dict[str, str]],
@@ -208,6 +210,12 @@ def find_step(name: str) -> StepKind:
 def n_faces(sizes: Sizes, *roles: str) -> int:
     """About how many triangles the inputs of some roles have."""
     return sum(size.n_faces for role in roles for size in sizes.get(role, ()))
+
+
+def n_texels(settings: Settings) -> int:
+    """How many texels a texture of the `size` in settings has."""
+    side = settings["size"]
+    return int(side[0] * side[1] if isinstance(side, list) else side * side)
 
 
 def n_bytes(sizes: Sizes, *roles: str) -> int:

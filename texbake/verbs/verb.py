@@ -40,6 +40,8 @@ class Reads:
         `mesh`, `image`, `scene`, or another with `suffixes` of its own.
     role : str, optional
         Its key in a pipeline file; "" for `name`, None where a step does not take it.
+    argument : bool
+        Whether it is an argument although it is not required.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Reads:
     suffixes: tuple[str, ...] = ()
     metavar: str | None = None
     flags: tuple[str, ...] = ()
+    argument: bool = False
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,12 @@ class Verb:
         """Parameters of the function."""
         return signature(self.run).parameters
 
+    def takes(self, name: str) -> bool:
+        """Whether the function has a parameter of this name, or passes on any."""
+        return name in self.parameters or any(
+            item.kind is Parameter.VAR_KEYWORD for item in self.parameters.values()
+        )
+
     def of_kind(self, kind: type) -> list[Any]:
         """Return the parts of a kind, such as `Reads`."""
         return [part for part in self.parts if isinstance(part, kind)]
@@ -171,7 +180,7 @@ def verb(
 
         @wraps(run)
         def whole(*args: Any, **more: Any) -> Any:
-            given = names.bind(*args, **more).arguments
+            given = {**names.bind(*args, **more).arguments, **more}
             _check_files(made, given)
             with appearing_together():
                 return _reported(run(*args, **more), given.get("report"))
@@ -245,7 +254,7 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
 
 def _reported(done: JobResult[Any], report: Any) -> JobResult[Any]:
     """Write the report of a result, if a file for it is given."""
-    if report is None:
+    if report is None or Path(report) in done.files:
         return done
     from texbake.jobs.outputs import write_report
 

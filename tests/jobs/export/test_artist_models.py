@@ -12,7 +12,6 @@ import pytest
 from tests.artist_models import MODELS, WITH_UVS, bumpy, write_model
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.jobs.export.export import export_files
 from texbake.jobs.export.options import ExportOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh, write_mesh
@@ -27,6 +26,7 @@ from texbake.rendering.scene.read import read_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import read_image
 from texbake.texture.image_files import write_normals
+from texbake.verbs.export import export_files
 
 FORMATS = ("obj", "glb", "usda", "ply")
 WIDTH, HEIGHT = 320, 240

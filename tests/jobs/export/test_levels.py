@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
-from texbake.jobs.export.export import export_asset, export_files
+from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.levels import share_elsewhere
 from texbake.jobs.export.options import ExportOptions
 from texbake.mapping.options import UnwrapOptions
@@ -13,6 +13,7 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.simplify import simplify
 from texbake.mesh.simplify_options import QUALITIES, SimplifyOptions
+from texbake.verbs.export import export_files
 from texbake.verbs.simplify import simplify_levels
 
 ATLAS = UnwrapOptions(size=256, padding=2, quality="fast")

@@ -21,7 +21,6 @@ from texbake.errors import OptionError, UvError
 from texbake.files import (
     PathLike,
     appearing_together,
-    check_folder,
     make_folder,
     replacing,
     scratch_folder,
@@ -30,10 +29,10 @@ from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
-from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, find_maps, source_maps
+from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, source_maps
 from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files import write_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
@@ -81,53 +80,6 @@ class ExportResult:
         layers = [] if self.layers is None else [self.layers]
         maps = [written.path for written in self.maps]
         return [self.mesh, *self.textures, *maps, *layers, self.settings]
-
-
-def export_files(
-    mesh: PathLike,
-    folder: PathLike,
-    options: ExportOptions,
-    *,
-    maps: PathLike | None = None,
-    named_maps: Mapping[str, PathLike] | None = None,
-    levels: Sequence[PathLike] = (),
-    progress: ProgressSink | None = None,
-) -> ExportResult:
-    """Write a mesh file and its maps as another program reads them.
-
-    Parameters
-    ----------
-    mesh
-    folder
-        Made if it is missing.
-    options
-        The target program and how to export.
-    maps
-        A folder with images named after maps, such as `bake_files` writes; see `find_maps`.
-    named_maps
-        Image files by the name of their map, which take precedence over those of the folder.
-    levels
-        Mesh files of levels of detail for a GLB file, the finest first.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    TexbakeError
-        As `read_mesh`, `find_maps` and `export_asset` do.
-    """
-    check_folder(folder)
-    images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps)
-    meshes = [read_mesh(path, progress=progress) for path in (mesh, *levels)]
-    return export_asset(
-        meshes[0],
-        images,
-        folder,
-        options,
-        levels=meshes[1:],
-        inputs=(mesh, *levels),
-        progress=progress,
-    )
 
 
 @appearing_together()

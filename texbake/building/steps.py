@@ -1,4 +1,4 @@
-"""Steps that judge, show and hand over an asset: `check`, `preview`, `page`, `export`."""
+"""All kinds of steps: those of verbs, and those that judge and show an asset, which stand here."""
 
 from __future__ import annotations
 
@@ -6,12 +6,23 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from texbake.building.memory import check_memory, export_memory, page_memory, preview_memory
+from texbake.baking.memory import MB, PROCESS, TEXEL
 from texbake.checks.options import SEVERITIES, CheckOptions
 from texbake.errors import MeshError, OptionError, UvError, quoted
-from texbake.jobs.export.options import ExportOptions
 from texbake.rendering.options import RenderOptions
-from texbake.verbs.step import Job, StepKind, steady
+from texbake.verbs.step import (
+    DECODED,
+    READ_FACE,
+    Job,
+    Settings,
+    Sizes,
+    StepKind,
+    find_step,
+    n_bytes,
+    n_faces,
+    n_texels,
+    steady,
+)
 from texbake.verbs.verb import Reads
 
 if TYPE_CHECKING:
@@ -20,11 +31,29 @@ if TYPE_CHECKING:
 _NEVER = "never"
 # Maps that `preview` and `page` show.
 _SHOWN = ("normal_map", "displacement", "albedo")
-# Maps that have a place in materials of other programs, by the key of their file.
-_EXPORTED = (
-    "normal", "displacement", "base_color", "ao", "roughness", "metalness", "emissive", "opacity",
-    "bent_normal",
-)  # fmt: skip
+# Bytes per sample of a picture, and per triangle that displacement divides a mesh into.
+_SAMPLE, _DIVIDED = 120, 150
+
+
+def _check_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for checking a mesh or a pair."""
+    faces = n_faces(sizes, "mesh", "low")
+    return int(PROCESS + 2 * READ_FACE * faces + TEXEL * n_texels(settings))
+
+
+def _preview_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for a picture of a mesh with its maps."""
+    samples = settings["width"] * settings["height"] * settings["supersampling"] ** 2
+    divided = _DIVIDED * settings["max_triangles"] if sizes.get("displacement") else 0
+    images = DECODED * n_bytes(sizes, "normal_map", "displacement", "albedo")
+    mesh = READ_FACE * n_faces(sizes, "mesh")
+    return int(PROCESS + 64 * MB + _SAMPLE * samples + mesh + images + divided)
+
+
+def _page_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate for the page of an asset."""
+    images = 80 * n_bytes(sizes, "normal_map", "displacement", "albedo", "misses")
+    return int(PROCESS + 400 * MB + images + 2 * READ_FACE * n_faces(sizes, "high", "low"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +147,7 @@ CHECK = StepKind(
     inputs=(Reads("mesh"), Reads("low", required=False)),
     outputs=lambda settings: {"report": "check.json"},
     run=_check,
-    memory=check_memory,
+    memory=_check_memory,
 )
 
 
@@ -148,7 +177,7 @@ PREVIEW = StepKind(
     ),
     outputs=lambda settings: {"picture": "preview.png"},
     run=_preview,
-    memory=preview_memory,
+    memory=_preview_memory,
 )
 
 
@@ -210,42 +239,16 @@ PAGE = StepKind(
     ),
     outputs=lambda settings: {"page": "page.html"},
     run=_page,
-    memory=page_memory,
+    memory=_page_memory,
     names_asset=True,
 )
 
 
-def _export(job: Job) -> dict[str, Any]:
-    from texbake.jobs.export.export import export_files
-
-    name = job.settings["name"] or job.asset.rpartition("/")[2]
-    done = export_files(
-        job.file("mesh"),
-        job.outputs["folder"],
-        EXPORT.made({**job.settings, "name": name}, threads=job.threads),
-        named_maps={
-            role.replace("_", "-"): file for role in _EXPORTED if (file := job.input(role))
-        },
-        levels=job.inputs.get("levels", ()),
-    )
-    return {
-        "bytes": sum(path.stat().st_size for path in done.files),
-        "notes": list(done.notes),
-    }
-
-
-EXPORT = StepKind(
-    name="export",
-    does="writes an asset as another program reads it",
-    options=ExportOptions,
-    inputs=(
-        Reads("mesh"),
-        Reads("levels", required=False, many=True),
-        *(Reads(name, required=False) for name in _EXPORTED),
-    ),
-    outputs=lambda settings: {"folder": "export"},
-    run=_export,
-    revision=3,
-    memory=export_memory,
-    names_asset=True,
+_HERE = {kind.name: kind for kind in (CHECK, PREVIEW, PAGE)}
+# In the order in which a pipeline usually has them.
+_NAMES = (
+    *("make", "repair", "transform", "remesh", "simplify", "unwrap", "check", "bake"),
+    *("bake-texture", "pack-textures", "pack-channels", "split-channels", "mipmap"),
+    *("preview", "page", "export"),
 )
+STEP_KINDS: dict[str, StepKind] = {name: _HERE.get(name) or find_step(name) for name in _NAMES}

@@ -1,0 +1,150 @@
+"""`export`: write an asset folder for another program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from texbake.baking.memory import MB, PROCESS
+from texbake.errors import OptionError
+from texbake.files import PathLike
+from texbake.jobs.export.options import ExportOptions
+from texbake.verbs.step import READ_FACE, Job, Settings, Sizes, n_bytes, n_faces, step_of
+from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.jobs.export.export import ExportResult
+    from texbake.progress import ProgressSink
+
+# Maps that have a place in materials of other programs, by the key of their file.
+_EXPORTED = (
+    "normal", "displacement", "base_color", "ao", "roughness", "metalness", "emissive", "opacity",
+    "bent_normal",
+)  # fmt: skip
+
+
+def _with_named_maps(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values with the files of `KIND=FILE` by their kind."""
+    maps: dict[str, Path] = {}
+    for word in values["named_maps"]:
+        kind, equals, file = word.partition("=")
+        if not (kind and equals and file):
+            raise OptionError(f"named_maps: {word!r} is not KIND=FILE, such as normal=n.png")
+        if kind in maps:
+            raise OptionError(f"named_maps: {kind} is given twice; give each map once")
+        maps[kind] = Path(file)
+    return {**values, "named_maps": maps}
+
+
+@verb(
+    Reads("mesh"),
+    Writes("output", "folder", "Folder for the files, which is made if it is missing."),
+    Options(ExportOptions, "to"),
+    Extra(
+        "--maps",
+        "Folder of maps, such as bake wrote: images whose names end in normal, ao, roughness, ...",
+        metavar="DIR",
+    ),
+    Extra(
+        "--map named_maps",
+        "A map and its kind, in place of that in the folder; KIND:1002 is for UDIM tile 1002.",
+        multiple=True,
+        metavar="KIND=FILE",
+    ),
+    Reads(
+        "levels",
+        "mesh",
+        "A coarser level of detail, for a GLB file; repeatable, the finest first.",
+        flags=("--level",),
+        required=False,
+        many=True,
+    ),
+    Options(ExportOptions, without=("to",)),
+    examples="""
+      texbake export low_uv.obj --to unreal --maps maps -o unreal
+      texbake export low.glb --to unity --map normal=n.png --map roughness=r.png -o unity
+      texbake export low.obj --to threejs --maps maps --level lod1.obj --compress -o web
+    """,
+    table=lambda done: [],
+    prepare=_with_named_maps,
+)
+def export_files(
+    mesh: PathLike,
+    output: PathLike,
+    options: ExportOptions,
+    *,
+    maps: PathLike | None = None,
+    named_maps: Mapping[str, PathLike] | None = None,
+    levels: Sequence[PathLike] = (),
+    progress: ProgressSink | None = None,
+) -> ExportResult:
+    """Write MESH and its maps for another program.
+
+    Green channels, heights, packed channels, names and formats are converted to what the program
+    reads. SETTINGS.txt in the folder says what to set where.
+
+    Parameters
+    ----------
+    maps
+        A folder with images named after maps, such as `bake_files` writes; see `find_maps`.
+    named_maps
+        Image files by the name of their map, which take precedence over those of the folder.
+    levels
+        Mesh files of levels of detail for a GLB file, the finest first.
+    """
+    from texbake.jobs.export.export import export_asset
+    from texbake.jobs.export.sources import find_maps
+    from texbake.mesh.files import read_mesh
+
+    images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps)
+    meshes = [read_mesh(path, progress=progress) for path in (mesh, *levels)]
+    return export_asset(
+        meshes[0],
+        images,
+        output,
+        options,
+        levels=meshes[1:],
+        inputs=(mesh, *levels),
+        progress=progress,
+    )
+
+
+def _step(job: Job) -> dict[str, Any]:
+    name = job.settings["name"] or job.asset.rpartition("/")[2]
+    done = export_files(
+        job.file("mesh"),
+        job.outputs["folder"],
+        STEP.made({**job.settings, "name": name}, threads=job.threads),
+        named_maps={
+            role.replace("_", "-"): file for role in _EXPORTED if (file := job.input(role))
+        },
+        levels=job.inputs.get("levels", ()),
+    )
+    return {
+        "bytes": sum(path.stat().st_size for path in done.files),
+        "notes": list(done.notes),
+    }
+
+
+def _memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate; all roles but `mesh` and `levels` are images, which are decoded and converted."""
+    images = [role for role in sizes if role not in ("mesh", "levels")]
+    faces = n_faces(sizes, "mesh", "levels")
+    return PROCESS + 64 * MB + 80 * n_bytes(sizes, *images) + 2 * READ_FACE * faces
+
+
+STEP = step_of(
+    export_files,
+    does="writes an asset as another program reads it",
+    inputs=(
+        Reads("mesh"),
+        Reads("levels", required=False, many=True),
+        *(Reads(name, required=False) for name in _EXPORTED),
+    ),
+    outputs=lambda settings: {"folder": "export"},
+    run=_step,
+    memory=_memory,
+    revision=3,
+    names_asset=True,
+)
