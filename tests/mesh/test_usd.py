@@ -375,11 +375,12 @@ def test_other_files_are_one_clear_line(tmp_path, suffix, content):
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usdz", ".usda"])
-def test_a_file_cut_anywhere_is_one_clear_line_or_whole(tmp_path, grouped, suffix):
+def test_a_file_cut_anywhere_is_one_clear_line_or_whole(tmp_path, grouped, suffix, monkeypatch):
+    monkeypatch.undo()  # a process of its own reads damaged files
     path = tmp_path / f"a{suffix}"
     write_mesh(grouped, path)
     data = path.read_bytes()
-    for length in itertools.chain(range(0, len(data) * 9 // 10, len(data) // 12), [len(data) - 1]):
+    for length in itertools.chain(range(0, len(data) * 9 // 10, len(data) // 4), [len(data) - 1]):
         path.write_bytes(data[:length])
         try:
             mesh = read_usd(path)
