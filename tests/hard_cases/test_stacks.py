@@ -18,7 +18,7 @@ from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import weld_corners
 from texbake.mesh.weld import later_copies, without_copies
-from texbake.raycast import outside
+from texbake.raycast import orientation
 from texbake.raycast.morton_tree import MortonTree
 from texbake.rendering import rasterize as rasterizer
 from texbake.rendering.rasterize import SHOW_BACK, join_objects
@@ -116,13 +116,13 @@ def test_rays_through_triangles_that_overlap_are_bounded(monkeypatch):
     mesh = Mesh(
         positions=rng.random((3 * n, 3)), faces=np.arange(3 * n, dtype=np.int32).reshape(-1, 3)
     )
-    free = outside._points_allowed(mesh)
-    monkeypatch.setattr(outside, "_BOXES_ALLOWED", 1_000_000)
-    assert outside._points_allowed(mesh) < free / 50.0
+    free = orientation._points_allowed(mesh)
+    monkeypatch.setattr(orientation, "_BOXES_ALLOWED", 1_000_000)
+    assert orientation._points_allowed(mesh) < free / 50.0
     parts = np.arange(n, dtype=np.int32)
-    points = outside._points(mesh, parts, np.zeros(n, dtype=np.bool_), n)
+    points = orientation._points(mesh, parts, np.zeros(n, dtype=np.bool_), n)
     assert 0 < points.left_out.sum() < n
-    assert len(points.parts) <= outside._points_allowed(mesh)
+    assert len(points.parts) <= orientation._points_allowed(mesh)
     assert not points.left_out[points.parts].any()
 
 
