@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.time_budget import BudgetClock, TimeBudget, with_actual_time
+from texbake.sampling.time_budget import BudgetClock, with_actual_time
 
 
 def bake(
@@ -110,7 +110,7 @@ def bake(
         if options.front is not None:
             raise OptionError("front, cage: rays start on the cage; give only one of the two")
     ray_maps = RayMaps.of(skew_mask, offset_map)
-    return bake_inputs(kinds, inputs, cage, ray_maps, Stages(progress), clock=clock)
+    return BakeRun(kinds, inputs, Stages(progress), cage, ray_maps, clock=clock).run()
 
 
 def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
@@ -144,38 +144,147 @@ def why_not_streamed(kinds: list[MapKind], options: BakeOptions) -> str | None:
     return None
 
 
-def bake_inputs(
-    kinds: list[MapKind],
-    inputs: BakeInputs,
-    cage: Mesh | None,
-    ray_maps: RayMaps | None,
-    stages: Stages,
-    scenes: BakeScenes | None = None,
-    distances: DistanceSummary | None = None,
-    *,
-    clock: BudgetClock | None = None,
-) -> BakeResult:
-    """Bake with inputs that are checked."""
-    if ray_maps is not None and cage is None:
-        ray_maps.check(inputs.options.rays)
-    stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)
-    if stacked.n_sharing:
-        inputs = inputs.with_low(stacked.baked(inputs.low))
-    trace = _trace(kinds, inputs, cage, ray_maps, stages, scenes)
-    if scenes is not None:
-        baked = _traced(kinds, inputs, trace, stages, distances, clock)
-        return _reporting(baked, stacked, baked.report.orientation)
-    scenes = trace.own_scenes()
-    try:
-        inputs, scenes, orientation = face_outwards(inputs, scenes, stages)
-        trace = _trace(kinds, inputs, cage, ray_maps, stages, scenes)
-        baked = _traced(kinds, inputs, trace, stages, distances, clock)
-    finally:
-        scenes.close()
-    return _reporting(baked, stacked, orientation)
+@dataclass(frozen=True, eq=False)
+class BakeRun:
+    """A bake with inputs that are checked.
+
+    Attributes
+    ----------
+    scenes : BakeScenes, optional
+        What to cast rays into, which others use as well; None: it builds its own and closes them.
+    distances : DistanceSummary
+        What the distances between the surfaces are added to.
+    """
+
+    kinds: list[MapKind]
+    inputs: BakeInputs
+    stages: Stages
+    cage: Mesh | None = None
+    ray_maps: RayMaps | None = None
+    scenes: BakeScenes | None = None
+    distances: DistanceSummary = field(default_factory=DistanceSummary)
+    clock: BudgetClock = field(default_factory=BudgetClock)
+
+    def run(self) -> BakeResult:
+        """Bake."""
+        inputs = self.inputs
+        if self.ray_maps is not None and self.cage is None:
+            self.ray_maps.check(inputs.options.rays)
+        stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)
+        if stacked.n_sharing:
+            inputs = inputs.with_low(stacked.baked(inputs.low))
+        one = replace(self, inputs=inputs)
+        if self.scenes is not None:
+            baked = one._cast()
+            return _with_sharing(baked, stacked, baked.report.orientation)
+        scenes = one._trace().own_scenes()
+        try:
+            inputs, scenes, orientation = face_outwards(inputs, scenes, self.stages)
+            baked = replace(one, inputs=inputs, scenes=scenes)._cast()
+        finally:
+            scenes.close()
+        return _with_sharing(baked, stacked, orientation)
+
+    def _trace(self) -> Trace:
+        """Return the trace of all rays; nothing is cast yet."""
+        inputs = self.inputs
+        return Trace(
+            inputs.source,
+            inputs.low,
+            inputs.options,
+            self.cage,
+            self.stages,
+            SecondaryRays.for_maps((kind.needs for kind in self.kinds), inputs),
+            self.ray_maps,
+            self.scenes,
+        )
+
+    def _cast(self) -> BakeResult:
+        """Cast all rays, and make maps of the hits."""
+        options, trace = self.inputs.options, self._trace()
+        sums = TexelSums(self.kinds, self.inputs)
+        if options.is_adaptive or options.time_budget is not None:
+            return self._cast_adaptively(sums, trace)
+        kept: list[Hits] = []
+        for hits in trace.hits():
+            with self.stages.part("make maps"):
+                sums.add(hits)
+                self.distances.add(hits, threads=options.threads)
+            if options.keep_hits:
+                kept.append(hits)
+        return self._result(sums, trace, hits=Hits.joined(kept) if kept else None)
+
+    def _cast_adaptively(self, sums: TexelSums, trace: Trace) -> BakeResult:
+        from texbake.baking.adaptive_texels.samples import cast_adaptively
+
+        inputs = self.inputs
+        sampling, budget = cast_adaptively(
+            sums, self.kinds, trace, inputs, self.stages, self.distances, self.clock
+        )
+        if budget is None:
+            return self._result(sums, trace, sampling=sampling)
+        # The options that give the same maps as the time budget has.
+        options = replace(
+            inputs.options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error
+        )
+        reached = replace(self, inputs=inputs.with_options(options))
+        result = reached._result(sums, trace, sampling=sampling)
+        report = replace(result.report, budget=with_actual_time(budget, self.clock))
+        return replace(result, report=report)
+
+    def _result(
+        self,
+        sums: TexelSums,
+        trace: Trace,
+        *,
+        hits: Hits | None = None,
+        sampling: SamplingReport | None = None,
+    ) -> BakeResult:
+        """Pad the maps, and report on them and on the trace."""
+        inputs, options = self.inputs, self.inputs.options
+        has_data = (sums.n_hits > 0).reshape(options.height_px, options.width_px)
+        n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
+        n_missed = n_covered - int(np.count_nonzero(has_data))
+        if n_covered == 0:
+            raise UvError(
+                f"{inputs.low.name}: its texture coordinates cover no texel of a "
+                f"{options.width_px} x {options.height_px} map; use a larger `size` or new "
+                "coordinates"
+            )
+        _check_misses(n_missed, n_covered, inputs)
+        # Overlaps are counted among the first samples alone.
+        samples_per_texel = 1 if options.is_adaptive else options.samples_per_side**2
+        charts = texel_charts_of(inputs, trace.texel_faces)
+        maps, meets = finished_maps(self.kinds, sums.means, charts, has_data, inputs, self.stages)
+        report = BakeReport(
+            high=inputs.source.name,
+            low=inputs.low.name,
+            cage=trace.cage.name if trace.cage is not None else None,
+            n_high_faces=inputs.source.n_faces,
+            n_low_faces=inputs.low.n_faces,
+            options=options,
+            front=trace.front,
+            back=trace.back or 0.0,
+            measured=options.back is None or (options.front is None and trace.cage is None),
+            caster=trace.caster,
+            texels=options.width_px * options.height_px,
+            texels_covered=n_covered,
+            texels_missed=n_missed,
+            texels_overlapping=trace.counts.samples_overlapping / samples_per_texel,
+            faces_without_texel=int(unseen_faces(inputs.low.n_faces, trace.texel_faces).sum()),
+            padding_meets=meets,
+            counts=trace.counts,
+            distance_percentiles=self.distances.percentiles(),
+            stages=self.stages.records,
+            versions=library_versions(),
+            sampling=sampling,
+            median_reach=trace.median_reach,
+        )
+        kept = None if hits is None else inputs
+        return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)
 
 
-def _reporting(
+def _with_sharing(
     baked: BakeResult, stacked: StackedIslands, orientation: OrientationReport | None
 ) -> BakeResult:
     """Add to the report what was flipped, and which islands share the texels of others."""
@@ -190,120 +299,6 @@ def _reporting(
         report, counts=counts, faces_without_texel=without_texel, orientation=orientation
     )
     return replace(baked, report=report)
-
-
-def _trace(
-    kinds: list[MapKind],
-    inputs: BakeInputs,
-    cage: Mesh | None,
-    ray_maps: RayMaps | None,
-    stages: Stages,
-    scenes: BakeScenes | None,
-) -> Trace:
-    secondary = SecondaryRays.for_maps((kind.needs for kind in kinds), inputs)
-    options = inputs.options
-    return Trace(inputs.source, inputs.low, options, cage, stages, secondary, ray_maps, scenes)
-
-
-def _traced(
-    kinds: list[MapKind],
-    inputs: BakeInputs,
-    trace: Trace,
-    stages: Stages,
-    distances: DistanceSummary | None,
-    clock: BudgetClock | None,
-) -> BakeResult:
-    """Cast all rays, and make maps of the hits."""
-    options = inputs.options
-    sums = TexelSums(kinds, inputs)
-    kept: list[Hits] = []
-    distances = distances or DistanceSummary()
-    if options.is_adaptive or options.time_budget is not None:
-        from texbake.baking.adaptive_texels.samples import cast_adaptively
-
-        clock = clock or BudgetClock()
-        sampling, budget = cast_adaptively(sums, kinds, trace, inputs, stages, distances, clock)
-        if budget is not None:
-            inputs = inputs.with_options(_reached(options, budget))
-        result = _result(kinds, sums, trace, inputs, stages, None, distances, sampling)
-        if budget is None:
-            return result
-        return replace(
-            result, report=replace(result.report, budget=with_actual_time(budget, clock))
-        )
-    for hits in trace.hits():
-        with stages.part("make maps"):
-            sums.add(hits)
-            distances.add(hits, threads=options.threads)
-        if options.keep_hits:
-            kept.append(hits)
-    all_hits = Hits.joined(kept) if kept else None
-    return _result(kinds, sums, trace, inputs, stages, all_hits, distances)
-
-
-def _result(
-    kinds: list[MapKind],
-    sums: TexelSums,
-    trace: Trace,
-    inputs: BakeInputs,
-    stages: Stages,
-    hits: Hits | None,
-    distances: DistanceSummary,
-    sampling: SamplingReport | None = None,
-) -> BakeResult:
-    options = inputs.options
-    has_data = (sums.n_hits > 0).reshape(options.height_px, options.width_px)
-    n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
-    n_missed = n_covered - int(np.count_nonzero(has_data))
-    if n_covered == 0:
-        raise UvError(
-            f"{inputs.low.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} map; use a larger `size` or new coordinates"
-        )
-    _check_misses(n_missed, n_covered, inputs)
-    charts = texel_charts_of(inputs, trace.texel_faces)
-    maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
-    report = BakeReport(
-        high=inputs.source.name,
-        low=inputs.low.name,
-        cage=trace.cage.name if trace.cage is not None else None,
-        n_high_faces=inputs.source.n_faces,
-        n_low_faces=inputs.low.n_faces,
-        options=options,
-        front=trace.front,
-        back=trace.back or 0.0,
-        measured=_measures(options, trace.cage),
-        caster=trace.caster,
-        texels=options.width_px * options.height_px,
-        texels_covered=n_covered,
-        texels_missed=n_missed,
-        texels_overlapping=trace.counts.samples_overlapping / _samples_of_overlaps(options),
-        faces_without_texel=int(unseen_faces(inputs.low.n_faces, trace.texel_faces).sum()),
-        padding_meets=meets,
-        counts=trace.counts,
-        distance_percentiles=distances.percentiles(),
-        stages=stages.records,
-        versions=library_versions(),
-        sampling=sampling,
-        median_reach=trace.median_reach,
-    )
-    kept = None if hits is None else inputs
-    return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)
-
-
-def _reached(options: BakeOptions, budget: TimeBudget) -> BakeOptions:
-    """Return the options that give the same maps as a time budget has."""
-    return replace(options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error)
-
-
-def _measures(options: BakeOptions, cage: Mesh | None) -> bool:
-    """Whether a ray distance is not given, and so measured."""
-    return options.back is None or (options.front is None and cage is None)
-
-
-def _samples_of_overlaps(options: BakeOptions) -> int:
-    """Samples per texel among which overlaps were counted."""
-    return 1 if options.is_adaptive else options.samples_per_side**2
 
 
 def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.baking.bake import bake, bake_inputs, check_maps
+from texbake.baking.bake import BakeRun, bake, check_maps
 from texbake.baking.facing import face_outwards
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind, map_kinds
@@ -133,9 +133,9 @@ class PartsBake:
             part = self.low_parts[i]
             inputs = self._take(i).with_low(part.on(chosen, target.udim))
             try:
-                result = bake_inputs(
-                    self.kinds, inputs, part.cage, images, self.stages, self.scenes, distances
-                )
+                result = BakeRun(
+                    self.kinds, inputs, self.stages, part.cage, images, self.scenes, distances
+                ).run()
             except UvError:
                 where = target_name(target) if self.is_tiled else target.texture_set or "the maps"
                 self.without.append(f"{part.name} covers no texel of {where}")
