@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.rendering.effects.lights import arriving, in_world, placed_light
+from texbake.rendering.effects.lights import arriving_light, fix_in_world, placed_light
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material
 
@@ -71,11 +71,11 @@ def test_a_light_that_follows_the_camera_is_the_same_from_everywhere(wall):
             angle=60.0,
             follows_camera=True,
         )
-        stands = in_world(follows, wall.camera)
+        stands = fix_in_world(follows, wall.camera)
         np.testing.assert_allclose(
             stands.position, wall.camera.eye + axes.T @ (0.1, 0.2, 0.3), rtol=1e-12
         )
-        assert not stands.follows_camera and in_world(stands, wall.camera) is stands
+        assert not stands.follows_camera and fix_in_world(stands, wall.camera) is stands
         one, other = (wall.light(WHITE, Lighting(lights=(light,))) for light in (follows, stands))
         np.testing.assert_allclose(one, other, rtol=1e-6)
         assert one.max() > 0.1
@@ -97,12 +97,12 @@ def test_lights_add_up_and_dark_ones_add_nothing(wall):
 def test_a_light_in_the_surface_is_bright_there_and_finite(kind):
     light = placed_light(Light(kind=kind, direction=(0, 0, -1), position=(1.0, 2.0, 3.0)))
     points = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0 - 1e-5], [1.0, 2.0, 2.0]])
-    found = arriving(light, points, np.array([[0.0, 0.0, 1.0]] * 3, np.float32))
+    found = arriving_light(light, points, np.array([[0.0, 0.0, 1.0]] * 3, np.float32))
     # From along the normal, as strong as at a thousandth of a unit; there it stays.
     np.testing.assert_allclose(found.directions, [[0, 0, 1]] * 3)
     np.testing.assert_allclose(found.radiance[:, 0], [1e6, 1e6, 1.0], rtol=1e-6)
     # So far off that the square of the distance is infinite: dark.
-    far = arriving(light, np.full((1, 3), 1e200), np.array([[0.0, 0.0, 1.0]], np.float32))
+    far = arriving_light(light, np.full((1, 3), 1e200), np.array([[0.0, 0.0, 1.0]], np.float32))
     assert not far.radiance.any() and np.isfinite(far.directions).all()
 
 

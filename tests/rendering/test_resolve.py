@@ -49,16 +49,16 @@ def test_a_pixel_is_the_mean_of_its_samples_over_what_is_behind():
         sums.add(fragments([1, 1], [1, 1], [[1, 0, 0], [0, 0.5, 0]], [[1, 0, 0], [0, 1, 0]]))
         return sums
 
-    color, coverage, normals = summed().finished(np.array([0.0, 0.0, 1.0], np.float32))
+    color, coverage, normals = summed().finish(np.array([0.0, 0.0, 1.0], np.float32))
     np.testing.assert_allclose(color[0], [[0, 0, 1, 1], [0.25, 0.125, 0.5, 1.0]])
     np.testing.assert_array_equal(coverage, [[0, 0.5]])
     np.testing.assert_allclose(normals[0, 1], [0.5**0.5, 0.5**0.5, 0], rtol=1e-6)
     np.testing.assert_array_equal(normals[0, 0], 0.0)
-    clear, _, _ = summed().finished(None)
+    clear, _, _ = summed().finish(None)
     np.testing.assert_allclose(clear[0], [[0, 0, 0, 0], [0.5, 0.25, 0, 0.5]])
     # A picture behind: each pixel over its own.
     picture = np.array([[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]], np.float32)
-    over, _, _ = summed().finished(picture)
+    over, _, _ = summed().finish(picture)
     np.testing.assert_allclose(over[0], [[0, 0.5, 0, 1], [0.75, 0.625, 0.5, 1.0]])
 
 
@@ -68,7 +68,7 @@ def test_a_full_pixel_is_fully_covered(n_samples):
     sums = Sums.empty(1, 1, n_samples=n_samples, keeps_normals=False)
     for _ in range(n_samples):
         sums.add(fragments([0], [1], [[0.25] * 3]))
-    color, coverage, normals = sums.finished(np.ones(3, np.float32))
+    color, coverage, normals = sums.finish(np.ones(3, np.float32))
     assert coverage[0, 0] == 1.0
     np.testing.assert_array_equal(color[0, 0], [0.25, 0.25, 0.25, 1.0])
     assert normals is None
@@ -77,7 +77,7 @@ def test_a_full_pixel_is_fully_covered(n_samples):
 def test_normals_that_cancel_leave_none():
     sums = Sums.empty(1, 1, n_samples=4, keeps_normals=True)
     sums.add(fragments([0, 0], [2, 2], np.zeros((2, 3)), [[0, 0, 1], [0, 0, -1]]))
-    _, _, normals = sums.finished(None)
+    _, _, normals = sums.finish(None)
     np.testing.assert_array_equal(normals[0, 0], 0.0)
 
 

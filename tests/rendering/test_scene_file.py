@@ -452,7 +452,7 @@ def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
 ):
     made = []
     monkeypatch.setattr(
-        "texbake.rendering.scene.file.objects._made",
+        "texbake.rendering.scene.file.objects._make_shape",
         lambda shape, options: made.append(shape) or cube(),
     )
     path = tmp_path / "many.toml"

@@ -171,7 +171,7 @@ class Pipeline:
         given = {**shared, **self.steps[name], **own}
         try:
             checked = model_of(kind).model_validate(given)
-            values = checked.given()
+            values = checked.set_values()
             settings = kind.settings(values)
         except (ValidationError, OptionError) as error:
             if isinstance(error, ValidationError):

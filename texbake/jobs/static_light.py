@@ -21,7 +21,7 @@ from texbake.mesh.normals import face_normals, shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.effects.ambient import add_ambient
-from texbake.rendering.effects.lights import PlacedLight, arriving, placed_light
+from texbake.rendering.effects.lights import PlacedLight, arriving_light, placed_light
 from texbake.rendering.effects.projectors import LightCookie, cookie_colors, cookie_of
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
@@ -83,7 +83,7 @@ class StaticLight:
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
         for light, at, slide in zip(self._lights, self._placed, self._cookies, strict=True):
-            arrived = arriving(at, points, normals)
+            arrived = arriving_light(at, points, normals)
             if slide is not None:
                 arrived.radiance = arrived.radiance * cookie_colors(slide, points)
             if receives and light.shadow is not None and self._scene is not None:

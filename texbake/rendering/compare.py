@@ -140,7 +140,9 @@ class Comparison:
             shown.append((self.mapped_frame, caption, self.mapped))
         if self.displaced_frame is not None:
             shown.append((self.displaced_frame, "... and displaced as well", self.displaced))
-        panels = [Panel(frame.color, caption, _off_by(close)) for frame, caption, close in shown]
+        panels = [
+            Panel(frame.color, caption, _error_note(close)) for frame, caption, close in shown
+        ]
         if difference:
             panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
         seen = np.logical_or.reduce([frame.coverage > 0 for frame, _, _ in shown])
@@ -151,7 +153,7 @@ def _caption(mesh: Mesh) -> str:
     return f"{mesh.name}: {mesh.n_faces:,} triangles"
 
 
-def _off_by(closeness: Closeness | None) -> str:
+def _error_note(closeness: Closeness | None) -> str:
     return "" if closeness is None else f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
@@ -206,7 +208,7 @@ def compare(
     if options.back_faces is None:
         side = surface_side(low, threads=threads)
         options = replace(options, back_faces="cull" if side == "front" else "show")
-    views = _around(options) if views is None else tuple(views)
+    views = _views_around(options) if views is None else tuple(views)
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
@@ -227,7 +229,7 @@ def compare(
         models = [prepare(scene, options, threads=threads) for scene in scenes]
 
     with stages.stage("pictures"):
-        frames, pictured = _drawn(models, (high, low), options)
+        frames, pictured = _draw_models(models, (high, low), options)
     errors = [pictured]
     if not quick:
         with stages.stage("angles", total=len(views), unit="views") as advance:
@@ -235,7 +237,7 @@ def compare(
             for view in views:
                 # One sample per pixel: its center.
                 of_view = replace(options, view=(*view, options.distance), supersampling=1)
-                errors.append(_drawn(models, (high, low), of_view)[1])
+                errors.append(_draw_models(models, (high, low), of_view)[1])
                 advance(1)
     with stages.stage("similarity"):
         seen = [_Seen.of(frame) for frame in frames]
@@ -271,15 +273,15 @@ def compare_shapes(
     meshes, found = (high, *lows), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
     models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
-    views = [replace(options, view=(*view, options.distance)) for view in _around(options)]
-    for errors in zip(*(_drawn(models, meshes, view)[1] for view in views), strict=True):
+    views = [replace(options, view=(*view, options.distance)) for view in _views_around(options)]
+    for errors in zip(*(_draw_models(models, meshes, view)[1] for view in views), strict=True):
         angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in errors])
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
         found.append((mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1)))
     return found
 
 
-def _drawn(
+def _draw_models(
     models: Sequence[Prepared], meshes: tuple[Mesh, ...], options: RenderOptions
 ) -> tuple[list[Frame], list[_Errors]]:
     """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
@@ -317,7 +319,7 @@ class _Errors:
     n_both: int
 
 
-def _around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
+def _views_around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
     return tuple(
         (options.view[0] + k * 360.0 / _N_VIEWS, _ELEVATION if k % 2 == 0 else -_ELEVATION)
         for k in range(_N_VIEWS)

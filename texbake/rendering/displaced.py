@@ -94,7 +94,9 @@ def displaced(
     used, faces = np.unique(welded[surface.faces], return_inverse=True)
     pieces, places = undivided_triangles(faces.reshape(-1, 3).astype(np.int32))
     points, normals = surface.points[used], surface.normals[used]
-    now = Displaced(pieces, points, normals, _moved(surface, points, normals, places, moves))
+    now = Displaced(
+        pieces, points, normals, _move_vertices(surface, points, normals, places, moves)
+    )
     for _ in range(MOST_CUTS):
         marked = edges_to_cut(pieces, excess(now), now.points, max_triangles)
         if not marked.any():
@@ -103,7 +105,7 @@ def displaced(
         points, normals = np.empty((len(ends), 3)), np.empty((len(ends), 3))
         core.take_middles(now.points, ends, points)
         core.take_middles(now.normals, ends, normals)
-        positions = _moved(surface, points, normals, places, moves)
+        positions = _move_vertices(surface, points, normals, places, moves)
         now = Displaced(
             pieces,
             np.concatenate([now.points, points]),
@@ -113,7 +115,7 @@ def displaced(
     return now
 
 
-def _moved(
+def _move_vertices(
     surface: BaseSurface, points: FloatArray, normals: FloatArray, places: Places, moves: Moves
 ) -> FloatArray:
     """Move vertices by the mean displacement of their places; by heights only along a normal."""

@@ -151,7 +151,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[F
     with stages.stage("shade"):
         sums = shade_to_sums(state)
         behind = find_background(state)
-        color, coverage, normals = sums.finished(behind, threads=state.threads)
+        color, coverage, normals = sums.finish(behind, threads=state.threads)
     frame = Frame(
         color=color,
         coverage=coverage,
@@ -179,7 +179,7 @@ def lay_out(
     with stages.stage("place"):
         moving = [p for p in state.plan.passes if p.effect.moves_surface]
         state = _run(state, prepared, moving, None)
-        state = replace(state, drawn_scene=_drawn_scene(state, prepared))
+        state = replace(state, drawn_scene=_gather_objects(state, prepared))
     with stages.stage("rasterize"):
         visible = find_visible(state)
         if all_objects:
@@ -270,7 +270,7 @@ def _n_bytes(value: Any) -> int:
     return sum(map(_n_bytes, parts)) if isinstance(value, tuple | list | dict) else 0
 
 
-def _drawn_scene(state: RenderState, prepared: Prepared) -> DrawnScene:
+def _gather_objects(state: RenderState, prepared: Prepared) -> DrawnScene:
     objects = tuple(
         state.get(DISPLACED_OBJECTS, index) or state.of(PLACED_OBJECTS, index)
         for index in range(len(state.scene.objects))

@@ -52,13 +52,13 @@ def fill_picture(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
     """Return a camera that fills the picture with meshes."""
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)
-    camera = _fitted([used_positions(mesh) for mesh in kept], options)
+    camera = _fit_camera([used_positions(mesh) for mesh in kept], options)
     if camera is None:
         raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
     return Framed(camera, n_strays)
 
 
-def _fitted(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera | None:
+def _fit_camera(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera | None:
     """Return the camera whose picture the points fill; None if they are too large for float64."""
     axes = view_axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
     right, up, back = axes

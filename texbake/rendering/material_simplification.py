@@ -77,7 +77,7 @@ def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[
         if _is_texture(getattr(material, name))
     }
     if unread:
-        yield "slots", "", _changed(material, unread)
+        yield "slots", "", _replace(material, unread)
 
 
 def _without_opacity(material: Material, *, vertex_opacity: bool) -> Iterator[Step]:
@@ -108,7 +108,7 @@ def without_zeros(material: Material) -> Iterator[Step]:
     """Parts whose strength is 0, and textures whose factor is 0."""
     for name, part, key in _PARTS:
         if getattr(material, part) is not None and (why := _why_nothing(material, part, key)):
-            material = _changed(material, {part: None})
+            material = _replace(material, {part: None})
             yield name, why, material
     for slot, zero in _ZEROS.items():
         value = getattr(material, slot)
@@ -116,12 +116,12 @@ def without_zeros(material: Material) -> Iterator[Step]:
             if _holds_opacity(material, slot) and has_opacity(value.image):
                 continue
             kind = "images" if isinstance(value, ImageTexture) else "procedures"
-            material = _changed(material, {slot: zero})
+            material = _replace(material, {slot: zero})
             yield kind, f"the factor of {slot} is 0", material
     for part in "reflection", "refraction":
         mirror = getattr(material, part)
         if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
-            material = _changed(material, {part: replace(mirror, strength=0.0)})
+            material = _replace(material, {part: replace(mirror, strength=0.0)})
             yield "images", f"the factor of {part}.strength is 0", material
 
 
@@ -139,7 +139,7 @@ def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iter
         if mirror is not None:
             if mirror.environment == "rendered" and around.other_objects:
                 return
-            material = _changed(_dark(material), {name: None})
+            material = _replace(_dark(material), {name: None})
             yield name, "there is nothing to be seen in it", material
 
 
@@ -170,7 +170,7 @@ def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[S
         unneeded = [s for s in slots if not needed and _is_texture(getattr(material, s))]
         for slot in unneeded:
             kind = "images" if isinstance(getattr(material, slot), ImageTexture) else "procedures"
-            material = _changed(material, {slot: _ZEROS.get(slot)})
+            material = _replace(material, {slot: _ZEROS.get(slot)})
             yield kind, f"{slot} shows nowhere, as {why}", material
     bump_map, embosses = material.bump_map, lamps and scatters(material)
     if bump_map is not None and bump_map.form in EMBOSS_FORMS and not embosses:
@@ -204,7 +204,7 @@ def _dark(material: Material) -> Material:
     if bump_map is not None and bump_map.form in EMBOSS_FORMS:
         bump_map = None
     unread = ("specular", "exponent", "gloss", "roughness", "metalness", "occlusion", "light_map")
-    bare = _changed(material, {name: getattr(DEFAULT_MATERIAL, name) for name in unread})
+    bare = _replace(material, {name: getattr(DEFAULT_MATERIAL, name) for name in unread})
     # Bumps count in mirrors of lit materials alone.
     bent = bump_map is not None and bool(material.reflection or material.refraction)
     shading = "lambert" if bent and material.shading != "unlit" else "unlit"
@@ -213,7 +213,7 @@ def _dark(material: Material) -> Material:
     )
 
 
-def _changed(material: Material, changes: dict[str, Any]) -> Material:
+def _replace(material: Material, changes: dict[str, Any]) -> Material:
     return replace(material, **changes)
 
 

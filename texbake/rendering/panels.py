@@ -77,7 +77,9 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
     draw = ImageDraw.Draw(sheet)
     for i, panel in enumerate(panels):
         left = margin + i * (panel_width + margin)
-        codes = np.rint(encode_srgb(_over_paper(panel.color[rows, columns])) * 255).astype(np.uint8)
+        codes = np.rint(
+            encode_srgb(_composite_over_paper(panel.color[rows, columns])) * 255
+        ).astype(np.uint8)
         sheet.paste(Image.fromarray(codes), (left + (panel_width - width) // 2, margin))
         below = height + margin + size // 3
         _text(draw, left, below, panel.caption, size, _INK, panel_width)
@@ -95,7 +97,7 @@ def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     return np.stack([pm.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
 
 
-def _over_paper(color: FloatImage) -> FloatImage:
+def _composite_over_paper(color: FloatImage) -> FloatImage:
     """Composite a color with opacity over the background."""
     if color.shape[2] == 3:
         return color

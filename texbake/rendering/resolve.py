@@ -200,7 +200,7 @@ class Sums:
             self.normals.reshape(-1, 3) if keeps_normals else None,
         )  # fmt: skip
 
-    def finished(
+    def finish(
         self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
     ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
         """Divide by samples, in place; return color over `behind`, coverage and normals."""

@@ -72,16 +72,16 @@ def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
     matrix = picture.matrix
     if callable(matrix):
         square = matrix(aspect=1.0)
-        if _passes(square, points, across=False):
+        if _misses_picture(square, points, across=False):
             return False
         try:
             matrix = picture.world_matrix
         except TexbakeError:
             matrix = square
-    return not _passes(matrix, points, across=True)
+    return not _misses_picture(matrix, points, across=True)
 
 
-def _passes(matrix: FloatArray, points: FloatArray, *, across: bool) -> bool:
+def _misses_picture(matrix: FloatArray, points: FloatArray, *, across: bool) -> bool:
     """Whether all points (4, n) are behind a projector or beyond one side of its picture."""
     with np.errstate(over="ignore", invalid="ignore"):
         s, t, _, q = pm.matmul(matrix, points)

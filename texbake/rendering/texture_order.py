@@ -85,7 +85,7 @@ def in_texture_order(frame: Frame, state: RenderState) -> Frame:
             continue
         first, stop = state.world.starts[target : target + 2]
         covered = (shown >= first) & (shown < stop)
-        texels = _carried(state, target)
+        texels = _project_texels(state, target)
         sums, weights, writes = (_by_parts if divides else _by_points)(state, target, texels)
         reached = covered & (weights > 0.0)
         color[covered] = 0.0
@@ -122,7 +122,7 @@ class Texels:
 Sums = tuple[FloatArray, FloatArray, npt.NDArray[np.int64]]
 
 
-def _carried(state: RenderState, target: int) -> Texels:
+def _project_texels(state: RenderState, target: int) -> Texels:
     """Find the texels of an object's base color, and what takes them to the screen."""
     drawn = state.drawn(target)
     image = image_of(state, target, "base_color")

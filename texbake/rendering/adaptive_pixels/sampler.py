@@ -110,7 +110,7 @@ class PixelSampler:
         self, window: Window, wanted: BoolArray, sides: Sides, sums: PixelSums
     ) -> None:
         mask = np.ascontiguousarray(wanted[window.top : window.bottom, window.left : window.right])
-        layers = self._seen(window, mask, sides)
+        layers = self._rasterize_window(window, mask, sides)
         rows, columns = window.shape
         sums_here = PixelSums.empty(rows, columns)
         n_cells = int(np.count_nonzero(mask)) * sides.shaded**2
@@ -133,7 +133,9 @@ class PixelSampler:
             is_opaque=self.is_opaque,
         )
 
-    def _seen(self, window: Window, mask: BoolArray, sides: Sides) -> list[VisibilityBuffer]:
+    def _rasterize_window(
+        self, window: Window, mask: BoolArray, sides: Sides
+    ) -> list[VisibilityBuffer]:
         """Rasterize the wanted samples of a window: transparent layers, then opaque surfaces."""
         state = self._state
         options = replace(state.options, supersampling=sides.seen)

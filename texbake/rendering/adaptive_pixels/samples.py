@@ -182,7 +182,7 @@ def draw_adaptively(
     if "normals" in keep:  # before the first samples, so that its time is known
         with stages.stage("shade normals"):
             plain = shade_to_sums(state)
-            _, coverage, normals = plain.finished(None, threads=state.threads)
+            _, coverage, normals = plain.finish(None, threads=state.threads)
     start = clock.spent
     with stages.stage("shade"):
         adaptive.begin()

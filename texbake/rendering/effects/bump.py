@@ -173,7 +173,7 @@ def heights_at(
     holder = bump_of(state.request, fragments.target)
     texture = holder.texture
     if is_over_uvs(holder):
-        moved = _moved_on(fragments, uv_set_of(texture), shifts)
+        moved = _shift_on(fragments, uv_set_of(texture), shifts)
     else:
         along = pm.vecmat(shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
         moved = replace(fragments, weights=fragments.weights + along)
@@ -185,7 +185,7 @@ def heights_at(
     return np.asarray(values[:, 0] * np.float64(holder.height))
 
 
-def _moved_on(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> Fragments:
+def _shift_on(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> Fragments:
     """Return fragments shifted on a set of texture coordinates."""
     uvs, changes = fragments.coordinates(uv_set)
     if uv_set is None:
@@ -266,11 +266,11 @@ def _slopes(
         shifts[:, axis] = steps[:, axis]
         rise = heights_at(fragments, state, surface, high * shifts)
         rise -= heights_at(fragments, state, surface, low * shifts)
-        slopes[:, axis] = _over(rise, steps[:, axis])
+        slopes[:, axis] = _divide(rise, steps[:, axis])
     return slopes
 
 
-def _over(rises: FloatArray, steps: FloatArray) -> FloatArray:
+def _divide(rises: FloatArray, steps: FloatArray) -> FloatArray:
     """Rises divided by steps; 0 where the step is 0."""
     return np.divide(rises, steps, out=np.zeros_like(rises), where=steps > 0.0)
 
@@ -294,7 +294,7 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
         )  # fmt: skip
         rise = heights_at(fragments, state, surface, shifts)
         rise -= heights_at(fragments, state, surface, -shifts)
-        lifts = _over(rise, 2.0 * lengths)
+        lifts = _divide(rise, 2.0 * lengths)
         core.bend_embossed(
             *kernel_arrays(fragments, surface), light.directions, surface.directions_to_object,
             surface.to_world, slopes, in_object, normalized, lifts,

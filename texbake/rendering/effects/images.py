@@ -117,11 +117,11 @@ def _load(state: RenderState, target: int) -> dict[str, LoadedImage]:
     found: dict[str, LoadedImage] = {}
     for name, texture in _images(state.request, target):
         others = (*state.results.all(LOADED_IMAGES).values(), found)
-        found[name] = _loaded(state, target, name, texture, others)
+        found[name] = _load_shared(state, target, name, texture, others)
     return found
 
 
-def _loaded(
+def _load_shared(
     state: RenderState,
     target: int,
     name: str,
@@ -188,8 +188,8 @@ def placed_image(
         or wrap_of(
             uvs if plain else None if uvs is None else pm.matmul(uvs, turn.T) + texture.offset
         ),
-        border=_spread(texture.border, n_channels, f"{name}.border"),
-        factor=_spread(texture.factor, 3 if texture.colors else n_channels, f"{name}.factor"),
+        border=_broadcast(texture.border, n_channels, f"{name}.border"),
+        factor=_broadcast(texture.factor, 3 if texture.colors else n_channels, f"{name}.factor"),
         turn=None if plain else turn,
         offset=np.asarray(texture.offset, np.float64),
         space=space,
@@ -221,7 +221,7 @@ def _pixels(
     return data_from(source, color=bool(texture.color)), "data", ""
 
 
-def _spread(value: float | tuple[float, ...], n_channels: int, name: str) -> Floats:
+def _broadcast(value: float | tuple[float, ...], n_channels: int, name: str) -> Floats:
     numbers = np.atleast_1d(np.asarray(value, np.float32))
     if len(numbers) not in (1, n_channels):
         raise OptionError(f"{name}: {value} are not 1 or {n_channels} numbers")

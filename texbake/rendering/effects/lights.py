@@ -133,7 +133,7 @@ def cookie_extent(light: Light) -> tuple[float, float]:
     return reach * aspect / side, reach / side
 
 
-def in_world(light: Light, camera: Camera) -> Light:
+def fix_in_world(light: Light, camera: Camera) -> Light:
     """Fix a light that follows the camera at its present position; return others unchanged."""
     if not light.follows_camera:
         return light
@@ -147,7 +147,7 @@ def in_world(light: Light, camera: Camera) -> Light:
     )
 
 
-def arriving(light: PlacedLight, points: FloatArray, normals: Floats) -> IncidentLight:
+def arriving_light(light: PlacedLight, points: FloatArray, normals: Floats) -> IncidentLight:
     """Compute the unshadowed light that arrives from one lamp at points (n, 3) in world space."""
     if light.kind == "directional":
         return IncidentLight(one_row(tuple(-light.direction), 3), light.radiance)
@@ -162,7 +162,7 @@ def arriving(light: PlacedLight, points: FloatArray, normals: Floats) -> Inciden
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
     """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
-    found = arriving(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
+    found = arriving_light(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
     passes = [
         item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
     ]
@@ -171,7 +171,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLi
     known = None
     for name, work in steps:
         if work is not None:
-            if found.radiance is not known and not lights_any(fragments, found):
+            if found.radiance is not known and not reaches_any(fragments, found):
                 break
             known = found.radiance
             with state.costs.timed(name):
@@ -179,7 +179,7 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLi
     return found
 
 
-def lights_any(fragments: Fragments, incident: IncidentLight) -> bool:
+def reaches_any(fragments: Fragments, incident: IncidentLight) -> bool:
     """Whether light arrives at the visible side of a fragment."""
     directions = np.broadcast_to(incident.directions, fragments.normals.shape)
     arrives = incident.radiance.any(axis=1) & (pm.vecdot(fragments.normals, directions) > 0.0)

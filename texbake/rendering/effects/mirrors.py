@@ -31,7 +31,7 @@ from texbake.core import core, portable_math as pm
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
-from texbake.rendering.effects.lights import in_world
+from texbake.rendering.effects.lights import fix_in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments
@@ -114,7 +114,7 @@ def _render(state: RenderState, target: int) -> PlacedEnvironment:
     options = replace(
         state.options, width=size, height=size, supersampling=1, background=(0.0, 0.0, 0.0)
     )
-    lights = tuple(in_world(light, state.camera) for light in state.lights)
+    lights = tuple(fix_in_world(light, state.camera) for light in state.lights)
     scene = replace(
         state.scene, objects=around, lighting=replace(state.scene.lighting, lights=lights)
     )

@@ -77,7 +77,7 @@ def _load(state: RenderState, target: int) -> TextureSlopes:
     return TextureSlopes(slopes, np.sqrt(areas))
 
 
-def _ways(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
+def _view_offsets(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
     """(n, 2) float64: distance in (u, v) that the view ray travels while it descends `depth`."""
     known = state.of(TEXTURE_SLOPES, fragments.target)
     normals = interpolated_normals(fragments, state).astype(np.float64)
@@ -97,12 +97,12 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     assert holder is not None
     uv_set = holder.texture.uv_set
     uvs, uv_changes = fragments.coordinates(uv_set)
-    ways = _ways(fragments, state, holder.depth)
+    ways = _view_offsets(fragments, state, holder.depth)
     image = image_of(state, fragments.target, _NAME)
     starts, steps = uvs, ways
     if image.turn is not None:
         starts, steps = pm.matmul(uvs, image.turn.T) + image.offset, pm.matmul(ways, image.turn.T)
-    shifts = _shares(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
+    shifts = _hit_positions(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
     _move(fragments, textured_mesh(state, fragments.target), uv_set, shifts)
 
 
@@ -135,7 +135,7 @@ def _uv_set(request: RenderRequest, target: int) -> str | None:
     return holder.texture.uv_set
 
 
-def _shares(
+def _hit_positions(
     image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Floats | None, layers: int
 ) -> FloatArray:
     """(n,) float64: position of each hit along its ray, from 0 (surface) to 1 (deepest)."""

@@ -65,7 +65,7 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
     along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
     area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
     inverse = np.stack([up[:, 1], -along[:, 1], -up[:, 0], along[:, 0]], axis=1)
-    return _divided(inverse, area)
+    return _divide_rows(inverse, area)
 
 
 def steps_along_surface(corners: FloatArray) -> FloatArray:
@@ -79,13 +79,13 @@ def steps_along_surface(corners: FloatArray) -> FloatArray:
     area = pm.norm(np.cross(along, up), axis=1)
     shift = pm.vecdot(along, up)
     # In the plane of the triangle the corners are (0, 0), (length, 0) and (shift, area) / length.
-    first = _divided(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
-    second = _divided(np.stack([-shift, length * length], axis=1), area * length)
+    first = _divide_rows(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
+    second = _divide_rows(np.stack([-shift, length * length], axis=1), area * length)
     steps = np.concatenate([first, second], axis=1)
     return np.where((area > 0.0)[:, None], steps, 0.0)
 
 
-def _divided(rows: FloatArray, by: FloatArray) -> FloatArray:
+def _divide_rows(rows: FloatArray, by: FloatArray) -> FloatArray:
     """Rows divided by numbers; 0 where the quotient overflows float64."""
     with np.errstate(all="ignore"):
         quotients = rows / by[:, None]
@@ -110,7 +110,7 @@ def _find_view(fragments: Fragments, state: RenderState) -> None:
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
     mesh = textured_mesh(state, fragments.target)
     assert mesh.uvs is not None and mesh.uv_faces is not None
-    found = _interpolated(fragments, state, mesh.uvs, mesh.uv_faces)
+    found = _interpolate_uvs(fragments, state, mesh.uvs, mesh.uv_faces)
     fragments.uvs, fragments.uv_changes = found
 
 
@@ -118,11 +118,12 @@ def _find_further_uvs(fragments: Fragments, state: RenderState) -> None:
     mesh = textured_mesh(state, fragments.target)
     sets = {name: mesh.uv_set(name) for name in _further(state, fragments.target)}
     fragments.further_uvs = {
-        name: _interpolated(fragments, state, item.uvs, item.faces) for name, item in sets.items()
+        name: _interpolate_uvs(fragments, state, item.uvs, item.faces)
+        for name, item in sets.items()
     }
 
 
-def _interpolated(
+def _interpolate_uvs(
     fragments: Fragments, state: RenderState, uvs: FloatArray, corners: IntArray
 ) -> tuple[FloatArray, Floats]:
     wanted = state.plan.has("derivatives", fragments.target)

@@ -22,7 +22,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
-from texbake.rendering.effects.shadows import ShadowMap, lit_radiance
+from texbake.rendering.effects.shadows import ShadowMap, shadowed_radiance
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.rasterize import SHOW_BACK, SKIP, rasterize
 from texbake.rendering.scene.lights import Shadow
@@ -91,7 +91,7 @@ def visibility_from(fragments: Fragments, state: RenderState, view: ProjectorVie
     lengths = pm.norm(offsets, axis=1, keepdims=True)
     toward: Floats = (offsets / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
     # The direction to the projector stands for the normal: facing is a question of its own.
-    found = lit_radiance(
+    found = shadowed_radiance(
         view.shadow, view.light, state.world, fragments.positions, toward,
         fragments.drawn_faces + np.int32(first),
         IncidentLight(directions=toward, radiance=view.light.radiance), own=(int(first), int(stop)),

@@ -37,7 +37,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, lights_any
+from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, reaches_any
 from texbake.rendering.effects.projected_visibility import (
     ProjectorView,
     facing_projector,
@@ -211,7 +211,7 @@ def _leave_out(
     """Set a lamp's light to 0 if its slide falls on no fragment, before drawing its shadow map."""
     incident.on_cookie = _on_cookie(fragments, state, index)
     covered = incident.radiance * incident.on_cookie.coverage[:, None]
-    if not lights_any(fragments, replace(incident, radiance=covered)):
+    if not reaches_any(fragments, replace(incident, radiance=covered)):
         incident.radiance = covered
 
 

@@ -101,7 +101,7 @@ def _metallic(fragments: Fragments, light: IncidentLight) -> None:
     )  # fmt: skip
 
 
-def _reflecting(
+def _shade_lamps(
     reflect: Callable[[Fragments, IncidentLight], None],
 ) -> Callable[[Fragments, RenderState], None]:
     def shade(fragments: Fragments, state: RenderState) -> None:
@@ -136,7 +136,7 @@ LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
         activations=for_each("lit", partial(_lamp_reasons, shading)),
         left_out=f"no material in the picture is {shading}, or no lamp shines",
         needs=("slots", normals_effect, *looks, lamp_positions),
-        shade=_reflecting(reflect),
+        shade=_shade_lamps(reflect),
         rate="vertex",
     )
     for shading, title, reflect, looks in (

@@ -82,7 +82,7 @@ class ShadowMap:
         return self.depths.nbytes + self.face_ids.nbytes
 
 
-def lit_radiance(
+def shadowed_radiance(
     shadow: ShadowMap,
     light: PlacedLight,
     world: World,
@@ -188,7 +188,7 @@ def _dim(fragments: Fragments, state: RenderState, index: int, incident: Inciden
         return
     light = state.of(PLACED_LIGHTS, index)
     first, stop = state.world.starts[fragments.target : fragments.target + 2]
-    incident.radiance = lit_radiance(
+    incident.radiance = shadowed_radiance(
         shadow,
         light,
         state.world,

@@ -104,7 +104,11 @@ class ObjectRelief:
 def _load_relief(state: RenderState, target: int) -> ObjectRelief | DrawnObject:
     """Prepare the displacement; returns the displaced object if it is the same for all views."""
     relief = _relief(state, target)
-    return relief if relief.holder.edge_px is not None else _cut(state, target, relief, MapView())
+    return (
+        relief
+        if relief.holder.edge_px is not None
+        else _subdivide(state, target, relief, MapView())
+    )
 
 
 def _relief(state: RenderState, target: int) -> ObjectRelief:
@@ -118,7 +122,7 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
     image = texels = frames = None
     if isinstance(holder.texture, ImageTexture):
-        image = _loaded_image(state, drawn, holder, holder.texture)
+        image = _load_image(state, drawn, holder, holder.texture)
         texels = _texels_of(drawn.mesh, image)
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
@@ -156,7 +160,7 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
     return float(np.abs(_heights(holder, ends)).max())
 
 
-def _loaded_image(
+def _load_image(
     state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
     drawn.mesh.corner_uvs(texture.uv_set)  # raises if there are none
@@ -205,10 +209,10 @@ def _displace(state: RenderState, target: int) -> DrawnObject:
     edge_px = known.holder.edge_px
     assert edge_px is not None
     view = EdgeView(state.camera, state.options, edge_px, known.farthest)
-    return _cut(state, target, known, view)
+    return _subdivide(state, target, known, view)
 
 
-def _cut(
+def _subdivide(
     state: RenderState, target: int, relief: ObjectRelief, view: EdgeView | MapView
 ) -> DrawnObject:
     """Subdivide a surface where its edges are too long, and displace its vertices."""

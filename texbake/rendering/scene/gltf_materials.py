@@ -154,7 +154,7 @@ class MaterialReader:
         """Return the image of an index; None, with a line in `missing`, if there is none."""
         source = None if index is None else image_source(self.document, index)
         if (source, color) not in self._images:
-            self._images[source, color] = self._opened(index, color)
+            self._images[source, color] = self._open_image(index, color)
         found = self._images[source, color]
         if isinstance(found, str):
             line = f"{shortened(self._name)}: {found}; the material keeps its factors"
@@ -162,7 +162,7 @@ class MaterialReader:
             return None
         return found
 
-    def _opened(self, index: int | None, color: bool) -> Path | Image | str:
+    def _open_image(self, index: int | None, color: bool) -> Path | Image | str:
         """Return an image's path beside the file, its pixels in the file, or why there is none."""
         data = image_or_reason(self.document, index)
         if index is None or isinstance(data, str):

@@ -92,7 +92,7 @@ ImageTable = table(
 
 
 def _procedure_texture(found: Table) -> ProcedureTexture:
-    given, parameters = found.given(), found.model_extra or {}
+    given, parameters = found.set_values(), found.model_extra or {}
     known = PROCEDURE_DEFAULTS[given["procedure"]]
     for key in parameters:
         if key not in known:

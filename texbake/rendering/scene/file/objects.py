@@ -122,7 +122,7 @@ class ObjectMaker:
 
     def build(self, index: int, found: Table) -> list[SceneObject]:
         """Build the objects of one table: a single object, or all objects of a glTF file."""
-        given = found.given()
+        given = found.set_values()
         steps = "objects", index
         with at(self.path, *steps):
             transform = _transform(given)
@@ -135,7 +135,7 @@ class ObjectMaker:
             self.notes += scene.notes
             self.files += scene.files
             return [
-                replace(item, transform=_composed(transform, item.transform), **flags)
+                replace(item, transform=_compose(transform, item.transform), **flags)
                 for item in scene.objects
             ]
         mesh = self._mesh(steps, given)
@@ -188,7 +188,7 @@ class ObjectMaker:
         is_known = not options.keys() & {"image", "patches", "profile"}
         if is_known:
             self._count(_shape_size(given["shape"], options))
-        mesh = _made(given["shape"], options)
+        mesh = _make_shape(given["shape"], options)
         if not is_known:
             self._count(mesh.n_faces)
         return mesh
@@ -237,7 +237,7 @@ def _transform(given: Mapping[str, Any]) -> FloatArray | None:
     return check_transform(transform_matrix(**parts), "scale") if parts else None
 
 
-def _composed(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray | None:
+def _compose(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray | None:
     if outer is None or inner is None:
         return inner if outer is None else outer
     return pm.matmul(outer, inner)
@@ -266,7 +266,7 @@ def _shape_size(shape: str, options: dict[str, Any]) -> int:
     return int(2 * max(n_u, options.get("sides") or 0) * n_v)
 
 
-def _made(shape: str, options: dict[str, Any]) -> Mesh:
+def _make_shape(shape: str, options: dict[str, Any]) -> Mesh:
     if shape in PLAIN_SHAPES:
         mesh: Mesh = getattr(import_module("texbake.mesh.shapes"), shape)(**options)
         return _with_flat_sides(mesh) if shape == "cube" else mesh

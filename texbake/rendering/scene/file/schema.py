@@ -148,7 +148,7 @@ FogTable = table(Fog)
 OcclusionTable = table(AmbientOcclusion)
 
 
-def _named(lights: list[Light]) -> tuple[Light, ...]:
+def _name_lights(lights: list[Light]) -> tuple[Light, ...]:
     """Give lights without a name a distinct one."""
     return tuple(
         replace(light, name=f"{light.kind} {i + 1}") if light.name == Light.name else light
@@ -156,7 +156,7 @@ def _named(lights: list[Light]) -> tuple[Light, ...]:
     )
 
 
-Lights = list_of(built_by(LightTable, _light), _named)
+Lights = list_of(built_by(LightTable, _light), _name_lights)
 EnvironmentOf = built_by(EnvironmentTable, Environment)
 AmbientOf = built_by(AmbientTable, Ambient)
 FogOf = built_by(FogTable, Fog)
@@ -188,7 +188,7 @@ def _background(value: Any) -> tuple[float, ...] | None:
     return tuple(min(channel, 1.0) for channel in encode_srgb(color_of(value)).tolist())
 
 
-def _checked_render(**given: Any) -> dict[str, Any]:
+def _check_render(**given: Any) -> dict[str, Any]:
     RenderOptions(**given)
     return given
 
@@ -231,7 +231,7 @@ SceneTable: type[Table] = create_model(
     __doc__="A scene: its objects, materials, lights and camera, and how it is drawn.",
     name=(described(Text, "Name of the scene."), None),
     camera=(described(built_by(CameraTable, _view), "Where the scene is seen from."), None),
-    render=(described(built_by(RenderTable, _checked_render), "How the picture is drawn."), None),
+    render=(described(built_by(RenderTable, _check_render), "How the picture is drawn."), None),
     ambient=(described(AmbientOf, "Light that comes from everywhere alike."), None),
     environment=(described(EnvironmentOf, "A panorama or cube map around the scene."), None),
     fog=(described(FogOf, "Fog between the objects and the camera."), None),

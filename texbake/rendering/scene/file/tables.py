@@ -118,7 +118,7 @@ class Table(BaseModel):
         """Known keys."""
         return list(cls.model_fields)
 
-    def given(self) -> dict[str, Any]:
+    def set_values(self) -> dict[str, Any]:
         """Known keys that the file sets, with their values, in the order of the class."""
         given = self.model_fields_set
         return {key: getattr(self, key) for key in type(self).model_fields if key in given}
@@ -199,7 +199,7 @@ def file_schema(model: type[Table], title: str) -> JsonSchema:
 
 def built_by(model: type[Table], make: Callable[..., Any]) -> Any:
     """Type of a table that becomes the result of `make(**given_keys)`."""
-    return converted_by(model, lambda found: make(**found.given()))
+    return converted_by(model, lambda found: make(**found.set_values()))
 
 
 def switchable_by(model: type[Table], make: Callable[..., Any]) -> Any:

@@ -323,12 +323,12 @@ Channel = Annotated[
 ]
 
 
-def _tupled(value: Any) -> Any:
-    return tuple(map(_tupled, value)) if isinstance(value, list) else value
+def _to_tuples(value: Any) -> Any:
+    return tuple(map(_to_tuples, value)) if isinstance(value, list) else value
 
 
 # A value that its options class validates; lists become tuples.
-Plain = Annotated[Any, AfterValidator(_tupled)]
+Plain = Annotated[Any, AfterValidator(_to_tuples)]
 
 
 def _colors(value: Any, info: ValidationInfo) -> tuple[tuple[float, ...], ...]:
