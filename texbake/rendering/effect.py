@@ -65,14 +65,15 @@ class Rejection:
 class Effect:
     """One feature of light or surfaces.
 
-    It is activated by each object among those of the request whose material has another `field`
-    than the default, or by `activations`; without either, only because another effect needs it.
+    Objects `among` those of the request activate it if their material has another value of
+    `material_field` than the default, or `activations` find what does; without either, it runs only
+    because another effect needs it.
     """
 
     name: str  # name in the plan, in `--explain` and in `needs`
     does: str  # description in one line
     of: str = "object"  # kind of its targets: `object`, `light` or `picture`
-    field: str = ""  # of a material
+    material_field: str = ""  # activates the effect where it is not the default
     among: str = "shaded"  # objects whose material counts: a property of the request
     why: str = ""  # reason for the activation: `its material has a light map`
     activations: Callable[[RenderRequest], Iterable[Activation | Rejection]] | None = None
@@ -81,7 +82,7 @@ class Effect:
     # (request, target) that return names.
     needs: Sequence[str | Callable[[RenderRequest, Any], Iterable[str]]] = ()
     # Returns the scene without the effect, to measure what it contributes; by default without the
-    # `field`.
+    # `material_field`.
     without: Callable[[Scene], Scene] | None = None
     # load, prepare, shade, dim, tint: see the module docstring
     load: Result[Any] | None = None
@@ -111,22 +112,22 @@ class Effect:
         """Return the reasons of a request for the effect, or against it."""
         if self.activations is not None:
             return self.activations(request)
-        if not self.field:
+        if not self.material_field:
             return ()
-        default = getattr(DEFAULT_MATERIAL, self.field)
+        default = getattr(DEFAULT_MATERIAL, self.material_field)
         return [
             Activation(index, request.name(index), self.why)
             for index in getattr(request, self.among)
-            if getattr(request.material(index), self.field) != default
+            if getattr(request.material(index), self.material_field) != default
         ]
 
     def scene_without(self, scene: Scene) -> Scene | None:
         """Return a scene without the effect; None if it is not known how."""
         if self.without is not None:
             return self.without(scene)
-        if not self.field:
+        if not self.material_field:
             return None
-        bare = {self.field: getattr(DEFAULT_MATERIAL, self.field)}
+        bare = {self.material_field: getattr(DEFAULT_MATERIAL, self.material_field)}
         return scene.with_materials(lambda material: replace(material, **bare))
 
 

@@ -332,7 +332,7 @@ def _displacement_needs(request: RenderRequest, target: int) -> tuple[str, ...]:
 DISPLACEMENT = Effect(
     name="displacement",
     does="subdivides surfaces and displaces them",
-    field="displacement",
+    material_field="displacement",
     among="objects",
     why="its material has a displacement map",
     left_out="no material has a displacement map",
