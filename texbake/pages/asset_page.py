@@ -47,10 +47,8 @@ from texbake.texture.image import Image
 from texbake.texture.image_files import encode_image
 
 Rows = Sequence[tuple[str, str]]
-
 # Maps that every page needs: normals for the 3D view, heights for the histogram.
 PAGE_MAPS = ("normal", "displacement")
-
 _CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 _PICTURE_PX = 560
 _STILL_QUALITY = 85

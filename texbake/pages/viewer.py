@@ -35,7 +35,6 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
 
 MOST_TRIANGLES = 300_000  # per mesh on a page: two to three MB
-
 _LEGEND_STEPS = 24
 
 
@@ -92,7 +91,6 @@ def angle_colors() -> list[str]:
 
 
 Ints = npt.NDArray[np.int32]
-
 POSITION_STEPS = 65_535  # along the longest side of the box: far finer than a pixel
 # Half the number of steps along an axis of the octahedron: accurate to 0.06 degrees.
 DIRECTION_STEPS = 2_047

@@ -38,7 +38,6 @@ _PICTURE_PX = 512
 _GOLDEN_ANGLE = 180.0 * (3.0 - math.sqrt(5.0))
 _GLTF = (".glb", ".gltf")
 _ROOM_PX = 128  # of a face of its cube map; its lamps are wide
-
 Picture = npt.NDArray[np.uint8]
 
 

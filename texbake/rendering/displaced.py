@@ -76,7 +76,6 @@ class Displaced:
 # Maps places of new vertices and their points on the surface to displacements, one per place:
 # (S, 1) signed lengths along the normal, or (S, 3) vectors.
 Moves = Callable[[Places, FloatArray], FloatArray]
-
 # Ratio of each edge's length to the allowed length; at most 1 for an edge that is short enough.
 Excess = Callable[[Displaced], FloatArray]
 

@@ -106,7 +106,6 @@ def weights_at(
 
 
 Floats = npt.NDArray[np.float32]
-
 # Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
 BRIGHTEST = 1e30
 

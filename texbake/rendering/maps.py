@@ -17,7 +17,6 @@ from texbake.texture.encoding import decode_heights, decode_normals
 from texbake.texture.image import FloatImage, Image, read_header, read_image
 
 MapSource = PathLike | Image | npt.NDArray[Any]
-
 _CONVENTIONS = ("opengl", "directx")
 _SPACES = ("tangent", "object", "world")
 # Number of channels of gray with opacity, and of color with opacity.

@@ -24,9 +24,7 @@ EDGES = ("multisample", "supersample")
 MAPPING_ORDERS = ("screen", "texture", "texture-coverage")
 EXPOSURES = ("auto", "none")
 BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
-
 MAX_BOUNCES = 4
-
 Rgb = tuple[float, float, float]
 ViewAngles = tuple[float, float] | tuple[float, float, float | None]
 

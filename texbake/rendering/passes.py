@@ -30,7 +30,6 @@ from texbake.rendering.rasterize import (
 )
 
 _GIVE_NORMALS = ("normals", "normal map", "bump map")
-
 # Rows of samples per band.
 _ROWS = 64
 

@@ -96,7 +96,6 @@ def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
 # `core/clipping.h`.
 SUBPIXELS = 256
 OFF_GRID = np.iinfo(np.int32).min
-
 # Vertices per band: about a millisecond of work.
 _BAND = 65536
 

@@ -75,7 +75,6 @@ def studio_scene(
 
 
 STUDIO_ROOM = "studio"
-
 # Radiance of the room at the top, at eye level and at the bottom.
 _TOP, _MIDDLE, _BOTTOM = 0.55, 0.32, 0.14
 

@@ -37,12 +37,9 @@ from texbake.parallel import run_bands
 
 # After this many cuts an edge is 2^-23 of its original length, the resolution of float32 weights.
 MOST_CUTS = 23
-
 # Triangles per band.
 _BAND = 1 << 16
-
 Floats = npt.NDArray[np.float32]
-
 Bools = npt.NDArray[np.bool_]
 
 

@@ -34,7 +34,6 @@ from texbake.rendering.passes import find_visible, shade_objects
 from texbake.rendering.rasterize import VisibilityBuffer, Window
 
 BoolArray = npt.NDArray[np.bool_]
-
 # Cells shaded together by one thread, as in `texbake.rendering.draw`.
 _CELLS = 1 << 15
 # Samples per window. They take eight bytes each, and again as much for each transparent layer.

@@ -32,7 +32,6 @@ from texbake.texture.image import FloatImage
 
 # Default radius, as a share of half the diagonal of the scene's bounding box.
 _RADIUS = 0.2
-
 # Rows of pixels per band.
 _ROWS = 16
 

@@ -306,7 +306,6 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
 
 
 _NEEDS = ("derivatives", _texture_needs, "vertex normals", normals_effect)
-
 BUMP_SURFACES = Result(bump_surface)
 EMBOSSED_SURFACES = Result(bump_surface)
 BUMP_MAP = Effect(

@@ -43,12 +43,9 @@ from texbake.texture.prefilter import irradiance, specular_levels, split_sum_tab
 
 # Prefiltered environment: width in texels of a face of its sharpest level, and number of levels.
 _SPECULAR_SIZE = 256
-
 _LEVELS = 6
-
 # Rows of pixels per band.
 _ROWS = 32
-
 _FOG_MODES = {"linear": 0, "exp": 1, "exp2": 2}
 
 
@@ -174,7 +171,6 @@ def _load_levels(state: RenderState, target: Target) -> PlacedEnvironment:
 
 
 _ZERO = np.zeros((1, 1), np.float32)
-
 _NO_TABLE = np.zeros((1, 1, 2), np.float32)
 
 

@@ -31,7 +31,6 @@ from texbake.rendering.scene.transforms import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9
-
 # Factor of the cosine of a slide's corners: the cone leaves pixels on its border to the slide.
 _AROUND_CORNERS = 0.99
 

@@ -32,20 +32,14 @@ from texbake.texture.cube_map import cube_face_axes
 # A spot light wider than this angle in degrees uses a cube: in a single picture, texels at the rim
 # would be four times as fine as at the center, or finer still.
 WIDEST = 120.0
-
 # Near plane relative to the distance of the farthest caster. Reversed depth keeps its precision.
 _NEAR = 2.0**-20
-
 # Four times the relative error of a distance computed from a float32 depth.
 _DEPTH_ROUNDING = 2.0**-22
-
 # A generous bound on the rounding when a flat box is transformed, relative to its coordinates.
 _FLATNESS = 2.0**-44
-
 _ROWS = 64
-
 Box = FloatArray
-
 Pair = tuple[int, int]
 
 

@@ -74,7 +74,6 @@ PLACING = Effect(
 
 # Normals (N, 3), their indices (F, 3) and tangents (F, 3, 4) in the object's space.
 Frames = tuple[FloatArray, IntArray, Floats]
-
 # Lookups per band.
 _BAND = 1 << 15
 

@@ -37,10 +37,8 @@ from texbake.rendering.results import Result, Target
 from texbake.rendering.scene.material import Material
 
 MAX_LAYERS = 16
-
 # In front of the near plane, where the reversed depth is 1.
 _BEFORE_ALL = 2.0
-
 ShadeRows = Callable[..., tuple[FragmentRows, list[Fragments]]]
 
 

@@ -209,7 +209,6 @@ def outline(item: SceneObject) -> Mesh:
 
 
 UP_AXES = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
 # Default near plane of a camera with a position, relative to the smaller of its distance to the
 # target and the scene's radius.
 _NEAR = 1e-3

@@ -136,7 +136,6 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
 Switch = Annotated[bool, Strict()]
 Text = Annotated[str, Strict()]
-
 _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 _COUNTS = {2: "two", 3: "three", 4: "four", 16: "sixteen"}
 
