@@ -140,9 +140,7 @@ class Comparison:
             shown.append((self.mapped_frame, caption, self.mapped))
         if self.displaced_frame is not None:
             shown.append((self.displaced_frame, "... and displaced as well", self.displaced))
-        panels = [
-            Panel(frame.color, caption, _error_note(close)) for frame, caption, close in shown
-        ]
+        panels = [Panel(frame.color, caption, _note(close)) for frame, caption, close in shown]
         if difference:
             panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
         seen = np.logical_or.reduce([frame.coverage > 0 for frame, _, _ in shown])
@@ -153,7 +151,7 @@ def _caption(mesh: Mesh) -> str:
     return f"{mesh.name}: {mesh.n_faces:,} triangles"
 
 
-def _error_note(closeness: Closeness | None) -> str:
+def _note(closeness: Closeness | None) -> str:
     return "" if closeness is None else f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
@@ -240,7 +238,7 @@ def compare(
                 errors.append(_draw_models(models, (high, low), of_view)[1])
                 advance(1)
     with stages.stage("similarity"):
-        seen = [_Seen.of(frame) for frame in frames]
+        seen = [(encode_srgb(frame.color[..., :3]), frame.coverage > 0) for frame in frames]
         bare, *others = (
             _closeness(found, seen[0], low, ssim=not quick)
             for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
@@ -350,16 +348,8 @@ def _joint_diagonal(*meshes: Mesh) -> float:
     return float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches."""
-
-    color: FloatImage
-    covered: npt.NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, frame: Frame) -> _Seen:
-        return cls(encode_srgb(frame.color[..., :3]), frame.coverage > 0)
+# A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches.
+_Seen = tuple[FloatImage, npt.NDArray[np.bool_]]
 
 
 def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool) -> Closeness:
@@ -371,15 +361,16 @@ def _closeness(errors: Sequence[_Errors], high: _Seen, low: _Seen, *, ssim: bool
         mean, (median, p95) = float(angles.mean()), np.percentile(angles, (50, 95))
     else:
         mean = median = p95 = math.nan
-    seen = high.covered | low.covered
-    squares = (high.color[seen] - low.color[seen]) ** 2
+    (high_color, high_covered), (low_color, low_covered) = high, low
+    seen = high_covered | low_covered
+    squares = (high_color[seen] - low_color[seen]) ** 2
     square = float(squares.mean(dtype=np.float64)) if seen.any() else 0.0
     return Closeness(
         mean_deg=mean,
         median_deg=float(median),
         p95_deg=float(p95),
         psnr_db=-10.0 * pm.log10(square) if square else math.inf,
-        ssim=_similarity(high.color, low.color, seen) if ssim else None,
+        ssim=_similarity(high_color, low_color, seen) if ssim else None,
         outline_mismatch=sum(error.n_either - error.n_both for error in errors) / n_either,
         depth_mismatch=(n_both - len(angles)) / n_either,
         n_pixels=len(angles),

@@ -81,7 +81,7 @@ def test_a_picture_of_nothing_ends():
 
 def test_normals_and_what_follows_are_part_of_the_time(monkeypatch):
     """Normals are shaded before the first samples, and writing is timed with these."""
-    shaded_sums, shapes = samples.shaded_sums, []
+    shaded_sums, shapes = samples.shade_to_sums, []
 
     def slow(*args):
         time.sleep(0.5)
@@ -91,7 +91,7 @@ def test_normals_and_what_follows_are_part_of_the_time(monkeypatch):
         shapes.append(color.shape)
         time.sleep(0.2)
 
-    monkeypatch.setattr(samples, "shaded_sums", slow)
+    monkeypatch.setattr(samples, "shade_to_sums", slow)
     options = replace(OPTIONS, time_budget="10min", max_error="16/255")
     frame = render(icosphere(2), options=options, clock=BudgetClock(finish=finish))
     assert frame.normals is not None
