@@ -20,7 +20,7 @@ from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components
 from texbake.mesh.vertex_stream import VertexStream
-from texbake.mesh.weld import later_copies, weld_rows
+from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
 
 # Larger meshes are first reduced in pieces to this many faces, or to this multiple of the requested
@@ -264,7 +264,7 @@ def cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
         )
         if stream.object_ids is not None:
             both = np.stack([cell_of.ravel(), stream.object_ids], axis=1)
-            _, cell_of = np.unique(weld_rows(both), return_inverse=True)
+            cell_of = unique_rows(both)[1].astype(np.intp)
         faces = _clustered(stream, cell_of.ravel())
         if len(faces) <= n_faces:
             best, least = faces, n_cells + 1

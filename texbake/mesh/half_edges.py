@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.mesh import IntArray
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 
 def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
@@ -19,9 +19,7 @@ def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
     """
     tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
     ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
-    firsts = weld_rows(ends.reshape(-1, 2))
-    numbers = np.cumsum(firsts == np.arange(len(firsts))) - 1
-    return np.asarray(numbers[firsts].reshape(-1, 3), dtype=np.int64)
+    return unique_rows(ends.reshape(-1, 2))[1].astype(np.int64).reshape(-1, 3)
 
 
 def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:

@@ -26,7 +26,7 @@ from texbake.mesh.mesh import FloatArray, Mesh, check_face_count
 from texbake.mesh.options import MOST_SUBDIVISIONS, UNITS, TransformOptions
 from texbake.mesh.polygons import Outlines, next_corners, outlines, triangulated
 from texbake.mesh.uv_sets import UvSet
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 # Takes a mesh whose z axis points up to one whose y axis does.
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
@@ -158,7 +158,8 @@ def _refined(
     following = next_corners(sizes)
     ends = np.stack([corners, corners[following]], axis=1)
     keys = np.sort(ends, axis=1).astype(np.int32)
-    at, edge_of = np.unique(weld_rows(keys), return_inverse=True)
+    at, numbers = unique_rows(keys)
+    edge_of = numbers.astype(np.int64)
     heads = keys[at]
     is_sharp = np.bincount(edge_of) != 2
 

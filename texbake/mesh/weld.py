@@ -61,6 +61,26 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     return firsts
 
 
+def unique_rows(
+    rows: npt.NDArray[Any], *, threads: int | None = None
+) -> tuple[npt.NDArray[np.intp], IntArray]:
+    """Places of the first of equal rows, in order, and the number of each row among them.
+
+    Examples
+    --------
+    >>> unique_rows(np.array([[1.0], [2.0], [1.0]]))
+    (array([0, 1]), array([0, 1, 0], dtype=int32))
+    """
+    return number_firsts(weld_rows(rows, threads=threads))
+
+
+def number_firsts(firsts: IntArray) -> tuple[npt.NDArray[np.intp], IntArray]:
+    """Return what `unique_rows` does, given the first row that equals each."""
+    is_first = firsts == np.arange(len(firsts), dtype=np.int32)
+    numbers = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
+    return np.flatnonzero(is_first), numbers[firsts]
+
+
 _STACK = 256  # triangles of one code, from which on copies are looked for
 _CELLS = 2.0**40  # of the grid on which they are equal, along the longest side of the mesh
 

@@ -53,7 +53,7 @@ from texbake.mesh.files.unread_parts import unread_fbx_parts, warn_of_fbx
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 _FIRST_VERSION = 6000
 # A file may place this many triangles, or corners per byte: instances can repeat a few very often.
@@ -273,8 +273,9 @@ class _GeometryReader:
         if not further:
             return [found[0][0]], found[0][1], []
         table = np.stack([rows for _, rows in found], axis=1).astype(np.int32)
-        kept, rows = np.unique(weld_rows(table), return_inverse=True)
-        return [values[of_corner[kept]] for values, of_corner in found], rows, list(further)
+        kept, numbers = unique_rows(table)
+        sets = [values[of_corner[kept]] for values, of_corner in found]
+        return sets, numbers.astype(np.int64), list(further)
 
     def _smoothing(self) -> dict[str, Any]:
         """Return normals that smoothing makes, as fields; none where no edge is hard."""
@@ -339,8 +340,8 @@ class _GeometryReader:
             return values, rows
         listed = values[rows]
         keys = np.concatenate([self.vertices[:, None].astype(np.float64), listed], axis=1)
-        kept, rows = np.unique(weld_rows(keys + 0.0), return_inverse=True)
-        return listed[kept], rows
+        kept, numbers = unique_rows(keys)
+        return listed[kept], numbers.astype(np.int64)
 
     def _vertex_colors(self, values: FloatArray, rows: Indices) -> npt.NDArray[np.float32]:
         """(V, 4) colors, white where no corner is."""

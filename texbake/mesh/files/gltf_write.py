@@ -44,7 +44,7 @@ from texbake.mesh.materials import UNPLACED, Materials, Placing
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 # Share of the picture's area that the finest level is shown from on; each next one from a quarter
 # of it, which is half the height.
@@ -221,8 +221,8 @@ class CornerVertices:
         if not all(np.isfinite(values).all() for values in corners.values()):
             name = self.mesh.name
             raise MeshError(f"{name}: a coordinate is beyond float32; scale it down first")
-        firsts = weld_rows(np.concatenate(list(corners.values()), axis=1))
-        kept, indices = np.unique(firsts, return_inverse=True)
+        kept, numbers = unique_rows(np.concatenate(list(corners.values()), axis=1))
+        indices = numbers.astype(np.int64)
         if compress:
             indices, order = ordered_triangles(indices, len(kept))
             kept = kept[order]

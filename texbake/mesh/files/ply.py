@@ -38,7 +38,7 @@ from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, rea
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows, weld_rows
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 NORMAL_NAMES = ("nx", "ny", "nz")
@@ -213,10 +213,9 @@ def _joined(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, I
 
     Returns the values that are kept and the index of each corner into them.
     """
-    firsts = weld_rows(np.concatenate([vertices[:, None], values], axis=1, dtype=np.float64))
-    is_first = firsts == np.arange(len(firsts))
-    ids = np.cumsum(is_first, dtype=np.int32) - 1
-    return values[is_first].astype(np.float64), ids[firsts]
+    rows = np.concatenate([vertices[:, None], values], axis=1, dtype=np.float64)
+    kept, ids = unique_rows(rows)
+    return values[kept].astype(np.float64), ids
 
 
 _BLOCK = 1 << 18  # rows put together at once

@@ -22,7 +22,7 @@ from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.source import ByteArray, decode_name, read_array, text_of
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 HEADER_SIZE = 80
@@ -54,12 +54,10 @@ def read_stl(path: PathLike) -> Mesh:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     if not np.isfinite(corners).all():
         raise MeshError(f"{path}: a position is not finite")
-    firsts = weld_rows(corners)
-    is_first = firsts == np.arange(len(firsts))
-    vertex_ids = np.cumsum(is_first, dtype=np.int32) - 1
+    kept, vertices = unique_rows(corners)
     return Mesh(
-        positions=corners[is_first],
-        faces=vertex_ids[firsts].reshape(-1, 3),
+        positions=corners[kept].astype(np.float64),
+        faces=vertices.reshape(-1, 3),
         face_groups=groups,
         group_names=names,
         name=Path(path).name,

@@ -28,7 +28,7 @@ from texbake.mesh.files.source import damaged, read_array
 from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.uv_sets import UvSet
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 _PACKED = 20  # times that the XML of an archive may be larger than the archive
 _NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
@@ -182,9 +182,8 @@ def _welded(mesh: Mesh) -> Mesh:
     """Join vertices at one position, and values of a vertex that are equal."""
     if mesh.colors is not None:
         return mesh  # vertices at one position may differ in color
-    firsts = weld_rows(mesh.positions)
-    kept, vertices = np.unique(firsts, return_inverse=True)
-    faces = vertices.astype(np.int32)[mesh.faces]
+    kept, vertices = unique_rows(mesh.positions)
+    faces = vertices[mesh.faces]
     changes: dict[str, Any] = {"positions": mesh.positions[kept], "faces": faces}
     for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
         array, indices = getattr(mesh, values), getattr(mesh, corners)
@@ -198,5 +197,5 @@ def _welded_values(
 ) -> tuple[FloatArray, IntArray]:
     """Values of which a vertex has no two equal ones, and the corners as indices into them."""
     rows = np.concatenate([faces.reshape(-1, 1), values[corners.ravel()]], axis=1)
-    kept, ids = np.unique(weld_rows(rows), return_inverse=True)
-    return rows[kept, 1:], ids.astype(np.int32).reshape(-1, 3)
+    kept, ids = unique_rows(rows)
+    return rows[kept, 1:], ids.reshape(-1, 3)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike, require_file
 from texbake.limits import file_beside
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 
 
 def require_usd(path: PathLike) -> None:
@@ -223,6 +223,6 @@ def _values(
         corners.fail(prim, name, f"it has {len(array)} values for {len(elements)} corners")
     if is_listed and np.isfinite(array).all():
         rows = np.concatenate([corners.point_of[:, None].astype(np.float64), array], axis=1)
-        kept, elements = np.unique(weld_rows(rows), return_inverse=True)
-        array = array[kept]
+        kept, numbers = unique_rows(rows)
+        array, elements = array[kept], numbers.astype(np.int64)
     return array, elements[corners.slots]

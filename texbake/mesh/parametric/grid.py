@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import number_firsts, unique_rows
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -166,9 +166,9 @@ def grid_mesh(
     kept = np.flatnonzero(used)
     node_faces = (np.cumsum(used, dtype=np.int32) - 1)[grid.faces]
 
-    vertex_of, first_nodes = _numbered(_firsts_of(grid.vertex_ids[kept]))
+    first_nodes, vertex_of = number_firsts(_firsts_of(grid.vertex_ids[kept]))
     uvs = uvs[kept]
-    uv_of, first_uvs = _numbered(weld_rows(np.column_stack([vertex_of, uvs])))
+    first_uvs, uv_of = unique_rows(np.column_stack([vertex_of, uvs]))
     mesh = Mesh(
         positions=positions[kept][first_nodes] + 0.0,  # -0.0 becomes 0.0
         faces=vertex_of[node_faces],
@@ -181,7 +181,7 @@ def grid_mesh(
     if normals is None:
         return mesh
     normals = normals[kept] + 0.0
-    normal_of, first_normals = _numbered(weld_rows(normals))
+    first_normals, normal_of = unique_rows(normals)
     return mesh.replace(normals=normals[first_normals], normal_faces=normal_of[node_faces])
 
 
@@ -191,13 +191,6 @@ def _firsts_of(ids: IntArray) -> IntArray:
     # Of several values for one place numpy keeps the last, so they come in reverse.
     firsts[ids[::-1]] = np.arange(len(ids), dtype=np.int32)[::-1]
     return firsts[ids]
-
-
-def _numbered(firsts: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
-    """Number distinct rows, given the first equal row of each; also return those first rows."""
-    is_first = firsts == np.arange(len(firsts), dtype=np.int32)
-    numbers = np.cumsum(is_first, dtype=np.int32) - 1
-    return numbers[firsts], np.flatnonzero(is_first)
 
 
 def circle_points(n_points: int) -> FloatArray:
