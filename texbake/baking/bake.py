@@ -115,7 +115,7 @@ def bake(
 
 def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
     """Raise if a map cannot be made from the inputs."""
-    if inputs.stream is not None and (reason := why_not_streamed(kinds, inputs.options)):
+    if inputs.stream is not None and (reason := streaming_obstacle(kinds, inputs.options)):
         raise OptionError(f"max_memory: {inputs.stream.name} would be read in chunks, {reason}")
     for kind in kinds:
         kind.require(inputs)
@@ -130,7 +130,7 @@ def check_maps(kinds: list[MapKind], inputs: BakeInputs) -> None:
             )
 
 
-def why_not_streamed(kinds: list[MapKind], options: BakeOptions) -> str | None:
+def streaming_obstacle(kinds: list[MapKind], options: BakeOptions) -> str | None:
     """Return why maps cannot be baked of a mesh that is read in chunks; None if they can."""
     whole = [kind.name for kind in kinds if kind.of_neighbors or kind.needs != "hits"]
     if whole:

@@ -64,7 +64,7 @@ _MIXER = 0x9E3779
 
 
 @dataclass(frozen=True, eq=False)
-class Coded:
+class EncodedMap:
     """A map encoded for a file.
 
     Attributes
@@ -109,20 +109,20 @@ def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -
     return bits
 
 
-def code(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def encode_map(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     """Encode a map as its kind requires."""
     return _CODINGS[baked.kind.coding](baked, encoding)
 
 
-def _normals(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _normals(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     convention = encoding.convention or baked.options.convention
     pixels = encode_normals(
         baked.values, bits=encoding.bits, convention=convention, threads=baked.options.threads
     )
-    return Coded(pixels, {SPACE: baked.options.space, CONVENTION: convention})
+    return EncodedMap(pixels, {SPACE: baked.options.space, CONVENTION: convention})
 
 
-def _lengths(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _lengths(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     mid, scale = _height_levels(baked, encoding)
     pixels = encode_heights(
         baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
@@ -135,7 +135,7 @@ def _lengths(baked: BakedMap, encoding: FileEncoding) -> Coded:
         n_clipped = count_clipped(
             baked.values, baked.has_data, mid=mid, scale=scale, threads=baked.options.threads
         )
-    return Coded(pixels, metadata, n_clipped)
+    return EncodedMap(pixels, metadata, n_clipped)
 
 
 def _height_levels(baked: BakedMap, encoding: FileEncoding) -> tuple[float, float]:
@@ -153,23 +153,25 @@ def _height_levels(baked: BakedMap, encoding: FileEncoding) -> tuple[float, floa
     return mid, scale
 
 
-def _positions(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _positions(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     is_world = baked.kind.name.startswith("world") or baked.options.space == "world"
     metadata: dict[str, Value] = {SPACE: "world" if is_world else "object"}
     if encoding.bits == FLOAT:
-        return Coded(baked.values, metadata)
+        return EncodedMap(baked.values, metadata)
     assert baked.bounds is not None
     low, high = baked.bounds
     metadata |= {POSITION_MIN: _numbers(low), POSITION_MAX: _numbers(high)}
     threads = baked.options.threads
-    return Coded(quantize_points(baked.values, low, high, encoding.bits, threads=threads), metadata)
+    return EncodedMap(
+        quantize_points(baked.values, low, high, encoding.bits, threads=threads), metadata
+    )
 
 
 def _numbers(point: npt.NDArray[np.float64]) -> str:
     return " ".join(map(repr, point.tolist()))
 
 
-def _curvatures(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _curvatures(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     mid, scale = 0.0, 1.0
     if encoding.bits != FLOAT:
         top = max_code(encoding.bits)
@@ -180,10 +182,10 @@ def _curvatures(baked: BakedMap, encoding: FileEncoding) -> Coded:
     pixels = encode_heights(
         baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
     )
-    return Coded(pixels, {CURVATURE_MID: mid, CURVATURE_SCALE: scale})
+    return EncodedMap(pixels, {CURVATURE_MID: mid, CURVATURE_SCALE: scale})
 
 
-def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     scale = 1.0
     if encoding.bits != FLOAT:
         ranges = channel_ranges(baked.values, baked.has_data, threads=baked.options.threads)
@@ -192,7 +194,7 @@ def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> Coded:
     pixels = encode_heights(
         baked.values, bits=encoding.bits, mid=0.0, scale=scale, threads=baked.options.threads
     )
-    return Coded(pixels, {THICKNESS_SCALE: scale})
+    return EncodedMap(pixels, {THICKNESS_SCALE: scale})
 
 
 def usual_curvature(baked: BakedMap) -> float:
@@ -208,20 +210,20 @@ def usual_curvature(baked: BakedMap) -> float:
     return greatest if greatest > 0.0 else 1.0
 
 
-def _colors(baked: BakedMap, encoding: FileEncoding) -> Coded:
-    return Coded(baked.values)
+def _colors(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+    return EncodedMap(baked.values)
 
 
-def _masks(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _masks(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     if encoding.bits == FLOAT:
-        return Coded(baked.values)
-    return Coded(quantize_unsigned(baked.values, encoding.bits, threads=baked.options.threads))
+        return EncodedMap(baked.values)
+    return EncodedMap(quantize_unsigned(baked.values, encoding.bits, threads=baked.options.threads))
 
 
-def _ids(baked: BakedMap, encoding: FileEncoding) -> Coded:
+def _ids(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
     names = baked.legend
     if encoding.bits == FLOAT:
-        return Coded(baked.values, {f"{ID}{i}": name for i, name in enumerate(names, start=1)})
+        return EncodedMap(baked.values, {f"{ID}{i}": name for i, name in enumerate(names, start=1)})
     colors = id_colors(len(names))
     words = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors.tolist()]
     metadata: dict[str, Value] = {
@@ -229,7 +231,7 @@ def _ids(baked: BakedMap, encoding: FileEncoding) -> Coded:
     }
     codes = colors if encoding.bits == 8 else colors.astype(np.uint16) * 257
     pixels = color_ids(baked.values[:, :, 0], codes, threads=baked.options.threads)
-    return Coded(pixels, metadata)
+    return EncodedMap(pixels, metadata)
 
 
 def id_colors(n: int) -> npt.NDArray[np.uint8]:
@@ -257,7 +259,7 @@ def id_colors(n: int) -> npt.NDArray[np.uint8]:
     return colors
 
 
-_CODINGS: dict[str, Callable[[BakedMap, FileEncoding], Coded]] = {
+_CODINGS: dict[str, Callable[[BakedMap, FileEncoding], EncodedMap]] = {
     "normal": _normals,
     "height": _lengths,
     "vector": _lengths,

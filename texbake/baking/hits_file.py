@@ -64,7 +64,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
     """
     if result.hits is None or result.inputs is None:
         raise OptionError("hits: the bake kept none; bake with `keep_hits=True`")
-    hits, high = _of_hit_faces(result.hits, result.inputs)
+    hits, high = _reduced_to_hit_faces(result.hits, result.inputs)
     arrays: Arrays = {
         field.name: column
         for field in fields(Hits)
@@ -87,7 +87,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
             if (array := getattr(mesh, name)) is not None:
                 arrays[f"{part}_mesh_{name}"] = array
     if high.materials is not None:
-        header["materials"] = _put_materials(high.materials, arrays)
+        header["materials"] = _pack_materials(high.materials, arrays)
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     write_arrays(path, arrays)
 
@@ -116,7 +116,7 @@ def read_hits(path: PathLike) -> BakeResult:
                 f"{path}: it has version {header['version']}, and this texbake reads version "
                 f"{_VERSION}; bake it again"
             )
-        return _unpacked(header, arrays)
+        return _unpack(header, arrays)
     except (FileFormatError, MemoryError):
         raise
     except OSError as error:
@@ -127,7 +127,7 @@ def read_hits(path: PathLike) -> BakeResult:
         ) from error
 
 
-def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
+def _reduced_to_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
     """Hits and inputs reduced to the high-poly faces that were hit, or to one face if none was."""
     high = inputs.high
     used = np.zeros(high.n_faces, dtype=np.bool_)
@@ -179,7 +179,7 @@ def _of_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInputs]:
     return Hits(**columns), reduced
 
 
-def _put_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
+def _pack_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
     """Add the arrays of materials; return their entry in the header."""
     arrays["face_materials"] = materials.face_materials
     for number, coordinates in materials.uv_sets.items():
@@ -206,7 +206,7 @@ def _put_materials(materials: Materials, arrays: Arrays) -> dict[str, Any]:
     }
 
 
-def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
+def _unpack(header: dict[str, Any], arrays: Arrays) -> BakeResult:
     report = _report_type().validate_python(header["report"])
     high, low = (
         Mesh(
@@ -236,7 +236,7 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
         high,
         low,
         options,
-        _taken_materials(header, arrays),
+        _unpack_materials(header, arrays),
         known_curvatures=arrays["curvatures"],
         known_tangents=arrays.get("tangents"),
         known_bounds=arrays["bounds"],
@@ -244,7 +244,7 @@ def _unpacked(header: dict[str, Any], arrays: Arrays) -> BakeResult:
     return BakeResult({}, report, hits, texel_faces, has_data.reshape(texel_faces.shape), inputs)
 
 
-def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None:
+def _unpack_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None:
     if "materials" not in header:
         return None
     stored = header["materials"]
@@ -254,7 +254,7 @@ def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None
             MeshMaterial(
                 name=item["name"],
                 channels={
-                    name: _taken_source(name, stored, arrays)
+                    name: _unpack_source(name, stored, arrays)
                     for name, stored in item["channels"].items()
                 },
             )
@@ -265,10 +265,10 @@ def _taken_materials(header: dict[str, Any], arrays: Arrays) -> Materials | None
     )
 
 
-def _taken_source(channel: str, stored: list[Any], arrays: Arrays) -> ChannelSource:
+def _unpack_source(channel: str, stored: list[Any], arrays: Arrays) -> ChannelSource:
     factor, image, offset = stored
     width = len(CHANNELS[channel].default)
-    source = ChannelSource(tuple(factor), _taken_image(image, arrays), offset)
+    source = ChannelSource(tuple(factor), _unpack_image(image, arrays), offset)
     if len(factor) != width or not np.isfinite([*factor, offset]).all():
         raise ValueError("a factor has another shape")
     if source.image is not None and len(source.image.components) != width:
@@ -276,7 +276,7 @@ def _taken_source(channel: str, stored: list[Any], arrays: Arrays) -> ChannelSou
     return source
 
 
-def _taken_image(stored: dict[str, Any] | None, arrays: Arrays) -> ChannelImage | None:
+def _unpack_image(stored: dict[str, Any] | None, arrays: Arrays) -> ChannelImage | None:
     if stored is None:
         return None
     (first, second), number = stored["placing"], stored["uv_set"]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.codings import FLOAT, FileEncoding, code, file_bits
+from texbake.baking.codings import FLOAT, FileEncoding, encode_map, file_bits
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
@@ -110,7 +110,7 @@ class BakedMap:
         """
         bits = file_bits(self.kind, path, bits or self.options.bits, len(self.legend))
         code_bits = FLOAT if holds_floats(path, bits) else bits
-        coded = code(self, FileEncoding(code_bits, convention, mid, scale))
+        coded = encode_map(self, FileEncoding(code_bits, convention, mid, scale))
         write_image(
             coded.pixels,
             path,

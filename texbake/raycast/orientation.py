@@ -197,7 +197,7 @@ def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArra
     pairs = edge_neighbors(welded)
     roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)
     core.join_orientations(roots, flips, pairs.first, pairs.second, ~pairs.agree)
-    areas = pm.norm(_crosses(mesh), axis=1)
+    areas = pm.norm(_area_vectors(mesh), axis=1)
     flipped = np.bincount(roots, areas * flips, mesh.n_faces)
     upright = np.bincount(roots, areas * ~flips, mesh.n_faces)
     turned: BoolArray = flips ^ (flipped > upright)[roots]
@@ -217,7 +217,7 @@ class _Points:
 
 def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Points:
     """Draw points of each part, evenly over its area."""
-    crosses = _crosses(mesh)
+    crosses = _area_vectors(mesh)
     lengths = pm.norm(crosses, axis=1)
     order = np.argsort(parts, kind="stable")
     sums = np.concatenate([[0.0], np.cumsum(lengths[order])])
@@ -317,21 +317,21 @@ class _Votes:
         inwards: BoolArray = self.clear & (self.behind > self.in_front)
         asked = np.union1d(self.hits[:, 0], np.flatnonzero(self.seen))
         for part in np.setdiff1d(asked, np.flatnonzero(self.seen)).tolist():
-            inwards[part] = inwards[self._around(part)]
+            inwards[part] = inwards[self._enclosing_part(part)]
         return inwards
 
-    def _around(self, part: int) -> int:
+    def _enclosing_part(self, part: int) -> int:
         """The seen part that a hidden one lies within, or the part itself."""
-        nexts, visited = self._nexts, {part}
+        most_hit, visited = self._most_hit_parts, {part}
         while not self.seen[part]:
-            part = nexts.get(part, part)
+            part = most_hit.get(part, part)
             if part in visited:
                 break
             visited.add(part)
         return part
 
     @cached_property
-    def _nexts(self) -> dict[int, int]:
+    def _most_hit_parts(self) -> dict[int, int]:
         """For each part, the other one that its rays hit most; of equals, the first."""
         n_parts = len(self.in_front)
         keys = self.hits[:, 0].astype(np.int64) * n_parts + self.hits[:, 1]
@@ -356,7 +356,7 @@ def _views() -> list[FloatArray]:
 _VIEWS = _views()
 
 
-def _crosses(mesh: Mesh) -> FloatArray:
+def _area_vectors(mesh: Mesh) -> FloatArray:
     """(F, 3) float64: twice the area of each face along its normal, in units of the mesh's size."""
     corners = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
     a, b, c = (corners[mesh.faces[:, k]] for k in range(3))

@@ -192,13 +192,13 @@ class BakeStep(BakeOptions):
 
 
 def _step(job: Job) -> dict[str, Any]:
-    from texbake.baking.bake import why_not_streamed
+    from texbake.baking.bake import streaming_obstacle
     from texbake.baking.maps import map_kinds
     from texbake.jobs.maps import bake_files
 
     options = STEP.made(job.settings, threads=job.threads)
     # A limit changes no byte; some maps need the high-poly mesh as a whole.
-    whole = why_not_streamed(map_kinds(options.maps), options) or job.input("high_texture")
+    whole = streaming_obstacle(map_kinds(options.maps), options) or job.input("high_texture")
     options = replace(options, max_memory=None if whole else job.most_memory)
     done = bake_files(
         job.file("high"),

@@ -276,7 +276,7 @@ def bake_parts(
         high_meshes.check_colors()
     matching, low_parts, occluders = _low_parts(high, low, parts, cage, low_materials)
     if options.bake_island and (matching is not None or len(low) > 1):
-        low_parts = _first(options.bake_island, low_parts)
+        low_parts = _in_baking_order(options.bake_island, low_parts)
         options = replace(options, bake_island=())
     layout = TargetLayout.of(low_parts, parts)
     kinds = map_kinds(options.maps)
@@ -328,7 +328,7 @@ def bake_objects(
     return replace(baked, report=report)
 
 
-def _first(names: Sequence[str], low_parts: list[LowPart]) -> list[LowPart]:
+def _in_baking_order(names: Sequence[str], low_parts: list[LowPart]) -> list[LowPart]:
     """Return the parts with those of some names first, which are baked where parts are stacked."""
     known = [part.name for part in low_parts]
     for name in names:

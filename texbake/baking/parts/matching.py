@@ -67,7 +67,7 @@ class Matching:
             ("low-poly", self.high_names, self.high_left, "not used"),
         )
         return [
-            f"{shown([names[i] for i in left])}: no {other} part of that name, so {done}"
+            f"{format_names([names[i] for i in left])}: no {other} part of that name, so {done}"
             for other, names, left, done in sides
             if left
         ]
@@ -177,8 +177,8 @@ def _match_bases(
             matches[key] = Match(base, i, tuple(sources[key]))
     if not matches:
         raise MeshError(
-            f"match_by_name: no low-poly part ({shown(low_names)}) matches a high-poly part "
-            f"({shown(high_names)}); name them like body{options.low_suffix} and "
+            f"match_by_name: no low-poly part ({format_names(low_names)}) matches a high-poly part "
+            f"({format_names(high_names)}); name them like body{options.low_suffix} and "
             f"body{options.high_suffix}"
         )
     used_low = {match.low for match in matches.values()}
@@ -214,7 +214,7 @@ def has_suffix(name: str, suffix: str) -> bool:
     return base_of(name, suffix) is not None
 
 
-def shown(names: Sequence[str]) -> str:
+def format_names(names: Sequence[str]) -> str:
     """The first few of the names."""
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
     return ", ".join(names[:_NAMES_SHOWN]) + more

@@ -71,20 +71,20 @@ class TargetMaps:
         # With many parts, each covers a small window of the maps.
         at = _window(covered)
         covered, faces, has_data = covered[at], result.texel_faces[at], result.has_data[at]
-        taken = self._faces[at] != NO_FACE
-        unintended = covered & taken
+        is_covered = self._faces[at] != NO_FACE
+        unintended = covered & is_covered
         if is_stacked is not None:
             unintended &= ~is_stacked[faces]
         self.n_overlapping += int(np.count_nonzero(unintended))
         # A hit of another part replaces a miss.
-        mine = np.where(taken, has_data & ~self._has_data[at], covered)
+        is_used = np.where(is_covered, has_data & ~self._has_data[at], covered)
         for kind in [] if first else self._kinds:
             values = result.maps[kind.name].values[at]
-            np.copyto(self._values[kind][at], values, where=mine[:, :, np.newaxis])
+            np.copyto(self._values[kind][at], values, where=is_used[:, :, np.newaxis])
         charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
-        np.copyto(self._charts[at], charts[faces] + np.int32(self._n_charts), where=mine)
-        np.copyto(self._faces[at], face_ids[faces], where=mine)
-        np.copyto(self._has_data[at], has_data, where=mine)
+        np.copyto(self._charts[at], charts[faces] + np.int32(self._n_charts), where=is_used)
+        np.copyto(self._faces[at], face_ids[faces], where=is_used)
+        np.copyto(self._has_data[at], has_data, where=is_used)
         self._n_charts += int(charts.max()) + 1
         report = result.report
         n_absent = inputs.low.n_faces - n_faces
