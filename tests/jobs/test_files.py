@@ -77,9 +77,6 @@ def test_a_repair_counts_its_changes(folder: Path) -> None:
     [
         lambda: texbake.bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
         lambda: texbake.bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
-        lambda: texbake.simplify_file("ball.obj", "a.obj", SIXTY, report="ball.obj"),
-        lambda: texbake.cage_file("ball.obj", "bare.ply", "bare.ply"),
-        lambda: texbake.unwrap_files("ball.obj", "a.obj", checker="c.png", layout="c.png"),
         lambda: texbake.compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
         lambda: texbake.preview_files("ball.obj", "p.png", report="ball.obj"),
         lambda: texbake.check_mesh_files("ball.obj", sides="s.png", layout="s.png"),

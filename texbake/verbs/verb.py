@@ -226,7 +226,7 @@ def outputs_like(inputs: Any, output: Any) -> list[Path]:
 
 def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
     """Raise where an output cannot be written, or is an input or another output as well."""
-    from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct
+    from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct, check_mesh
 
     inputs = {
         part.name: paths_of(given.get(part.name, getattr(given.get("options"), part.name, None)))
@@ -240,15 +240,13 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
     for part, paths in outputs.items():
         kept = [path for name, read in inputs.items() if name != part.over for path in read]
         check_distinct(paths, kept)
-        folder_is_made = bool(part.like) and len(paths) > 1
-        if folder_is_made:
+        if part.like and len(paths) > 1:
             check_folder(given[part.name])
+            for path in paths:
+                check_mesh(path, folder_is_made=True)
         # Files may be given in place of a folder for them.
-        is_folder = isinstance(given.get(part.name), str | os.PathLike)
-        for path in paths:
-            if part.kind == "mesh":
-                OUTPUT_CHECKS["mesh"](path, folder_is_made=folder_is_made)
-            elif is_folder or part.kind != "folder":
+        elif part.kind != "folder" or isinstance(given.get(part.name), str | os.PathLike):
+            for path in paths:
                 OUTPUT_CHECKS[part.kind](path)
 
 
