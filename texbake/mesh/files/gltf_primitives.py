@@ -121,7 +121,7 @@ def _weld(
     bounds = _bounds([len(arrays.attributes["POSITION"]) for arrays in batch])
     n_faces = [len(arrays.corners) for arrays in batch]
     corners = np.concatenate([arrays.corners for arrays in batch])
-    joined = corners + np.repeat(bounds[:-1], n_faces)[:, None]
+    joined = corners + np.repeat(bounds[:-1], n_faces)[:, None] if len(batch) > 1 else corners
     values["POSITION"] = _finite_positions(document, values["POSITION"], joined)
     for name in values:
         if name.partition("_")[0] in _FIELDS:
@@ -133,11 +133,11 @@ def _weld(
         keys.append(np.repeat(np.arange(len(batch), dtype=np.float64), np.diff(bounds))[:, None])
     firsts = weld_rows(np.concatenate(keys, axis=1) if len(keys) > 1 else keys[0])
     is_kept = firsts == np.arange(len(firsts))
-    before = np.append(0, np.cumsum(is_kept))
+    before = np.append(np.int32(0), np.cumsum(is_kept, dtype=np.int32))
     kept_bounds = before[bounds]
-    faces = before[firsts[joined]] - np.repeat(kept_bounds[:-1], n_faces)[:, None]
+    faces = before[firsts][joined] - np.repeat(kept_bounds[:-1], n_faces)[:, None]
 
-    def pieces(rows: npt.NDArray[Any] | None, bounds: npt.NDArray[np.int64]) -> list[Any]:
+    def pieces(rows: npt.NDArray[Any] | None, bounds: IntArray) -> list[Any]:
         if rows is None:
             return [None] * len(batch)
         return [rows[start:stop] for start, stop in pairwise(bounds.tolist())]
@@ -145,7 +145,7 @@ def _weld(
     colors = values.get("COLOR_0")
     columns = {
         "positions": pieces(values["POSITION"][is_kept], kept_bounds),
-        "faces": pieces(faces.astype(np.int32), _bounds(n_faces)),
+        "faces": pieces(faces, _bounds(n_faces)),
         "corners": pieces(corners, _bounds(n_faces)),
         "uvs": pieces(flip_v(values.get(f"{_UVS}_{request.uv_set}")), bounds),
         "normals": pieces(values.get("NORMAL"), bounds),
@@ -168,9 +168,9 @@ def _weld(
     ]
 
 
-def _bounds(counts: list[int]) -> npt.NDArray[np.int64]:
+def _bounds(counts: list[int]) -> IntArray:
     """(n + 1,) where each of some runs of rows begins, and where the last ends."""
-    return np.cumsum([0, *counts], dtype=np.int64)
+    return np.cumsum([0, *counts], dtype=np.int32)
 
 
 def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:
@@ -249,9 +249,7 @@ def _primitive_source(
     return _PrimitiveSource(document, {INDICES: None, **accessors}, arrays)
 
 
-def _finite_positions(
-    document: Document, positions: FloatArray, corners: npt.NDArray[np.int64]
-) -> FloatArray:
+def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:
     """Return positions; a used position replaces unused ones that are not finite."""
     is_bad = rows_not_finite(positions)
     if not is_bad.any():
