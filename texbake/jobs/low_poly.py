@@ -1,6 +1,6 @@
-"""The low-poly mesh of `run` and `lighten`: the high-poly mesh simplified as it is, or its wrap.
+"""The low-poly mesh of `run` and `lighten`: the high-poly mesh simplified as it is, or a wrap.
 
-If both reach the number of triangles, pictures decide which one is closer to the high-poly mesh.
+Of those that reach the number of triangles, pictures decide which is closest to the high-poly mesh.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
 from texbake.mesh.topology import surface_side
-from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wrapped
+from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
 from texbake.progress import ProgressSink
 from texbake.rendering.compare import compare_shapes
 from texbake.rendering.options import RenderOptions
@@ -86,9 +86,9 @@ class _Maker:
     def kept(self) -> LowPoly:
         return self.simplified(self.high, self.quality)
 
-    def wrapped(self, reason: Reason | None) -> LowPoly:
-        name, diagonal = self.high.name, self.high.diagonal
-        wrap, width = wrapped(
+    def wrapped(self, reason: Reason | None) -> list[LowPoly]:
+        """Make one mesh of each wrap."""
+        found = wraps(
             self.high,
             self.n_faces if self.error is None else None,
             has_tunnels=reason is not None and reason.has_tunnels,
@@ -96,6 +96,10 @@ class _Maker:
             threads=self.threads,
             progress=self.progress,
         )
+        return [self.of_wrap(wrap, width, reason) for wrap, width in found]
+
+    def of_wrap(self, wrap: Mesh, width: float, reason: Reason | None) -> LowPoly:
+        name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
         low = self.simplified(wrap, "best" if width else self.quality)
         why: list[str] = []
@@ -117,7 +121,14 @@ class _Maker:
         return replace(low, why=tuple(why), ray_distance=rays)
 
     def closest(self, candidates: list[LowPoly]) -> LowPoly:
-        """Return the mesh whose normal map would leave the least mean angle in pictures."""
+        """Return the mesh whose normal map would leave the least mean angle in pictures.
+
+        If no candidate reaches the number of triangles, it is the one that comes closest.
+        """
+        reached = [low for low in candidates if low.report.is_close_to_count]
+        if len(reached) < 2:
+            return min(reached or candidates, key=lambda low: low.mesh.n_faces)
+        candidates = reached
         options, lows = RenderOptions(width=_PICTURE, height=_PICTURE), [c.mesh for c in candidates]
         found = compare_shapes(self.high, lows, options, threads=self.threads)
         angles = [(1.0 - other) * _WITH_MAP * mean + other * _OTHER_PART for mean, other in found]
@@ -143,7 +154,7 @@ def make_low_poly(
         threads=threads, progress=progress,
     )  # fmt: skip
     if remesh == "always":
-        low = make.wrapped(None)
+        low = make.closest(make.wrapped(None))
     else:
         low = _closest(make) if remesh == "auto" else make.kept()
     if must_reach and error is None:
@@ -158,7 +169,7 @@ def _closest(make: _Maker) -> LowPoly:
         return make.kept()
     if make.error is not None:
         reason = reason_to_wrap(high, threads=make.threads)
-        return make.kept() if reason is None else make.wrapped(reason)
+        return make.kept() if reason is None else make.wrapped(reason)[0]
     reason = reason_to_wrap(high, n_faces, threads=make.threads)
     kept = None
     if reason is None:
@@ -167,13 +178,9 @@ def _closest(make: _Maker) -> LowPoly:
             return kept
         reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
     try:
-        wrap = make.wrapped(reason)
+        candidates = make.wrapped(reason)
     except MeshError:
         return kept or make.kept()
-    if reason.is_certain and wrap.report.is_whole:
-        return wrap
-    candidates = [wrap, kept or make.kept()]
-    reached = [low for low in candidates if low.report.is_close_to_count]
-    if len(reached) == 2:
-        return make.closest(reached)
-    return min(candidates, key=lambda low: low.mesh.n_faces)
+    if not (reason.is_certain and any(low.report.is_whole for low in candidates)):
+        candidates.append(kept or make.kept())
+    return make.closest(candidates)

@@ -10,6 +10,7 @@ mesh has more tunnels than the triangles can show, they must be closed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,7 +125,7 @@ def _share_inside(mesh: Mesh, wrap: Mesh, voxel: float, threads: int | None) -> 
     return float(np.mean(np.isinf(distances)))
 
 
-def wrapped(
+def wraps(
     mesh: Mesh,
     n_faces: int | None,
     *,
@@ -132,23 +133,22 @@ def wrapped(
     surface: str = AUTO,
     threads: int | None = None,
     progress: ProgressSink | None = None,
-) -> tuple[Mesh, float]:
+) -> Iterator[tuple[Mesh, float]]:
     """Wrap a mesh with no more tunnels than a number of triangles can show.
 
-    Returns `width` float, of the gaps that were closed for fewer tunnels, in model units; 0 where
-    that was not needed.
+    Yields wraps with the width of the gaps that were closed for fewer tunnels, in model units, the
+    narrowest that leaves few enough first; or one wrap and 0 where that is not needed.
     """
     bare = _bare(mesh)
     if not has_tunnels:
         options = RemeshOptions(surface=surface)
         wrap = remesh(bare, options, threads=threads, progress=progress)
-        if n_faces is None:
-            return wrap, 0.0
         handles = genus(wrap.faces, find_edges(wrap.faces), wrap.n_vertices) or 0
-        if handles <= n_faces / _FACES_PER_TUNNEL:
-            return wrap, 0.0
+        if n_faces is None or handles <= n_faces / _FACES_PER_TUNNEL:
+            yield wrap, 0.0
+            return
     assert n_faces is not None
-    return remesh_with_few_tunnels(
+    yield from remesh_with_few_tunnels(
         bare,
         n_faces / _FACES_PER_TUNNEL,
         resolution=_COARSE.resolution if n_faces <= FEW_FACES else RemeshOptions.resolution,

@@ -149,7 +149,7 @@ def _level(
     from texbake.jobs.written import MaterialBorders, written
     from texbake.mesh.hard_edges import with_normals
     from texbake.mesh.simplify import check_count, simplify_with_report
-    from texbake.mesh.wrapping import wrapped
+    from texbake.mesh.wrapping import wraps
 
     fits = materials.fit(output, mtl=mtl)
     bordered = MaterialBorders.of(high, materials) if fits else None
@@ -164,7 +164,7 @@ def _level(
     )
     if options.error is None and options.seams != "keep":
         if options.topology == "simplify" and count is not None and not figures.is_whole:
-            wrap, _ = wrapped(high, count, has_tunnels=True, threads=threads)
+            wrap, _ = next(wraps(high, count, has_tunnels=True, threads=threads))
             low, figures = simplify_with_report(
                 wrap, count, quality="best", threads=threads, progress=progress
             )

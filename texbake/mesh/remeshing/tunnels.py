@@ -10,6 +10,7 @@ Kernel: `core/tunnel_carving.c`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -33,6 +34,8 @@ CLOSINGS: Final = (0.01, 0.02, 0.03, 0.05, 0.08)
 _DEPTH = 0.008
 
 Labels = npt.NDArray[np.uint8]
+BoolArray = npt.NDArray[np.bool_]
+FloatArray32 = npt.NDArray[np.float32]
 
 
 def remesh_with_few_tunnels(
@@ -42,10 +45,11 @@ def remesh_with_few_tunnels(
     resolution: int,
     threads: int | None = None,
     progress: ProgressSink | None = None,
-) -> tuple[Mesh, float]:
-    """Wrap a mesh in a closed surface with few tunnels.
+) -> Iterator[tuple[Mesh, float]]:
+    """Wrap a mesh in closed surfaces with few tunnels.
 
-    Returns `width` float, of the gaps that were closed, in model units.
+    Yields the wrap that closes the narrowest gaps which leave at most `most` tunnels, then those of
+    the next wider and the next narrower gaps, each with the width of its gaps, in model units.
     """
     stages = Stages(progress)
     widest = f"{100.0 * CLOSINGS[-1]:g}%"  # the grid has room for all
@@ -57,41 +61,53 @@ def remesh_with_few_tunnels(
             band = Band.around(points, mesh.faces, grid.shape, threads=threads)
         except CrowdedGridError as error:
             raise too_crowded(mesh, options, error) from error
-        labels = band.labels(threads=threads)
-    with stages.stage("close tunnels"):
-        nets, width = _close(band, labels, mesh.diagonal / grid.voxel, most, threads)
-    del band, labels
-    with stages.stage("project"):
-        tree = TriangleTree.build(points, mesh.faces, threads=threads)
-        moved, faces = project(nets, tree, threads=threads)
-    moved, faces, _ = without_crumbs(moved, faces, keep_cavities=False)
-    wrap = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
-    return with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal
+    tree = TriangleTree.build(points, mesh.faces, threads=threads)
+    for nets, width in _closed(band, mesh.diagonal / grid.voxel, most, stages, threads):
+        with stages.stage("project"):
+            moved, faces = project(nets, tree, threads=threads)
+        moved, faces, _ = without_crumbs(moved, faces, keep_cavities=False)
+        wrap = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
+        yield with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal
 
 
-def _close(
-    band: Band, labels: Labels, diagonal: float, most: float, threads: int | None
-) -> tuple[Nets, float]:
-    """Build the surface of a solid with few tunnels; also return the width of the gaps closed.
+def _closed(
+    band: Band, diagonal: float, most: float, stages: Stages, threads: int | None
+) -> Iterator[tuple[Nets, float]]:
+    """Yield surfaces of solids with few tunnels, and the width of the gaps that each closes.
 
-    The diagonal of the mesh is in voxels, and the width is a share of it.
+    The diagonal of the mesh is in voxels, and the widths are shares of it.
     """
+    labels = band.labels(threads=threads)
     solid, field, thin = _flooded(band, labels, 0.0, threads)
-    for width in CLOSINGS:
-        radius = width * diagonal / 2.0 - SHELL_DEPTH
-        wide, wide_field, wide_thin = _flooded(band, labels, radius, threads)
-        wide |= solid
-        if nets_around(band, wide_field, wide, wide_thin, threads).n_handles <= most:
-            break
-    core.carve_tunnels(solid, wide, max(2, round(_DEPTH * diagonal)))
-    added = band.values_of(wide & ~solid)
-    field[added] = np.minimum(field[added], JUST_SOLID)
-    return nets_around(band, field, wide, thin, threads), width
+
+    def flooded(width: float) -> tuple[BoolArray, FloatArray32, BoolArray]:
+        wide, *others = _flooded(band, labels, width * diagonal / 2.0 - SHELL_DEPTH, threads)
+        return wide | solid, *others
+
+    def carved(wide: BoolArray) -> Nets:
+        core.carve_tunnels(solid, wide, max(2, round(_DEPTH * diagonal)))
+        added = band.values_of(wide & ~solid)
+        with_added = field.copy()
+        with_added[added] = np.minimum(field[added], JUST_SOLID)
+        return nets_around(band, with_added, wide, thin, threads)
+
+    with stages.stage("close tunnels"):
+        for width in CLOSINGS:
+            wide, wide_field, wide_thin = flooded(width)
+            if nets_around(band, wide_field, wide, wide_thin, threads).n_handles <= most:
+                break
+        nets = carved(wide)
+    yield nets, width
+    chosen = CLOSINGS.index(width)
+    for other in (*CLOSINGS[chosen + 1 :][:1], *CLOSINGS[:chosen][-1:]):
+        with stages.stage("close tunnels"):
+            nets = carved(flooded(other)[0])
+        yield nets, other
 
 
 def _flooded(
     band: Band, labels: Labels, radius: float, threads: int | None
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+) -> tuple[BoolArray, FloatArray32, BoolArray]:
     """Close gaps that a ball does not pass; return solid points, the field and its thin points."""
     labels = labels.copy()
     flood_outside(labels, max(radius, 0.0), None, threads=threads)
