@@ -19,19 +19,11 @@ _LONG = 60.0
 
 @dataclass
 class TimedStage:
-    """A stage that runs, and how much of it is done.
-
-    Attributes
-    ----------
-    total : int or None
-        None if the amount of work is unknown.
-    begun : float
-        When, in seconds.
-    """
+    """A stage that runs, and how much of it is done."""
 
     name: str
-    total: int | None
-    begun: float
+    total: int | None  # None if the amount of work is unknown
+    begun: float  # when, in seconds
     done: int = 0
     is_announced: bool = False
 

@@ -30,18 +30,12 @@ PROGRESS = ("auto", "json", "none")
 
 @dataclass(frozen=True)
 class Terminal:
-    """The output of a command.
+    """The output of a command."""
 
-    Attributes
-    ----------
-    kind : str
-        `auto` (bars if stderr is a terminal, else a line every ten seconds), `json` (one object per
-        line on stderr) or `none`.
-    quiet : bool
-        Print no progress and no summary. Warnings and errors are still printed.
-    """
-
+    # `auto` (bars if stderr is a terminal, else a line every ten seconds), `json` (one object per
+    # line on stderr) or `none`.
     kind: str = "auto"
+    # Print no progress and no summary. Warnings and errors are still printed.
     quiet: bool = False
 
     @contextmanager

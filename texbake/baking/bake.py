@@ -146,22 +146,16 @@ def streaming_obstacle(kinds: list[MapKind], options: BakeOptions) -> str | None
 
 @dataclass(frozen=True, eq=False)
 class BakeRun:
-    """A bake with inputs that are checked.
-
-    Attributes
-    ----------
-    scenes : BakeScenes, optional
-        What to cast rays into, which others use as well; None: it builds its own and closes them.
-    distances : DistanceSummary
-        What the distances between the surfaces are added to.
-    """
+    """A bake with inputs that are checked."""
 
     kinds: list[MapKind]
     inputs: BakeInputs
     stages: Stages
     cage: Mesh | None = None
     ray_maps: RayMaps | None = None
+    # What to cast rays into, which others use as well; None: it builds its own and closes them.
     scenes: BakeScenes | None = None
+    # What the distances between the surfaces are added to.
     distances: DistanceSummary = field(default_factory=DistanceSummary)
     clock: BudgetClock = field(default_factory=BudgetClock)
 

@@ -211,24 +211,17 @@ _BAND = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class OuterPoints(Rows):
-    """Points of the high-poly surface outside the low-poly mesh, in the local frame.
+    """Points of the high-poly surface outside the low-poly mesh, in the local frame."""
 
-    Attributes
-    ----------
-    positions : (n, 3) float64
-    faces : (n,) int32
-        Face of the low-poly mesh under each point; -1 for a point beside its border, over none.
-    heights : (n,) float64
-        Height along the interpolated smooth normal, in units of its length.
-    exact : (n,) bool
-        False if no normal of the low-poly surface goes through the point, as where normals cross:
-        the face is then the closest one, and the height the distance to it. False also over folded
-        faces, where the smooth normal of a corner hardly points out of the face.
-    """
-
-    positions: FloatArray
+    positions: FloatArray  # (n, 3) float64
+    # (n,) int32; face of the low-poly mesh under each point; -1 for a point beside its border, over
+    # none.
     faces: IntArray
+    # (n,) float64; height along the interpolated smooth normal, in units of its length.
     heights: FloatArray
+    # False if no normal of the low-poly surface goes through the point, as where normals cross: the
+    # face is then the closest one, and the height the distance to it. False also over folded faces,
+    # where the smooth normal of a corner hardly points out of the face.
     exact: npt.NDArray[np.bool_]
 
 

@@ -21,20 +21,11 @@ _BAND = 1 << 15
 
 @dataclass(eq=False)
 class MaterialPoints:
-    """Points of faces that have one material, and where they lie in its images.
+    """Points of faces that have one material, and where they lie in its images."""
 
-    Attributes
-    ----------
-    rows : (n,) intp or slice
-        Which of all points they are.
-    faces : (n,) int32
-    barycentrics : (n, 2) float32
-        Weights of the second and third corner.
-    """
-
-    rows: npt.NDArray[np.intp] | slice
-    faces: IntArray
-    barycentrics: Float32Array
+    rows: npt.NDArray[np.intp] | slice  # (n,) intp or slice; which of all points they are
+    faces: IntArray  # (n,) int32
+    barycentrics: Float32Array  # (n, 2) float32; weights of the second and third corner
     # By the set of texture coordinates and the placing: several channels share one.
     _places: dict[tuple[int, Placing], FloatArray] = field(default_factory=dict)
 
@@ -70,18 +61,10 @@ def points_by_material(hits: Hits, face_materials: IntArray, n: int) -> list[Mat
 
 @dataclass(eq=False)
 class ChannelImages:
-    """Looks up what channels read of images; decodes each image when it is first needed.
+    """Looks up what channels read of images; decodes each image when it is first needed."""
 
-    Attributes
-    ----------
-    uvs : mapping of int to (T, 2) float64
-        Sets of texture coordinates by their numbers.
-    uv_faces : (F, 3) int32
-        Indices into those of each set.
-    """
-
-    uvs: dict[int, FloatArray]
-    uv_faces: IntArray
+    uvs: dict[int, FloatArray]  # each (T, 2) float64; sets of texture coordinates by their numbers
+    uv_faces: IntArray  # (F, 3) int32; indices into those of each set
     threads: int | None = None
     _decoded: dict[tuple[str, bool, tuple[int, ...]], Float32Array] = field(default_factory=dict)
 

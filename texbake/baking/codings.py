@@ -65,32 +65,19 @@ _MIXER = 0x9E3779
 
 @dataclass(frozen=True, eq=False)
 class EncodedMap:
-    """A map encoded for a file.
+    """A map encoded for a file."""
 
-    Attributes
-    ----------
-    pixels : (H, W, C) uint8, uint16 or float32
-        Codes, or floats that `write_image` converts.
-    n_clipped : int
-        Values out of range of the given mid level and scale.
-    """
-
+    # (H, W, C) uint8, uint16 or float32; codes, or floats that `write_image` converts.
     pixels: npt.NDArray[Any]
     metadata: dict[str, Value] = field(default_factory=dict)
-    n_clipped: int = 0
+    n_clipped: int = 0  # values out of range of the given mid level and scale
 
 
 @dataclass(frozen=True)
 class FileEncoding:
-    """How a file encodes a map; None takes a value from the options of the bake.
+    """How a file encodes a map; None takes a value from the options of the bake."""
 
-    Attributes
-    ----------
-    bits : int
-        8 or 16 for codes, `FLOAT` for plain values.
-    """
-
-    bits: int
+    bits: int  # 8 or 16 for codes, `FLOAT` for plain values
     convention: str | None = None
     mid: float | None = None
     scale: float | None = None

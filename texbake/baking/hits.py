@@ -15,33 +15,21 @@ from texbake.raycast.rays import RayHits, Rays, Rows
 
 @dataclass(frozen=True, eq=False)
 class Hits(Rows):
-    """The hits of a bake, one row for each sample that a face of the low-poly mesh owns.
+    """The hits of a bake, one row for each sample that a face of the low-poly mesh owns."""
 
-    Attributes
-    ----------
-    texel_ids : (n,) int32
-        Row times width plus column of the texel of the sample, row 0 at the top.
-    low_faces : (n,) int32
-        Face of the low-poly mesh.
-    low_barycentrics : (n, 2) float32
-        Weights of the second and third corner of that face.
-    high_faces : (n,) int32
-        Face of the high-poly mesh, `NO_HIT` for a miss.
-    high_barycentrics : (n, 2) float32
-        Weights of the second and third corner of that face.
-    offsets : (n, 3) float32
-        From the sample on the low-poly mesh to the point hit, in model units; 0 for a miss.
-    secondary : (n, S) float32, optional
-        What rays from the point hit have met, where a map needs it; 0 for a miss. The columns are
-        those of `texbake.raycast.hemispheres`, lengths in model units.
-    """
-
+    # (n,) int32; row times width plus column of the texel of the sample, row 0 at the top.
     texel_ids: npt.NDArray[np.int32]
-    low_faces: npt.NDArray[np.int32]
+    low_faces: npt.NDArray[np.int32]  # (n,) int32; face of the low-poly mesh
+    # (n, 2) float32; weights of the second and third corner of that face.
     low_barycentrics: npt.NDArray[np.float32]
-    high_faces: npt.NDArray[np.int32]
+    high_faces: npt.NDArray[np.int32]  # (n,) int32; face of the high-poly mesh, `NO_HIT` for a miss
+    # (n, 2) float32; weights of the second and third corner of that face.
     high_barycentrics: npt.NDArray[np.float32]
+    # (n, 3) float32; from the sample on the low-poly mesh to the point hit, in model units; 0 for a
+    # miss.
     offsets: npt.NDArray[np.float32]
+    # (n, S) float32; what rays from the point hit have met, where a map needs it; 0 for a miss. The
+    # columns are those of `texbake.raycast.hemispheres`, lengths in model units.
     secondary: npt.NDArray[np.float32] | None = None
 
     @classmethod

@@ -32,28 +32,18 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class HighSurface:
-    """The high-poly mesh of a bake, with what maps need of it.
-
-    Attributes
-    ----------
-    shading : str
-        `BakeOptions.high_shading`.
-    colors_are_srgb : bool
-        Whether its vertex colors are sRGB-coded.
-    known_curvatures : (V, 1) float32, optional
-        Its curvatures, where the mesh is only a part of the one they were computed for.
-    known_normals : callable, optional
-        Returns its smooth normals, (V, 3) float64, where the mesh is only a part of another.
-    known_tangents : (F, 3, 4) float32, optional
-        Its MikkTSpace tangents, where the mesh is only a part of another.
-    """
+    """The high-poly mesh of a bake, with what maps need of it."""
 
     mesh: Mesh
     materials: Materials | None
-    shading: str
-    colors_are_srgb: bool
+    shading: str  # `BakeOptions.high_shading`
+    colors_are_srgb: bool  # whether its vertex colors are sRGB-coded
+    # (V, 1) float32; its curvatures, where the mesh is only a part of the one they were computed
+    # for.
     known_curvatures: Float32Array | None = None
+    # Returns its smooth normals, (V, 3) float64, where the mesh is only a part of another.
     known_normals: Callable[[], FloatArray] | None = None
+    # (F, 3, 4) float32; its MikkTSpace tangents, where the mesh is only a part of another.
     known_tangents: Float32Array | None = None
     threads: int | None = None
 
@@ -158,20 +148,16 @@ class BakeInputs:
     """Both meshes of a bake with their normals and tangents, in model space.
 
     Made by `BakeInputs.of`.
-
-    Attributes
-    ----------
-    known_bounds : (2, 3) float64, optional
-        The box that positions are encoded in, where it is not that around both meshes.
-    stream : StreamedMesh, optional
-        The high-poly mesh, if it stays in its file. Then the surface has only some faces of it:
-        `of_hits` returns inputs with those that were hit.
     """
 
     high_surface: HighSurface
     low_surface: LowSurface
     options: BakeOptions
+    # (2, 3) float64; the box that positions are encoded in, where it is not that around both
+    # meshes.
     known_bounds: FloatArray | None = None
+    # The high-poly mesh, if it stays in its file. Then the surface has only some faces of it:
+    # `of_hits` returns inputs with those that were hit.
     stream: StreamedMesh | None = None
 
     @classmethod

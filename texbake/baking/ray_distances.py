@@ -47,31 +47,19 @@ _EDGE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RayProbe:
-    """What rays met that were cast out and in from points of a low-poly mesh.
+    """What rays met that were cast out and in from points of a low-poly mesh."""
 
-    Attributes
-    ----------
-    faces : (n,) int32
-        Face of each point.
-    """
-
-    faces: IntArray
+    faces: IntArray  # (n,) int32; face of each point
     out: RayHits
     into: RayHits
 
 
 @dataclass(frozen=True, eq=False)
 class CornerRayDistances:
-    """How far rays start in front of each corner of each face, and how far behind it they end.
-
-    Attributes
-    ----------
-    distances : (F, 3, 2) float64
-        Front and back, in the local frame.
-    """
+    """How far rays start in front of each corner of each face, and how far behind it they end."""
 
     low: Mesh
-    distances: FloatArray
+    distances: FloatArray  # (F, 3, 2) float64; front and back, in the local frame
 
     def at(self, mesh: Mesh) -> FloatArray:
         """(F, 3, 2) float64: the distances of a mesh with some of its faces, in any order."""

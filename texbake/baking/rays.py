@@ -321,16 +321,10 @@ _LEAVES = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class UnobstructedRays:
-    """Rays of a field, made shorter where another part of the low-poly mesh is in the way.
-
-    Attributes
-    ----------
-    low : RayScene
-        The low-poly mesh.
-    """
+    """Rays of a field, made shorter where another part of the low-poly mesh is in the way."""
 
     field: RayField
-    low: RayScene
+    low: RayScene  # the low-poly mesh
 
     def rays(self, samples: Samples, *, threads: int | None = None) -> Rays:
         """Return the rays of some samples, in their order."""

@@ -62,23 +62,13 @@ class BakeScenes:
     """What the rays of a bake are cast into, all in one frame.
 
     A trace builds and closes its own scenes unless it is given some that others use as well.
-
-    Attributes
-    ----------
-    high : RayScene
-        The high-poly mesh.
-    low : Mesh
-        The low-poly mesh; bakes of only some of its faces can use these scenes as well.
-    occluders : RayScene, optional
-        What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
-    n_points : int
-        Points of the low-poly mesh at which distances are measured.
     """
 
-    high: RayScene
-    low: Mesh
+    high: RayScene  # the high-poly mesh
+    low: Mesh  # the low-poly mesh; bakes of only some of its faces can use these scenes as well
+    # What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
     occluders: RayScene | None = None
-    n_points: int = _LOW_POINTS
+    n_points: int = _LOW_POINTS  # points of the low-poly mesh at which distances are measured
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
     _looks: dict[str, RayProbe] = field(default_factory=dict, init=False, repr=False)
     _reaches: dict[str, CornerRayDistances] = field(default_factory=dict, init=False, repr=False)

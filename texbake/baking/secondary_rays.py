@@ -45,16 +45,10 @@ START_OFFSET = 3.0 * 2.0**-24
 
 @dataclass(frozen=True, eq=False)
 class SecondaryRays:
-    """The rays that the maps of a bake need from its hits.
-
-    Attributes
-    ----------
-    needs : frozenset of str
-        `OUTER`, `INNER` or both.
-    """
+    """The rays that the maps of a bake need from its hits."""
 
     inputs: BakeInputs
-    needs: frozenset[str]
+    needs: frozenset[str]  # `OUTER`, `INNER` or both
 
     @classmethod
     def for_maps(cls, needs: Iterable[str], inputs: BakeInputs) -> SecondaryRays | None:

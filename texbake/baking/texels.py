@@ -61,44 +61,26 @@ class SampleGrid:
 
 @dataclass(frozen=True)
 class SnappedFaces:
-    """The faces of a mesh on the fixed-point grid of a `SampleGrid`.
+    """The faces of a mesh on the fixed-point grid of a `SampleGrid`."""
 
-    Attributes
-    ----------
-    corners : (F, 3, 2) int64
-        x to the right and y down, `UNIT` per sample.
-    first_rows, last_rows : (F,) int32
-        Rows of samples whose centers a face can own; the last is below the first if there are none,
-        as for most copies of faces that lie on one another.
-    n_outside_tile : int
-        Faces with a corner outside the unit square; what lies outside is not baked.
-    n_zero_area : int
-        Faces without area on the grid, which own no sample.
-    """
-
-    corners: npt.NDArray[np.int64]
+    corners: npt.NDArray[np.int64]  # (F, 3, 2) int64; x to the right and y down, `UNIT` per sample
+    # first_rows, last_rows: (F,) int32; rows of samples whose centers a face can own; the last is
+    # below the first if there are none, as for most copies of faces that lie on one another.
     first_rows: npt.NDArray[np.int32]
     last_rows: npt.NDArray[np.int32]
+    # Faces with a corner outside the unit square; what lies outside is not baked.
     n_outside_tile: int
-    n_zero_area: int
+    n_zero_area: int  # faces without area on the grid, which own no sample
 
 
 @dataclass(frozen=True, eq=False)
 class Samples(Rows):
-    """Owned samples, in the order in which they are cast.
+    """Owned samples, in the order in which they are cast."""
 
-    Attributes
-    ----------
-    texel_ids : (n,) int32
-        Row times width plus column of the texel, row 0 at the top.
-    faces : (n,) int32
-        Face of the mesh.
-    barycentrics : (n, 2) float64
-        Weights of the face's second and third corner at the sample.
-    """
-
+    # (n,) int32; row times width plus column of the texel, row 0 at the top.
     texel_ids: npt.NDArray[np.int32]
-    faces: npt.NDArray[np.int32]
+    faces: npt.NDArray[np.int32]  # (n,) int32; face of the mesh
+    # (n, 2) float64; weights of the face's second and third corner at the sample.
     barycentrics: npt.NDArray[np.float64]
 
 
@@ -228,23 +210,15 @@ def owned_samples(
 
 @dataclass(frozen=True, eq=False)
 class TexelBand:
-    """Some rows of texels with the samples that the mesh owns in them.
-
-    Attributes
-    ----------
-    width : int
-        Texels per row.
-    owners : (len(rows) * per_side, width * per_side) int32
-        Face that owns each sample, `NO_FACE` for none.
-    n_overlaps : int
-        Samples that more than one face covers.
-    """
+    """Some rows of texels with the samples that the mesh owns in them."""
 
     rows: range
-    width: int
+    width: int  # texels per row
+    # (len(rows) * per_side, width * per_side) int32; face that owns each sample, `NO_FACE` for
+    # none.
     owners: IntArray
     samples: Samples
-    n_overlaps: int
+    n_overlaps: int  # samples that more than one face covers
 
     def note_faces(self, texel_faces: IntArray) -> None:
         """Write the face of the first owned sample of each texel into `texel_faces` (H, W).

@@ -229,22 +229,14 @@ _SAMPLES_PER_BAND = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class SampleCaster:
-    """Casts rays of samples while the scenes of a trace are open; the trace counts them.
-
-    Attributes
-    ----------
-    longest : UnobstructedRays, optional
-        Rays for the samples whose own miss, or meet a surface from behind; None: they are cast
-        once.
-    occlusion_range : OcclusionRange, optional
-        Of the secondary rays; None: none are cast.
-    """
+    """Casts rays of samples while the scenes of a trace are open; the trace counts them."""
 
     trace: Trace
     scenes: BakeScenes
     field: RayField
+    # Rays for the samples whose own miss, or meet a surface from behind; None: they are cast once.
     longest: UnobstructedRays | None
-    occlusion_range: OcclusionRange | None
+    occlusion_range: OcclusionRange | None  # of the secondary rays; None: none are cast
 
     def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
         """Return hits and misses of some samples, in their order."""

@@ -30,27 +30,15 @@ IdArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceEdges:
-    """The edges of a surface, and the faces at each.
+    """The edges of a surface, and the faces at each."""
 
-    Attributes
-    ----------
-    faces : (n,) int64
-        The faces whose edges these are, ascending.
-    ids : (n, 3) int64
-        Number of the edge from each of their corners to the next.
-    counts : (E,) int64
-        How many faces have each edge.
-    ordered : (3 n,) int64
-        Half-edges, 3 i + c for corner c of the i-th of `faces`, sorted by edge, then by number.
-    starts : (E,) int64
-        Index in `ordered` of the first half-edge of each edge.
-    """
-
-    faces: IdArray
-    ids: IdArray
-    counts: IdArray
+    faces: IdArray  # (n,) int64; the faces whose edges these are, ascending
+    ids: IdArray  # (n, 3) int64; number of the edge from each of their corners to the next
+    counts: IdArray  # (E,) int64; how many faces have each edge
+    # (3 n,) int64; half-edges, 3 i + c for corner c of the i-th of `faces`, sorted by edge, then by
+    # number.
     ordered: IdArray
-    starts: IdArray
+    starts: IdArray  # (E,) int64; index in `ordered` of the first half-edge of each edge
 
     @classmethod
     def of(cls, corners: npt.NDArray[np.integer[Any]], faces: IdArray) -> SurfaceEdges:

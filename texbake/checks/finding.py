@@ -20,31 +20,17 @@ MESHES = ("mesh", "meshes")
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of problem that a check can find.
+    """A kind of problem that a check can find."""
 
-    Attributes
-    ----------
-    name : str
-        Its identifier, for scripts.
-    title : str
-        What a reader sees.
-    unit : (str, str)
-        What is counted, in the singular and the plural.
-    low, high : str or None
-        Severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
-    problem : str
-        What goes wrong. The check fills in the figures in braces.
-    remedy : str
-        What to do.
-    """
-
-    name: str
-    title: str
-    unit: tuple[str, str] = FACES
+    name: str  # its identifier, for scripts
+    title: str  # what a reader sees
+    unit: tuple[str, str] = FACES  # what is counted, in the singular and the plural
+    # low, high: Severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
     low: str | None = None
     high: str | None = None
+    # What goes wrong. The check fills in the figures in braces.
     problem: str
-    remedy: str
+    remedy: str  # what to do
 
     def counted(self, count: int) -> str:
         """Return a count with its unit, such as `2 faces`."""

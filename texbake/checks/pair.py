@@ -37,24 +37,12 @@ _MAX_FACES_PER_TEXEL = 4.0
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """The closest points of another mesh to the centers of some faces.
+    """The closest points of another mesh to the centers of some faces."""
 
-    Attributes
-    ----------
-    faces : (n,) int64
-        Faces that were measured.
-    step : int
-        One of every `step` faces was.
-    distances : (n,) float64
-        Distances, in the local frame.
-    others : (n,) int32
-        Faces of the other mesh that have the closest points.
-    """
-
-    faces: npt.NDArray[np.int64]
-    step: int
-    distances: FloatArray
-    others: IntArray
+    faces: npt.NDArray[np.int64]  # (n,) int64; faces that were measured
+    step: int  # one of every `step` faces was
+    distances: FloatArray  # (n,) float64; distances, in the local frame
+    others: IntArray  # (n,) int32; faces of the other mesh that have the closest points
 
 
 class MeshPair:

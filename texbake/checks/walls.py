@@ -34,30 +34,18 @@ _LEAVES = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class WallProbe:
-    """What rays through the centers of low-poly faces meet, in the local frame.
+    """What rays through the centers of low-poly faces meet, in the local frame."""
 
-    Attributes
-    ----------
-    faces : (n,) int64
-        Faces that rays were cast from.
-    step : int
-        One of every `step` faces was used.
-    thicknesses : (n,) float64
-        From the face to the back of its wall; inf beyond the end of the ray.
-    gaps : (n,) float64
-        From the face to the next wall in front of it; inf beyond the start of the ray.
-    heights : (n,) float64
-        Height of the hit on the high-poly surface above the face; NaN where the ray misses.
-    reach : RayExtent
-        Greatest ray distances of the bake, in model units.
-    """
-
-    faces: npt.NDArray[np.int64]
-    step: int
+    faces: npt.NDArray[np.int64]  # (n,) int64; faces that rays were cast from
+    step: int  # one of every `step` faces was used
+    # (n,) float64; from the face to the back of its wall; inf beyond the end of the ray.
     thicknesses: FloatArray
+    # (n,) float64; from the face to the next wall in front of it; inf beyond the start of the ray.
     gaps: FloatArray
+    # (n,) float64; height of the hit on the high-poly surface above the face; NaN where the ray
+    # misses.
     heights: FloatArray
-    reach: RayExtent
+    reach: RayExtent  # greatest ray distances of the bake, in model units
 
 
 def probe_walls(pair: MeshPair) -> WallProbe:

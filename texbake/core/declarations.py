@@ -33,25 +33,14 @@ _SIZE = re.compile(r"([A-Za-z_]\w*)(?: ([+-]) (\d+))?")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a function of the core.
-
-    Attributes
-    ----------
-    dtype
-        Name of the numpy dtype of a scalar or of an array's items.
-    dimensions
-        Expressions over the sizes, in C and in Python alike; empty for a scalar.
-    written
-        Whether the function may write to the array.
-    optional
-        Whether the array may be left out.
-    """
+    """One parameter of a function of the core."""
 
     name: str
-    dtype: str
+    dtype: str  # name of the numpy dtype of a scalar or of an array's items
+    # Expressions over the sizes, in C and in Python alike; empty for a scalar.
     dimensions: tuple[str, ...]
-    written: bool
-    optional: bool
+    written: bool  # whether the function may write to the array
+    optional: bool  # whether the array may be left out
 
     def sizes(self) -> dict[str, tuple[int, int]]:
         """Return each size that the array's shape gives: the dimension, and what to add to it."""

@@ -43,21 +43,11 @@ _PIECES = 64
 
 @dataclass(frozen=True)
 class ImageLayout:
-    """Which channels an image holds.
+    """Which channels an image holds."""
 
-    Attributes
-    ----------
-    name : str
-        End of its file name.
-    channels : tuple of (str, int)
-        Channels, each with the component at which it begins.
-    is_color : bool
-        Whether red, green and blue are coded in sRGB.
-    """
-
-    name: str
-    channels: tuple[tuple[str, int], ...]
-    is_color: bool = False
+    name: str  # end of its file name
+    channels: tuple[tuple[str, int], ...]  # channels, each with the component at which it begins
+    is_color: bool = False  # whether red, green and blue are coded in sRGB
 
 
 LAYOUTS = (

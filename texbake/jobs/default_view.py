@@ -29,26 +29,14 @@ BLACK = 0.5 / 255.0 / 12.92
 
 @dataclass(frozen=True, eq=False)
 class DefaultView:
-    """How a scene is shown.
+    """How a scene is shown."""
 
-    Attributes
-    ----------
-    path : path
-        The file.
-    camera : Camera, optional
-        None for the scene's own.
-    n_strays : int
-        Triangles that the camera leaves out because they lie far from all others.
-    side : str
-        As from `surface_side`; "" if it was not needed.
-    """
-
-    path: PathLike
+    path: PathLike  # the file
     scene: Scene
     options: RenderOptions
-    camera: Camera | None = None
-    n_strays: int = 0
-    side: str = ""
+    camera: Camera | None = None  # None for the scene's own
+    n_strays: int = 0  # triangles that the camera leaves out because they lie far from all others
+    side: str = ""  # as from `surface_side`; "" if it was not needed
 
     def table(self, frame: Frame) -> list[tuple[str, str]]:
         """Return rows about the choices that change this picture."""

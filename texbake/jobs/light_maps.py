@@ -52,30 +52,19 @@ _BAND = 1 << 14
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LightMap:
-    """The lighting of one object.
+    """The lighting of one object."""
 
-    Attributes
-    ----------
-    index, name : int, str
-        Of the object in the scene.
-    values : (H, W, 3) float32
-        Linear, not limited to 1; row 0 at the top. 0 outside the charts and their padding.
-    has_data : (H, W) bool
-        Texels that a face covers.
-    n_overlapping : int
-        Samples that more than one face covers; they have the lighting of one of them.
-    n_outside : int
-        Faces that extend beyond the unit square; what lies outside is not baked.
-    uv_set : str, optional
-        Further set of texture coordinates that it lies on; None for the first.
-    """
-
+    # index, name: Of the object in the scene.
     index: int
     name: str
+    # (H, W, 3) float32; linear, not limited to 1; row 0 at the top. 0 outside the charts and their
+    # padding.
     values: Floats
-    has_data: npt.NDArray[np.bool_]
+    has_data: npt.NDArray[np.bool_]  # (H, W) bool; texels that a face covers
+    # Samples that more than one face covers; they have the lighting of one of them.
     n_overlapping: int
-    n_outside: int
+    n_outside: int  # faces that extend beyond the unit square; what lies outside is not baked
+    # Further set of texture coordinates that it lies on; None for the first.
     uv_set: str | None = None
 
     def write(self, path: PathLike, *, bits: int | None = None, threads: int | None = None) -> None:

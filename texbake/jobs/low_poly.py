@@ -33,20 +33,14 @@ _SLANT, _LEAST_REACH = 2.0, 0.001  # the latter of the diagonal
 
 @dataclass(frozen=True, kw_only=True)
 class LowPoly:
-    """A low-poly mesh, and how it was made.
-
-    Attributes
-    ----------
-    why : tuple of str
-        Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which
-        gaps were closed.
-    ray_distance : float, optional
-        Length of the bake's rays outside and inside of the low-poly mesh; None to measure it.
-    """
+    """A low-poly mesh, and how it was made."""
 
     mesh: Mesh
     report: SimplifyReport
+    # Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which gaps
+    # were closed.
     why: tuple[str, ...] = ()
+    # Length of the bake's rays outside and inside of the low-poly mesh; None to measure it.
     ray_distance: float | None = None
 
     def aimed(self, options: BakeOptions) -> BakeOptions:

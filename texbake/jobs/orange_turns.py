@@ -64,42 +64,22 @@ _OPTIONS = RenderOptions(
 
 @dataclass(frozen=True)
 class TurnError:
-    """How far one picture is from that of the high-poly orange.
+    """How far one picture is from that of the high-poly orange."""
 
-    Attributes
-    ----------
-    turned : str
-        What is turned: one of `TURNS`.
-    angle_deg : int
-        By how much.
-    method : str
-        One of `METHODS`.
-    error : float
-        Root mean square difference in steps of 255 of sRGB, over the pixels that either shows.
-    outline_percent : float
-        Pixels that only one of both covers, as a share of the orange.
-    """
-
-    turned: str
-    angle_deg: int
-    method: str
+    turned: str  # what is turned: one of `TURNS`
+    angle_deg: int  # by how much
+    method: str  # one of `METHODS`
+    # Root mean square difference in steps of 255 of sRGB, over the pixels that either shows.
     error: float
-    outline_percent: float
+    outline_percent: float  # pixels that only one of both covers, as a share of the orange
 
 
 @dataclass(frozen=True, eq=False)
 class OrangeTurns:
-    """All errors, and some of the pictures.
+    """All errors, and some of the pictures."""
 
-    Attributes
-    ----------
-    errors : tuple of TurnError
-        By what is turned, then by method, then by angle.
-    pictures : dict of (str, str, int) to (H, W, 3) float32
-        By what is turned, method or `high-poly mesh`, and angle; linear light.
-    """
-
-    errors: tuple[TurnError, ...]
+    errors: tuple[TurnError, ...]  # by what is turned, then by method, then by angle
+    # By what is turned, method or `high-poly mesh`, and angle; linear light.
     pictures: dict[tuple[str, str, int], npt.NDArray[np.float32]]
 
     def along(self, turned: str, method: str) -> list[TurnError]:

@@ -38,24 +38,13 @@ _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SourceMaterials:
-    """The materials of a mesh file, for meshes that are made from it.
+    """The materials of a mesh file, for meshes that are made from it."""
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    materials : Materials or None
-        Those of the faces; None where the file has none, or what it has is damaged.
-    lost : tuple of str
-        What of them could not be read or kept.
-    passed_over : tuple of str
-        What else is in the file that a mesh has no place for.
-    """
-
-    path: Path
+    path: Path  # the file
+    # Those of the faces; None where the file has none, or what it has is damaged.
     materials: Materials | None
-    lost: tuple[str, ...] = ()
-    passed_over: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()  # what of them could not be read or kept
+    passed_over: tuple[str, ...] = ()  # what else is in the file that a mesh has no place for
 
     @classmethod
     def read(cls, path: PathLike, mesh: Mesh) -> SourceMaterials:
@@ -90,15 +79,12 @@ class MaterialBorders:
 
     What is made from such a mesh keeps the borders between materials where it keeps those of
     groups.
-
-    Attributes
-    ----------
-    parts : (G, 2) int32, optional
-        Group and material of each group of `mesh`; None where there is one material at most.
     """
 
     mesh: Mesh
     source: SourceMaterials
+    # (G, 2) int32; group and material of each group of `mesh`; None where there is one material at
+    # most.
     parts: IntArray | None
 
     @classmethod

@@ -22,17 +22,10 @@ _NAMES_SHOWN = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Projected:
-    """Texture coordinates of the corners of faces.
+    """Texture coordinates of the corners of faces."""
 
-    Attributes
-    ----------
-    corners : (F, 3, 2) float64
-        (s, t) of each corner, finite.
-    tallies : dict of str to int
-        Counts of special cases by name, such as "faces touching a pole"; zeros are left out.
-    """
-
-    corners: FloatArray
+    corners: FloatArray  # (F, 3, 2) float64; (s, t) of each corner, finite
+    # Counts of special cases by name, such as "faces touching a pole"; zeros are left out.
     tallies: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

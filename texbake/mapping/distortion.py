@@ -25,36 +25,17 @@ N_WORST = 10  # faces listed
 
 @dataclass(frozen=True, kw_only=True)
 class ChartDistortion:
-    """Measurements of one chart.
+    """Measurements of one chart."""
 
-    Attributes
-    ----------
-    chart : int
-        Its number in `chart_ids`.
-    n_faces : int
-        Measured faces.
-    n_mirrored : int
-        Faces that are clockwise in the texture.
-    area : float
-        Area on the surface, in squares of model units.
-    fill : float
-        Share of the texture that the chart covers; overlaps count twice.
-    texel_density : float
-        Texels per model unit.
-    stretch : Stretch
-        At the scale of the whole mesh: a chart that is smaller than its share is stretched more.
-    l2_alone : float
-        L2 stretch as if there were no other chart, 1 at best.
-    """
-
-    chart: int
-    n_faces: int
-    n_mirrored: int
-    area: float
-    fill: float
-    texel_density: float
+    chart: int  # its number in `chart_ids`
+    n_faces: int  # measured faces
+    n_mirrored: int  # faces that are clockwise in the texture
+    area: float  # area on the surface, in squares of model units
+    fill: float  # share of the texture that the chart covers; overlaps count twice
+    texel_density: float  # texels per model unit
+    # At the scale of the whole mesh: a chart that is smaller than its share is stretched more.
     stretch: Stretch
-    l2_alone: float
+    l2_alone: float  # L2 stretch as if there were no other chart, 1 at best
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures by name; an infinite value becomes None."""
@@ -68,18 +49,11 @@ _CHART_FIGURES = ("chart", "n_faces", "n_mirrored", "area", "fill", "texel_densi
 
 @dataclass(frozen=True, kw_only=True)
 class FaceDistortion:
-    """One of the most stretched faces.
+    """One of the most stretched faces."""
 
-    Attributes
-    ----------
-    face : int
-        Its index in the mesh.
-    l2, linf : float
-        Stretch at the scale of the whole mesh; a mirrored face is measured as if flipped.
-    """
-
-    face: int
+    face: int  # its index in the mesh
     chart: int
+    # l2, linf: Stretch at the scale of the whole mesh; a mirrored face is measured as if flipped.
     l2: float
     linf: float
     mirrored: bool

@@ -182,18 +182,10 @@ def _ends(ends: Points) -> tuple[Points, Points, Points]:
 
 @dataclass(frozen=True, eq=False)
 class _Walks:
-    """Walks that together cover each of some lines once.
+    """Walks that together cover each of some lines once."""
 
-    Attributes
-    ----------
-    places : (n,) int64
-        What the walks lead through, one walk after another.
-    ends : (n_walks,) int64
-        Where the places of each walk stop.
-    """
-
-    places: Points
-    ends: Points
+    places: Points  # (n,) int64; what the walks lead through, one walk after another
+    ends: Points  # (n_walks,) int64; where the places of each walk stop
 
     @classmethod
     def along(cls, tails: Points, heads: Points, *, directed: bool) -> _Walks:

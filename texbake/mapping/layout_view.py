@@ -65,18 +65,12 @@ class Tile:
 
 @dataclass(frozen=True, kw_only=True)
 class LayoutWindow:
-    """The part of texture space that a picture shows, and the size of the picture.
+    """The part of texture space that a picture shows, and the size of the picture."""
 
-    Attributes
-    ----------
-    low, high : (u, v)
-        Lower left and upper right corner.
-    width, height : int
-        In pixels.
-    """
-
+    # low, high: Lower left and upper right corner.
     low: tuple[float, float]
     high: tuple[float, float]
+    # width, height: In pixels.
     width: int
     height: int
 

@@ -39,17 +39,11 @@ _LEAST_PAIRS_OF_A_FACE = 512
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlaps:
-    """Which faces overlap another.
+    """Which faces overlap another."""
 
-    Attributes
-    ----------
-    overlapping : (F,) bool
-    unsure : (F,) bool
-        Faces without a known overlap that were compared with only some of the faces near them,
-        because there are thousands of those.
-    """
-
-    overlapping: npt.NDArray[np.bool_]
+    overlapping: npt.NDArray[np.bool_]  # (F,) bool
+    # (F,) bool; faces without a known overlap that were compared with only some of the faces near
+    # them, because there are thousands of those.
     unsure: npt.NDArray[np.bool_]
 
 

@@ -38,25 +38,14 @@ _ALIKE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class StackedIslands:
-    """Which faces are baked for others that share their texels.
+    """Which faces are baked for others that share their texels."""
 
-    Attributes
-    ----------
-    stacked : (F,) bool
-        Faces of islands that coincide with another.
-    shares : (F,) bool
-        Those of them that are not baked.
-    tiles : (F, 2) float64
-        Whole tiles to subtract from the coordinates of a face; 0 unless its island is stacked and
-        lies outside the unit square.
-    n_sharing : int
-        Islands that are not baked.
-    """
-
-    stacked: BoolArray
-    shares: BoolArray
+    stacked: BoolArray  # (F,) bool; faces of islands that coincide with another
+    shares: BoolArray  # (F,) bool; those of them that are not baked
+    # (F, 2) float64; whole tiles to subtract from the coordinates of a face; 0 unless its island is
+    # stacked and lies outside the unit square.
     tiles: FloatArray
-    n_sharing: int
+    n_sharing: int  # islands that are not baked
 
     @classmethod
     def of(cls, mesh: Mesh, baked: Sequence[str] = ()) -> StackedIslands:
@@ -102,21 +91,11 @@ class StackedIslands:
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """Boxes of islands.
+    """Boxes of islands."""
 
-    Attributes
-    ----------
-    tiles : (n, 2) float64
-        Lower left corner of the tile that the island begins in.
-    fits : (n,) bool
-        Whether all of the island is in that tile, and more than a point or a line.
-    corners : (n, 4) float64
-        Of the box within the tile.
-    """
-
-    tiles: FloatArray
-    fits: BoolArray
-    corners: FloatArray
+    tiles: FloatArray  # (n, 2) float64; lower left corner of the tile that the island begins in
+    fits: BoolArray  # whether all of the island is in that tile, and more than a point or a line
+    corners: FloatArray  # (n, 4) float64; of the box within the tile
 
     @classmethod
     def of(cls, uvs: FloatArray, islands: IntArray) -> _Boxes:
@@ -141,26 +120,15 @@ class _Boxes:
 
 @dataclass(frozen=True, eq=False)
 class _Outlines:
-    """Outlines of islands.
+    """Outlines of islands."""
 
-    Attributes
-    ----------
-    codes : (n, 4) int32
-        Rows that are equal for islands with equal corners and outlines: two sums of 64-bit codes,
-        over the corners and over the edges, so that neither the order of faces nor the diagonals of
-        quadrilaterals matter.
-    islands : (m,) int32
-        Of each edge.
-    ends : (m, 2) int32
-        Of each edge, the lower first.
-    lengths : (m,) float64
-        Of each edge in space.
-    """
-
+    # (n, 4) int32; rows that are equal for islands with equal corners and outlines: two sums of
+    # 64-bit codes, over the corners and over the edges, so that neither the order of faces nor the
+    # diagonals of quadrilaterals matter.
     codes: npt.NDArray[np.int32]
-    islands: IntArray
-    ends: IntArray
-    lengths: FloatArray
+    islands: IntArray  # (m,) int32; of each edge
+    ends: IntArray  # (m, 2) int32; of each edge, the lower first
+    lengths: FloatArray  # (m,) float64; of each edge in space
 
     @classmethod
     def of(

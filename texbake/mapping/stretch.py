@@ -32,29 +32,14 @@ class Stretch:
 
     With σ1 ≥ σ2 the singular values of the map from surface to texture and Γ = 1/σ2, γ = 1/σ1
     those of the map back. Mirrored faces count as infinite in the first three.
-
-    Attributes
-    ----------
-    l2 : float
-        √ of the mean of (Γ² + γ²) / 2; 1 at best, for the mesh as a whole.
-    linf : float
-        Largest Γ.
-    symmetric_dirichlet : float
-        Mean of σ1² + σ2² + Γ² + γ²; 4 at best.
-    quasi_conformal : float
-        Mean of σ1/σ2; 1 at best.
-    angle : float
-        Mean of σ1/σ2 + σ2/σ1 - 2; 0 at best.
-    area : float
-        Mean of a/A + A/a - 2, for area a in the texture and A on the surface; 0 at best.
     """
 
-    l2: float
-    linf: float
-    symmetric_dirichlet: float
-    quasi_conformal: float
-    angle: float
-    area: float
+    l2: float  # √ of the mean of (Γ² + γ²) / 2; 1 at best, for the mesh as a whole
+    linf: float  # largest Γ
+    symmetric_dirichlet: float  # mean of σ1² + σ2² + Γ² + γ²; 4 at best
+    quasi_conformal: float  # mean of σ1/σ2; 1 at best
+    angle: float  # mean of σ1/σ2 + σ2/σ1 - 2; 0 at best
+    area: float  # mean of a/A + A/a - 2, for area a in the texture and A on the surface; 0 at best
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures by name; an infinite value becomes None."""
@@ -63,31 +48,17 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaceStretch:
-    """Stretch of each face that has area both in space and in the texture.
+    """Stretch of each face that has area both in space and in the texture."""
 
-    Attributes
-    ----------
-    faces : (M,) int64
-        Indices of those faces, ascending.
-    areas : (M,) float64
-        Areas in space, in squares of model units.
-    texel_areas : (M,) float64
-        Areas in texels, negative for mirrored faces.
-    greatest, least : (M,) float64
-        Γ and γ, the singular values of the map from texture to surface, for total areas of 1.
-    n_degenerate : int
-        Faces without area in space.
-    n_collapsed : int
-        Faces with area in space but none in the texture.
-    """
-
-    faces: npt.NDArray[np.int64]
-    areas: FloatArray
-    texel_areas: FloatArray
+    faces: npt.NDArray[np.int64]  # (M,) int64; indices of those faces, ascending
+    areas: FloatArray  # (M,) float64; areas in space, in squares of model units
+    texel_areas: FloatArray  # (M,) float64; areas in texels, negative for mirrored faces
+    # greatest, least: (M,) float64; γ and γ, the singular values of the map from texture to
+    # surface, for total areas of 1.
     greatest: FloatArray
     least: FloatArray
-    n_degenerate: int
-    n_collapsed: int
+    n_degenerate: int  # faces without area in space
+    n_collapsed: int  # faces with area in space but none in the texture
 
     @property
     def mirrored(self) -> npt.NDArray[np.bool_]:

@@ -50,18 +50,11 @@ FEW_FACES = 1_000
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a mesh should be wrapped.
-
-    Attributes
-    ----------
-    has_tunnels : bool
-        It has more tunnels than the requested triangles can show.
-    is_certain : bool
-        They can show so few of them that the mesh need not be tried as it is.
-    """
+    """Why a mesh should be wrapped."""
 
     text: str
-    has_tunnels: bool = False
+    has_tunnels: bool = False  # it has more tunnels than the requested triangles can show
+    # They can show so few of them that the mesh need not be tried as it is.
     is_certain: bool = False
 
 

@@ -42,38 +42,25 @@ _BITS = 32
 
 @dataclass(frozen=True, eq=False)
 class Hemispheres(Rows):
-    """Hemispheres of rays in the local frame, each around one point.
+    """Hemispheres of rays in the local frame, each around one point."""
 
-    Attributes
-    ----------
-    points : (n, 3) float64
-        On the surface.
-    axes : (n, 3) float32
-        Unit shading normals; zero where there is none, and then the hemisphere hits nothing.
-    planes : (n, 3) float32
-        Unit normals of the faces, on the side of the axis; the axis where a face has no area.
-    set_ids : (n,) uint32
-        Hashes that select a set of directions for each hemisphere.
-    """
-
-    points: FloatArray
+    points: FloatArray  # (n, 3) float64; on the surface
+    # (n, 3) float32; unit shading normals; zero where there is none, and then the hemisphere hits
+    # nothing.
     axes: npt.NDArray[np.float32]
+    # (n, 3) float32; unit normals of the faces, on the side of the axis; the axis where a face has
+    # no area.
     planes: npt.NDArray[np.float32]
+    # (n,) uint32; hashes that select a set of directions for each hemisphere.
     set_ids: npt.NDArray[np.uint32]
 
 
 class OcclusionRange(NamedTuple):
-    """How far the rays of hemispheres go, in local units.
+    """How far the rays of hemispheres go, in local units."""
 
-    Attributes
-    ----------
-    offset : float
-        Rays start this far above or below the surface.
-    outer, inner : float
-        Length of the outer rays, which may be infinite, and of the inner rays; 0: none are cast.
-    """
-
-    offset: float
+    offset: float  # rays start this far above or below the surface
+    # outer, inner: Length of the outer rays, which may be infinite, and of the inner rays; 0: none
+    # are cast.
     outer: float
     inner: float
 

@@ -29,28 +29,17 @@ _LEAVES_PER_BAND = 1 << 13  # a multiple of WIDTH: a node is written by one band
 
 @dataclass(frozen=True, eq=False)
 class MortonTree:
-    """Triangles in leaves of `WIDTH`, and boxes around them, in local coordinates.
+    """Triangles in leaves of `WIDTH`, and boxes around them, in local coordinates."""
 
-    Attributes
-    ----------
-    leaves : (L, 9, WIDTH) float64
-        x, y, z of the first corner of all triangles of a leaf, then of the second and third.
-    ids : (L, WIDTH) int32
-        Faces of the mesh; -1 where there is none.
-    nodes : (N, 6, WIDTH) float32
-        Boxes of the children of each node: least x, y, z, then greatest. The lowest level first,
-        the root last.
-    starts : (levels,) int64
-        First node of each level.
-    box : (6,) float64
-        Of all triangles: least x, y, z, then greatest.
-    """
-
+    # (L, 9, WIDTH) float64; x, y, z of the first corner of all triangles of a leaf, then of the
+    # second and third.
     leaves: FloatArray
-    ids: IntArray
+    ids: IntArray  # (L, WIDTH) int32; faces of the mesh; -1 where there is none
+    # (N, 6, WIDTH) float32; boxes of the children of each node: least x, y, z, then greatest. The
+    # lowest level first, the root last.
     nodes: npt.NDArray[np.float32]
-    starts: npt.NDArray[np.int64]
-    box: FloatArray
+    starts: npt.NDArray[np.int64]  # (levels,) int64; first node of each level
+    box: FloatArray  # (6,) float64; of all triangles: least x, y, z, then greatest
 
     @classmethod
     def build(

@@ -270,19 +270,12 @@ def _left_out(n_points: npt.NDArray[np.int64], areas: FloatArray, allowed: float
 
 @dataclass(frozen=True, eq=False)
 class _Votes:
-    """What rays from both sides of each part have met.
+    """What rays from both sides of each part have met."""
 
-    Attributes
-    ----------
-    in_front, behind : (n_parts,) int
-        Rays that got away.
-    hits : (m, 2) int
-        Part that a ray left, and other part that it hit.
-    """
-
+    # in_front, behind: (n_parts,) int; rays that got away.
     in_front: IntArray
     behind: IntArray
-    hits: IntArray
+    hits: IntArray  # (m, 2) int; part that a ray left, and other part that it hit
 
     @classmethod
     def of(cls, points: _Points, parts: IntArray, n_parts: int, scene: RayScene) -> _Votes:

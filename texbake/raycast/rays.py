@@ -56,45 +56,28 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Rays(Rows):
-    """Rays in the local frame.
+    """Rays in the local frame."""
 
-    Attributes
-    ----------
-    origins, directions : (n, 3) float64
-        Directions are unit vectors, or zero where there is no direction: such a ray has length 0
-        and hits nothing.
-    lengths : (n,) float64
-        How far each ray goes.
-    fronts : (n,) float64
-        Distance along the ray at which it crosses the low-poly surface; the casting ignores it.
-    """
-
+    # origins, directions: (n, 3) float64; directions are unit vectors, or zero where there is no
+    # direction: such a ray has length 0 and hits nothing.
     origins: FloatArray
     directions: FloatArray
-    lengths: FloatArray
+    lengths: FloatArray  # (n,) float64; how far each ray goes
+    # (n,) float64; distance along the ray at which it crosses the low-poly surface; the casting
+    # ignores it.
     fronts: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class RayHits(Rows):
-    """The first hit of each ray, in the order of the rays.
+    """The first hit of each ray, in the order of the rays."""
 
-    Attributes
-    ----------
-    faces : (n,) int32
-        Face that was hit, `NO_HIT` for a miss.
-    barycentrics : (n, 2) float64
-        Weights of the second and third corner of that face.
-    distances : (n,) float64
-        Along the ray from its origin, in local units; 0 for a miss.
-    passed_back : (n,) bool
-        Whether the ray met a back face before the hit.
-    """
-
-    faces: npt.NDArray[np.int32]
+    faces: npt.NDArray[np.int32]  # (n,) int32; face that was hit, `NO_HIT` for a miss
+    # (n, 2) float64; weights of the second and third corner of that face.
     barycentrics: npt.NDArray[np.float64]
+    # (n,) float64; along the ray from its origin, in local units; 0 for a miss.
     distances: npt.NDArray[np.float64]
-    passed_back: npt.NDArray[np.bool_]
+    passed_back: npt.NDArray[np.bool_]  # whether the ray met a back face before the hit
 
     @classmethod
     def misses(cls, n: int) -> RayHits:

@@ -48,17 +48,10 @@ class RayPlaces:
     """Where rays stand in a texture, for bundles: rows as in `Rays`.
 
     The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other.
-
-    Attributes
-    ----------
-    cells : (n, 2) int32
-        Column and row.
-    charts : (n,) int32
-        Rays of different charts are not in one bundle.
     """
 
-    cells: npt.NDArray[np.int32]
-    charts: npt.NDArray[np.int32]
+    cells: npt.NDArray[np.int32]  # (n, 2) int32; column and row
+    charts: npt.NDArray[np.int32]  # (n,) int32; rays of different charts are not in one bundle
 
     @classmethod
     def empty(cls, n: int) -> RayPlaces:
@@ -71,17 +64,10 @@ class RayPlaces:
 
 
 class RayBands(NamedTuple):
-    """Rays that are made band by band.
+    """Rays that are made band by band."""
 
-    Attributes
-    ----------
-    n : int
-        Number of rays.
-    make : callable
-        Returns some of them, and their places, or (n,) int32 groups of neighbors.
-    """
-
-    n: int
+    n: int  # number of rays
+    # Returns some of them, and their places, or (n,) int32 groups of neighbors.
     make: Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
 
 

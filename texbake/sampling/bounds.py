@@ -28,20 +28,11 @@ def _chord(angle: float) -> float:
 
 @dataclass(frozen=True)
 class ErrorBounds:
-    """How far the values of texels may be off; None where they are not bounded.
+    """How far the values of texels may be off; None where they are not bounded."""
 
-    Attributes
-    ----------
-    angle : float, optional
-        Bound of normals, in radians.
-    length : float, optional
-        Bound of heights and displacement vectors, in model units.
-    share : float, optional
-        The same, as a share of the diagonal of the low-poly mesh's bounding box.
-    """
-
-    angle: float | None = None
-    length: float | None = None
+    angle: float | None = None  # bound of normals, in radians
+    length: float | None = None  # bound of heights and displacement vectors, in model units
+    # The same, as a share of the diagonal of the low-poly mesh's bounding box.
     share: float | None = None
 
     def of_map(self, coding: str, diagonal: float) -> float | None:

@@ -31,30 +31,16 @@ def n_to_check(n: int) -> int:
 
 @dataclass(frozen=True)
 class ErrorSummary:
-    """Errors of one map, or of a picture.
+    """Errors of one map, or of a picture."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the map.
-    unit : str
-        Unit of the errors.
-    bound : float, optional
-        What the errors were to be within; None if they were not bounded.
-    estimated : dict of int to float
-        Percentages of all texels or pixels, and the estimated error that they do not exceed.
-    measured : dict of int to float
-        The same for those that were sampled again, by the difference to these other samples.
-    measured_within_percent : float
-        How many of the latter are within the bound.
-    """
-
-    name: str
-    unit: str
-    bound: float | None
+    name: str  # name of the map
+    unit: str  # unit of the errors
+    bound: float | None  # what the errors were to be within; None if they were not bounded
+    # Percentages of all texels or pixels, and the estimated error that they do not exceed.
     estimated: dict[int, float]
+    # The same for those that were sampled again, by the difference to these other samples.
     measured: dict[int, float]
-    measured_within_percent: float
+    measured_within_percent: float  # how many of the latter are within the bound
 
     def row(self, n_checked: int, element: str) -> tuple[str, str]:
         """Return a label and the figures, for a person."""

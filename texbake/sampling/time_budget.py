@@ -63,18 +63,12 @@ def _process_start() -> float:
 
 @dataclass(frozen=True)
 class Round:
-    """One round of samples.
-
-    Attributes
-    ----------
-    is_complete : bool
-        Whether it ended in time.
-    """
+    """One round of samples."""
 
     max_error: str
     predicted_seconds: float
     seconds: float
-    is_complete: bool = True
+    is_complete: bool = True  # whether it ended in time
 
 
 @dataclass(frozen=True)

@@ -44,22 +44,13 @@ class StudyPair:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What knobs are studied on.
+    """What knobs are studied on."""
 
-    Attributes
-    ----------
-    high, low : Mesh, optional
-        The user's pair.
-    scene : Scene, optional
-        The user's scene.
-    quick : bool
-        Whether to keep everything small.
-    """
-
+    # high, low: The user's pair.
     high: Mesh | None = None
     low: Mesh | None = None
-    scene: Scene | None = None
-    quick: bool = False
+    scene: Scene | None = None  # the user's scene
+    quick: bool = False  # whether to keep everything small
     threads: int | None = None
 
     @cached_property

@@ -99,24 +99,12 @@ def next_step(result: KnobResult, best: int) -> str:
 
 @dataclass(frozen=True)
 class Saving:
-    """A series that reaches the error of a setting of the baseline, in less or more time.
+    """A series that reaches the error of a setting of the baseline, in less or more time."""
 
-    Attributes
-    ----------
-    series : str
-        The series.
-    setting : Measurement
-        The setting of the baseline.
-    share : float
-        Share of that setting's time.
-    is_most : bool
-        Whether it takes that share at most: its fastest setting is already as accurate.
-    """
-
-    series: str
-    setting: Measurement
-    share: float
-    is_most: bool
+    series: str  # the series
+    setting: Measurement  # the setting of the baseline
+    share: float  # share of that setting's time
+    is_most: bool  # whether it takes that share at most: its fastest setting is already as accurate
 
 
 def savings(result: KnobResult) -> list[Saving]:

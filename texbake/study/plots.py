@@ -126,28 +126,18 @@ def _series_colors(result: KnobResult) -> dict[tuple[str, str], str]:
 
 @dataclass(frozen=True)
 class Dot:
-    """A point of a plot.
+    """A point of a plot."""
 
-    Attributes
-    ----------
-    x, y : float
-        y may be 0, which is drawn below all others.
-    least, most : float
-        Ends of a bar along x.
-    filled : bool
-        Whether it is on a front.
-    ringed : bool
-        Whether a ring marks it.
-    """
-
+    # x, y: y may be 0, which is drawn below all others.
     x: float
     y: float
+    # least, most: Ends of a bar along x.
     least: float
     most: float
     label: str
     color: str
-    filled: bool = False
-    ringed: bool = False
+    filled: bool = False  # whether it is on a front
+    ringed: bool = False  # whether a ring marks it
 
     @property
     def place(self) -> tuple[float, float]:

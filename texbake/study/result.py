@@ -89,20 +89,12 @@ CSV_COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """One setting: how wrong and how slow.
-
-    Attributes
-    ----------
-    seconds : tuple of float
-        Time of each timed run.
-    peak_bytes : int or None
-        How far resident memory rose above what it was before.
-    """
+    """One setting: how wrong and how slow."""
 
     setting: Setting
     outcome: Judgment
-    seconds: tuple[float, ...]
-    peak_bytes: int | None
+    seconds: tuple[float, ...]  # time of each timed run
+    peak_bytes: int | None  # how far resident memory rose above what it was before
 
     @classmethod
     def of(cls, trial: Trial) -> Measurement:
@@ -183,15 +175,10 @@ class Ranked:
 
 @dataclass(frozen=True, eq=False)
 class KnobResult(Ranked):
-    """All settings of a knob.
-
-    Attributes
-    ----------
-    subject, truth, truth_text : str
-        As in its `Bench`.
-    """
+    """All settings of a knob."""
 
     knob: Knob
+    # subject, truth, truth_text: As in its `Bench`.
     subject: str
     truth: str
     truth_text: str

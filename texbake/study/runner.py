@@ -30,20 +30,13 @@ LEAST_RUNS = 2
 
 @dataclass(eq=False)
 class Trial:
-    """A setting with its measurements so far.
-
-    Attributes
-    ----------
-    peak_bytes : int or None
-        Peak memory of the first timed run, in which nothing is compiled or read any more.
-    seconds : list of float
-        Time of each timed run.
-    """
+    """A setting with its measurements so far."""
 
     setting: Setting
     outcome: Judgment
+    # Peak memory of the first timed run, in which nothing is compiled or read any more.
     peak_bytes: int | None
-    seconds: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)  # time of each timed run
 
 
 def run_bench(

@@ -140,25 +140,14 @@ def _find_face(folder: Path, names: Sequence[str]) -> Path:
 
 @dataclass(frozen=True)
 class CubeConversion:
-    """Result of `convert_cube`.
+    """Result of `convert_cube`."""
 
-    Attributes
-    ----------
-    files : tuple of Path
-        The files written.
-    source_layout, layout : str
-        Layouts of the source and of the output: `latlong`, `cross` or `faces`.
-    size : int
-        Side of a face, or height of a latlong, in texels.
-    clipped : float
-        Share of the values that were clipped to the range of the file format.
-    """
-
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # the files written
+    # source_layout, layout: Layouts of the source and of the output: `latlong`, `cross` or `faces`.
     source_layout: str
     layout: str
-    size: int
-    clipped: float
+    size: int  # side of a face, or height of a latlong, in texels
+    clipped: float  # share of the values that were clipped to the range of the file format
 
 
 def convert_cube(

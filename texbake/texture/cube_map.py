@@ -226,21 +226,13 @@ _BAND = 64
 
 @dataclass(frozen=True, eq=False)
 class CubeChain:
-    """A cube map and its mip levels, finest first.
+    """A cube map and its mip levels, finest first."""
 
-    Attributes
-    ----------
-    texels : (N, C) float32
-        All levels one after another, each as six faces with a border of one texel, rows from top
-        to bottom. Read-only.
-    offsets : (L,) int64
-        Index of the first texel of each level.
-    sizes : (L,) int64
-        Side of a face of each level in texels, without the border.
-    """
-
+    # (N, C) float32; all levels one after another, each as six faces with a border of one texel,
+    # rows from top to bottom. Read-only.
     texels: npt.NDArray[np.float32]
-    offsets: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]  # (L,) int64; index of the first texel of each level
+    # (L,) int64; side of a face of each level in texels, without the border.
     sizes: npt.NDArray[np.int64]
 
     def __post_init__(self) -> None:

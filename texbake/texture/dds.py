@@ -28,20 +28,11 @@ from texbake.texture.mipmaps import mip_chain, single_level
 
 @dataclass(frozen=True)
 class BlockFormat:
-    """A block compression format.
+    """A block compression format."""
 
-    Attributes
-    ----------
-    channels
-        Number of channels that the format stores: the first 1, 2, 3 or 4.
-    block_bytes
-        Bytes per block of 4 x 4 texels.
-    dxgi, dxgi_srgb
-        Numbers in DXGI_FORMAT for data and for sRGB colors; 0 if there is none.
-    """
-
-    channels: int
-    block_bytes: int
+    channels: int  # number of channels that the format stores: the first 1, 2, 3 or 4
+    block_bytes: int  # bytes per block of 4 x 4 texels
+    # dxgi, dxgi_srgb: Numbers in DXGI_FORMAT for data and for sRGB colors; 0 if there is none.
     dxgi: int
     dxgi_srgb: int
 

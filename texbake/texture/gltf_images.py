@@ -49,16 +49,10 @@ def gltf_images(materials: Materials, *, threads: int | None = None) -> Material
 
 @dataclass(eq=False)
 class _Arranger:
-    """Rearranges the images of materials, each file decoded once.
-
-    Attributes
-    ----------
-    missing : list of (str, str)
-        As in `Materials`; appended to.
-    """
+    """Rearranges the images of materials, each file decoded once."""
 
     threads: int | None
-    missing: list[tuple[str, str]] = field(default_factory=list)
+    missing: list[tuple[str, str]] = field(default_factory=list)  # as in `Materials`; appended to
     _decoded: dict[str, tuple[FloatImage, int] | str] = field(default_factory=dict)
 
     def arranged(self, number: int, material: MeshMaterial) -> MeshMaterial:

@@ -31,18 +31,12 @@ _ROW_BAND = 128
 
 @dataclass(frozen=True)
 class NearestOwners:
-    """The texels from which padding takes its values.
+    """The texels from which padding takes its values."""
 
-    Attributes
-    ----------
-    indices : (H, W) int32
-        Flat index (row * W + column) of the nearest owner within the padding, -1 if there is none.
-        A texel that a chart owns has its own index.
-    n_meeting : int
-        Number of texels outside all charts that lie within the padding of two charts or more.
-    """
-
+    # (H, W) int32; flat index (row * W + column) of the nearest owner within the padding, -1 if
+    # there is none. A texel that a chart owns has its own index.
     indices: npt.NDArray[np.int32]
+    # Number of texels outside all charts that lie within the padding of two charts or more.
     n_meeting: int
 
 

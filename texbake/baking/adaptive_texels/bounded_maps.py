@@ -26,16 +26,10 @@ from texbake.sampling.report import (
 
 @dataclass(frozen=True)
 class BoundedMap:
-    """A map whose values must be within a bound of the mean over each texel.
-
-    Attributes
-    ----------
-    bound : float
-        Greatest length of the difference between two values.
-    """
+    """A map whose values must be within a bound of the mean over each texel."""
 
     kind: MapKind
-    bound: float
+    bound: float  # greatest length of the difference between two values
 
     @property
     def unit(self) -> str:
@@ -105,20 +99,11 @@ class BakeSampling(SamplingReport):
     """What the adaptive samples of a bake achieved.
 
     A divided texel counts by its finest samples, as if it had been sampled that finely throughout.
-
-    Attributes
-    ----------
-    rays_per_texel : float
-        Rays cast for the maps, per texel with data.
-    rays_of_check : int
-        Rays cast for the check.
-    unbounded : tuple of str
-        Maps without a bound, made from the samples of the others.
     """
 
-    rays_per_texel: float
-    rays_of_check: int
-    unbounded: tuple[str, ...] = ()
+    rays_per_texel: float  # rays cast for the maps, per texel with data
+    rays_of_check: int  # rays cast for the check
+    unbounded: tuple[str, ...] = ()  # maps without a bound, made from the samples of the others
 
     element: ClassVar[str] = "texel"
     most_samples: ClassVar[int] = 64

@@ -31,27 +31,15 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """The cells of one level; those of one parent, and of one texel, stand together.
+    """The cells of one level; those of one parent, and of one texel, stand together."""
 
-    Attributes
-    ----------
-    first : int
-        Place of the first one among all cells; the others follow.
-    texels : (n,) int32
-        Row times width plus column.
-    spots : (n,) uint8
-        `FINE` times row plus column of the cell within its texel.
-    weights : (n,) uint8
-        How many of its sub-squares are covered.
-    origins : list of (n,) int32
-        Place of the same cell in each earlier division that samples are taken over from, `NO_CHILD`
-        for none.
-    """
-
-    first: int
-    texels: IntArray
+    first: int  # place of the first one among all cells; the others follow
+    texels: IntArray  # (n,) int32; row times width plus column
+    # (n,) uint8; `FINE` times row plus column of the cell within its texel.
     spots: npt.NDArray[np.uint8]
-    weights: npt.NDArray[np.uint8]
+    weights: npt.NDArray[np.uint8]  # (n,) uint8; how many of its sub-squares are covered
+    # Each (n,) int32; place of the same cell in each earlier division that samples are taken over
+    # from, `NO_CHILD` for none.
     origins: list[IntArray]
 
     def __len__(self) -> int:

@@ -29,24 +29,14 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FaceBins:
-    """Faces of the low-poly mesh, format_percents for each square of texels that they overlap.
+    """Faces of the low-poly mesh, format_percents for each square of texels that they overlap."""
 
-    Attributes
-    ----------
-    corners : (F, 3, 2) int64
-        x to the right and y down, in units of which `TEXEL` make up a texel.
-    firsts : (bins + 1,) int64
-        Where the faces of each square, or bin, begin.
-    faces : (n,) int32
-        In their own order within each bin.
-    n_columns : int
-        Bins side by side.
-    """
-
+    # (F, 3, 2) int64; x to the right and y down, in units of which `TEXEL` make up a texel.
     corners: npt.NDArray[np.int64]
+    # (bins + 1,) int64; where the faces of each square, or bin, begin.
     firsts: npt.NDArray[np.int64]
-    faces: IntArray
-    n_columns: int
+    faces: IntArray  # (n,) int32; in their own order within each bin
+    n_columns: int  # bins side by side
 
     @classmethod
     def of(cls, low: Mesh, width: int, height: int) -> FaceBins:
@@ -71,17 +61,12 @@ class FaceBins:
 
 @dataclass(frozen=True, eq=False)
 class TexelCoverage:
-    """How much of each texel is covered.
+    """How much of each texel is covered."""
 
-    Attributes
-    ----------
-    counts : (n_texels,) uint8
-        Covered sub-squares, out of `FULL`; at least 1 where the center is covered.
-    masks : (n_texels,) int64
-        Covered sub-squares of partly covered texels, one bit each, row by row from bit 0.
-    """
-
+    # (n_texels,) uint8; covered sub-squares, out of `FULL`; at least 1 where the center is covered.
     counts: npt.NDArray[np.uint8]
+    # (n_texels,) int64; covered sub-squares of partly covered texels, one bit each, row by row from
+    # bit 0.
     masks: npt.NDArray[np.int64]
 
     @classmethod
@@ -150,14 +135,9 @@ def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class CellSamples(Rows):
-    """Samples of cells, in the order in which they are cast; see `Samples` for the other fields.
+    """Samples of cells, in the order in which they are cast; see `Samples` for the other fields."""
 
-    Attributes
-    ----------
-    places : (n,) int32
-        Places of the cells among all cells; see `texbake.baking.adaptive_texels.cells`.
-    """
-
+    # (n,) int32; places of the cells among all cells; see `texbake.baking.adaptive_texels.cells`.
     places: IntArray
     texel_ids: IntArray
     faces: IntArray

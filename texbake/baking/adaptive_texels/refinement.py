@@ -25,27 +25,14 @@ from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """What samples have given once the errors of texels are within bounds.
+    """What samples have given once the errors of texels are within bounds."""
 
-    Attributes
-    ----------
-    max_error : str
-        The bounds.
-    bounded : list of BoundedMap
-        The maps that they bound.
-    means : (n_texels, C) float32
-        Means of texels with up to 4 samples.
-    errors : (n_texels,) float32
-        Estimated, in bounds, of the map where they are greatest.
-    finest : (n_texels,) uint8
-        Level of the finest cells of each texel.
-    """
-
-    max_error: str
-    bounded: list[BoundedMap]
-    means: FloatArray32
+    max_error: str  # the bounds
+    bounded: list[BoundedMap]  # the maps that they bound
+    means: FloatArray32  # (n_texels, C) float32; means of texels with up to 4 samples
+    # (n_texels,) float32; estimated, in bounds, of the map where they are greatest.
     errors: FloatArray32
-    finest: npt.NDArray[np.uint8]
+    finest: npt.NDArray[np.uint8]  # (n_texels,) uint8; level of the finest cells of each texel
 
     def add_means(self, sampler: TexelSampler) -> BoolArray:
         """Write the means of texels with more than 4 samples; return which texels have any."""

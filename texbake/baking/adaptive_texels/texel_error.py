@@ -47,17 +47,10 @@ FOUR_SAMPLES = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """Measures differences of values in multiples of the error that each map is allowed.
+    """Measures differences of values in multiples of the error that each map is allowed."""
 
-    Attributes
-    ----------
-    firsts : (maps + 1,) int32
-        First channel of each map, then the number of channels.
-    scales : (maps,) float64
-        1 / bound of each map; 0 for maps without a bound.
-    """
-
-    firsts: IntArray
+    firsts: IntArray  # (maps + 1,) int32; first channel of each map, then the number of channels
+    # (maps,) float64; 1 / bound of each map; 0 for maps without a bound.
     scales: npt.NDArray[np.float64]
 
     @property
@@ -71,18 +64,11 @@ class TexelError:
     """Estimates errors, in bounds of the metric: above 1 is too far off.
 
     Kernels: `core/second_differences.c`, `core/cell_differences.c`.
-
-    Attributes
-    ----------
-    cells : Cells
-        The samples cast so far.
-    shape : (int, int)
-        Height and width of the map.
     """
 
-    cells: Cells
+    cells: Cells  # the samples cast so far
     coverage: TexelCoverage
-    shape: tuple[int, int]
+    shape: tuple[int, int]  # (int, int); height and width of the map
     metric: Metric
     threads: int | None
 

@@ -36,63 +36,42 @@ def _function(place: str) -> Callable[..., Any]:
 
 @dataclass(frozen=True)
 class MapKind:
-    """One kind of map.
+    """One kind of map."""
 
-    Attributes
-    ----------
-    name : str
-        As in `BakeOptions.maps` and in file names.
-    coding : str
-        How values are encoded in files: `normal` (unit vectors), `height` (one signed length),
-        `vector` (signed lengths), `position` (points, relative to `BakeInputs.bounds`), `curvature`
-        (one over a length; signed, or one-sided where `mid` is 0), `thickness` (a length of 0 or
-        more), `color` (linear light; sRGB in 8 bits), `mask` (0 to 1, linear) or `id` (ids from 1
-        on, 0 for none; a color per id in integer files).
-    function : str
-        `MODULE.NAME` of (hits, inputs) to (n, channels) float32: the value of each hit. The hits
-        include misses only where `of_misses` is set.
-    combine : str
-        The value of a texel with several hits: `mean`, `unit mean` (of unit vectors, normalized
-        again), or `first` (the first sample counts, as for ids).
-    needs : str
-        `hits`, or what else the map is made from: `outer rays` or `inner rays`, which start at the
-        hits. `Hits.secondary` exists only if one of the maps needs such rays.
-    is_channel : bool
-        It is a channel of the high-poly mesh's materials; its functions take the name first.
-    of_misses : bool
-        Misses count among the values of a texel, and a texel without any hit has a value.
-    hides_misses : bool
-        A texel without any hit gets the colors around it instead of the neutral value.
-    of_neighbors : bool
-        Also made from the neighbors of the faces that were hit, beyond their normals.
-    noise : (float, float)
-        Standard error of a texel's value v with one ray, as factors of sqrt(v (1 - v)) and of v. It
-        is divided by n^(3/4) for n rays.
-    mid : float
-        Level of 0 in integer files of `curvature`.
-    empty : float
-        Each channel where nothing was baked, but for normals.
-    plain : tuple of float, optional
-        Values that a surface has without the map.
-    legend_function, require_function : str
-        As `function`: inputs to the names that the ids from 1 on have, and a function that raises,
-        before any ray is cast, if the inputs lack what the map needs.
-    """
-
-    name: str
+    name: str  # as in `BakeOptions.maps` and in file names
     channels: int
+    # How values are encoded in files: `normal` (unit vectors), `height` (one signed length),
+    # `vector` (signed lengths), `position` (points, relative to `BakeInputs.bounds`), `curvature`
+    # (one over a length; signed, or one-sided where `mid` is 0), `thickness` (a length of 0 or
+    # more), `color` (linear light; sRGB in 8 bits), `mask` (0 to 1, linear) or `id` (ids from 1 on,
+    # 0 for none; a color per id in integer files).
     coding: str
+    # `MODULE.NAME` of (hits, inputs) to (n, channels) float32: the value of each hit. The hits
+    # include misses only where `of_misses` is set.
     function: str
+    # The value of a texel with several hits: `mean`, `unit mean` (of unit vectors, normalized
+    # again), or `first` (the first sample counts, as for ids).
     combine: str = "mean"
+    # `hits`, or what else the map is made from: `outer rays` or `inner rays`, which start at the
+    # hits. `Hits.secondary` exists only if one of the maps needs such rays.
     needs: str = "hits"
+    # It is a channel of the high-poly mesh's materials; its functions take the name first.
     is_channel: bool = False
+    # Misses count among the values of a texel, and a texel without any hit has a value.
     of_misses: bool = False
+    # A texel without any hit gets the colors around it instead of the neutral value.
     hides_misses: bool = False
+    # Also made from the neighbors of the faces that were hit, beyond their normals.
     of_neighbors: bool = False
+    # (float, float); standard error of a texel's value v with one ray, as factors of sqrt(v (1 -
+    # v)) and of v. It is divided by n^(3/4) for n rays.
     noise: tuple[float, float] = (0.0, 0.0)
-    mid: float = 0.5
-    empty: float = 0.0
-    plain: tuple[float, ...] | None = None
+    mid: float = 0.5  # level of 0 in integer files of `curvature`
+    empty: float = 0.0  # each channel where nothing was baked, but for normals
+    plain: tuple[float, ...] | None = None  # values that a surface has without the map
+    # legend_function, require_function: As `function`: inputs to the names that the ids from 1 on
+    # have, and a function that raises, before any ray is cast, if the inputs lack what the map
+    # needs.
     legend_function: str = ""
     require_function: str = ""
 

@@ -47,13 +47,7 @@ RayMapsOf = Callable[[BakeTarget], RayMaps | None]
 
 @dataclass(eq=False)
 class PartsBake:
-    """A bake of many parts while it runs.
-
-    Attributes
-    ----------
-    inputs, scenes
-        Of the current part, whose index is `part`.
-    """
+    """A bake of many parts while it runs."""
 
     kinds: list[MapKind]
     options: BakeOptions
@@ -63,6 +57,7 @@ class PartsBake:
     ray_maps: RayMapsOf
     is_tiled: bool
     part: int | None = None
+    # inputs, scenes: Of the current part, whose index is `part`.
     inputs: BakeInputs | None = None
     scenes: BakeScenes | None = None
     occluders: RayScene | None = None

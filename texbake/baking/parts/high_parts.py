@@ -27,21 +27,11 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class NamedPart:
-    """Some faces of one mesh, under a name.
+    """Some faces of one mesh, under a name."""
 
-    Attributes
-    ----------
-    name : str
-        Of a group, or of a file without its suffix.
-    mesh : int
-        Index of the mesh.
-    groups : tuple of int, optional
-        Groups of the mesh; None: all of its faces.
-    """
-
-    name: str
-    mesh: int
-    groups: tuple[int, ...] | None = None
+    name: str  # of a group, or of a file without its suffix
+    mesh: int  # index of the mesh
+    groups: tuple[int, ...] | None = None  # groups of the mesh; None: all of its faces
 
     def faces_of(self, mesh: Mesh, first: int = 0) -> BoolArray:
         """(F,) bool: its faces of the mesh, whose groups may be numbered from `first` on."""

@@ -39,21 +39,12 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """The UDIM tiles of a mesh.
+    """The UDIM tiles of a mesh."""
 
-    Attributes
-    ----------
-    numbers : list of int
-        In order.
-    n_crossing : int
-        Faces that overlap more than one tile.
-    n_outside : int
-        Faces whose middle lies in no tile: left of the first column, right of the tenth, below the
-        first row, or above tile 9999.
-    """
-
-    numbers: list[int]
-    n_crossing: int
+    numbers: list[int]  # in order
+    n_crossing: int  # faces that overlap more than one tile
+    # Faces whose middle lies in no tile: left of the first column, right of the tenth, below the
+    # first row, or above tile 9999.
     n_outside: int
     _least: FloatArray
     _greatest: FloatArray
@@ -112,29 +103,16 @@ class BakeTarget(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LowPart:
-    """A part of a low-poly mesh and what it is baked from.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        With the normals and tangents that it has as a part of the whole mesh.
-    sources : tuple of NamedPart
-        High-poly parts that its rays are cast into.
-    set_ids : (F,) int32
-        Index into `set_names`, per face.
-    face_ids : (F,) int32
-        Its faces in the whole mesh.
-    is_stacked : (F,) bool, optional
-        Faces whose islands are stacked on purpose on others of the whole mesh.
-    """
+    """A part of a low-poly mesh and what it is baked from."""
 
     name: str
-    mesh: Mesh
-    sources: tuple[NamedPart, ...]
-    set_ids: IntArray
+    mesh: Mesh  # with the normals and tangents that it has as a part of the whole mesh
+    sources: tuple[NamedPart, ...]  # high-poly parts that its rays are cast into
+    set_ids: IntArray  # (F,) int32; index into `set_names`, per face
     set_names: tuple[str, ...]
-    face_ids: IntArray
+    face_ids: IntArray  # (F,) int32; its faces in the whole mesh
     cage: Mesh | None = None
+    # (F,) bool; faces whose islands are stacked on purpose on others of the whole mesh.
     is_stacked: BoolArray | None = None
 
     @cached_property
@@ -225,21 +203,12 @@ def _sets(
 
 @dataclass(frozen=True, eq=False)
 class TargetLayout:
-    """The faces of the parts on each set of maps.
+    """The faces of the parts on each set of maps."""
 
-    Attributes
-    ----------
-    faces : dict
-        For each set of maps, the index of each part on it and its (F,) bool mask of faces.
-    n_crossing : int
-        Faces that cross the border of a tile.
-    n_outside : int
-        Faces in no tile.
-    """
-
+    # For each set of maps, the index of each part on it and its (F,) bool mask of faces.
     faces: dict[BakeTarget, dict[int, BoolArray]]
-    n_crossing: int
-    n_outside: int
+    n_crossing: int  # faces that cross the border of a tile
+    n_outside: int  # faces in no tile
 
     @classmethod
     def of(cls, parts: Sequence[LowPart], options: PartsOptions) -> TargetLayout:

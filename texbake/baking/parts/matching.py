@@ -22,38 +22,22 @@ _NAMES_SHOWN = 5
 
 @dataclass(frozen=True)
 class Match:
-    """One low-poly part and what it is baked from.
+    """One low-poly part and what it is baked from."""
 
-    Attributes
-    ----------
-    base : str
-        What both names have in common, as spelled in the low-poly part.
-    low : int
-        Index of the low-poly part.
-    highs : tuple of int
-        Indices of the high-poly parts, in their order.
-    """
-
-    base: str
-    low: int
-    highs: tuple[int, ...]
+    base: str  # what both names have in common, as spelled in the low-poly part
+    low: int  # index of the low-poly part
+    highs: tuple[int, ...]  # indices of the high-poly parts, in their order
 
 
 @dataclass(frozen=True)
 class Matching:
-    """Which part is baked from which, and which parts are left over.
-
-    Attributes
-    ----------
-    matches : tuple of Match
-        In the order of the low-poly parts.
-    high_left, low_left, high_ignored, low_ignored : tuple of int
-        Indices of parts without a match, and of ignored parts.
-    """
+    """Which part is baked from which, and which parts are left over."""
 
     high_names: tuple[str, ...]
     low_names: tuple[str, ...]
-    matches: tuple[Match, ...]
+    matches: tuple[Match, ...]  # in the order of the low-poly parts
+    # high_left, low_left, high_ignored, low_ignored: Indices of parts without a match, and of
+    # ignored parts.
     high_left: tuple[int, ...] = ()
     low_left: tuple[int, ...] = ()
     high_ignored: tuple[int, ...] = ()

@@ -90,24 +90,15 @@ def _ends(baked: BakedMap) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class PartFigures:
-    """One part on one set of maps.
-
-    Attributes
-    ----------
-    high : tuple of str
-        High-poly parts that it was baked from.
-    n_faces : int
-        Faces of the part on this set of maps.
-    front, back : float or None
-        Ray distances, in model units.
-    """
+    """One part on one set of maps."""
 
     target: BakeTarget
     low: str
-    high: tuple[str, ...]
-    n_faces: int
+    high: tuple[str, ...]  # high-poly parts that it was baked from
+    n_faces: int  # faces of the part on this set of maps
     texels_covered: int
     texels_missed: int
+    # front, back: Ray distances, in model units.
     front: float | None
     back: float
 

@@ -51,43 +51,26 @@ _MARGIN_SLOPE = 8.0
 
 @dataclass(frozen=True, eq=False)
 class PhotoPoints:
-    """Points on a mesh that are looked up in photographs.
+    """Points on a mesh that are looked up in photographs."""
 
-    Attributes
-    ----------
-    faces : (n,) int32
-    barycentrics : (n, 2) float64
-        Weights of the second and third corner.
-    positions, normals : (n, 3) float64
-        In the local frame; normals are smooth unit vectors, or zero.
-    """
-
-    faces: IntArray
-    barycentrics: FloatArray
+    faces: IntArray  # (n,) int32
+    barycentrics: FloatArray  # (n, 2) float64; weights of the second and third corner
+    # positions, normals: (n, 3) float64; in the local frame; normals are smooth unit vectors, or
+    # zero.
     positions: FloatArray
     normals: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoLookups:
-    """Where some of the points appear in one photograph.
+    """Where some of the points appear in one photograph."""
 
-    Attributes
-    ----------
-    ids : (m,) int64
-        Indices of the points that the photograph shows, ascending.
-    coordinates : (m, 2) float64
-        UV coordinates in the photograph, v up.
-    derivatives : (m, 4) float32
-        du/dx, dv/dx, du/dy, dv/dy with x and y in samples of the baked texture.
-    weights : (m,) float64
-        Above 0, up to 1.
-    """
-
+    # (m,) int64; indices of the points that the photograph shows, ascending.
     ids: npt.NDArray[np.int64]
-    coordinates: FloatArray
+    coordinates: FloatArray  # (m, 2) float64; UV coordinates in the photograph, v up
+    # (m, 4) float32; du/dx, dv/dx, du/dy, dv/dy with x and y in samples of the baked texture.
     derivatives: npt.NDArray[np.float32]
-    weights: FloatArray
+    weights: FloatArray  # (m,) float64; above 0, up to 1
 
 
 class PhotoMapping(Protocol):

@@ -29,19 +29,11 @@ _UNSEEN_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np
 
 @dataclass(frozen=True)
 class PhotoShare:
-    """How much of the texture one photograph contributes.
-
-    Attributes
-    ----------
-    texels_seen : int
-        Texels that the photograph shows, with any weight.
-    percent : float
-        Its share of the weight in all texels that are seen.
-    """
+    """How much of the texture one photograph contributes."""
 
     name: str
-    texels_seen: int
-    percent: float
+    texels_seen: int  # texels that the photograph shows, with any weight
+    percent: float  # its share of the weight in all texels that are seen
 
 
 @dataclass(frozen=True)

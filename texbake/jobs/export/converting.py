@@ -43,20 +43,14 @@ PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {
 
 @dataclass(eq=False)
 class Converter:
-    """Writes maps for one target into one folder.
-
-    Attributes
-    ----------
-    inputs
-        Real paths of the input files, which must not be overwritten.
-    notes
-        What was assumed or could not be done, a sentence each.
-    """
+    """Writes maps for one target into one folder."""
 
     folder: Path
     asset: str
     options: ExportOptions
+    # Real paths of the input files, which must not be overwritten.
     inputs: frozenset[str] = frozenset()
+    # What was assumed or could not be done, a sentence each.
     notes: list[str] = field(default_factory=list)
 
     @property

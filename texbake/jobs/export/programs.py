@@ -14,74 +14,42 @@ from pathlib import Path
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedMap:
-    """A map in the exported folder.
+    """A map in the exported folder."""
 
-    Attributes
-    ----------
-    kind, tile : str
-        Kinds of packed maps are `orm` and `mask-map`.
-    mid, scale : float
-        Of heights: the value of the surface, and meters from black to white (1 in a float file).
-    """
-
+    # kind, tile: Kinds of packed maps are `orm` and `mask-map`.
     kind: str
     tile: str
     path: Path
+    # mid, scale: Of heights: the value of the surface, and meters from black to white (1 in a float
+    # file).
     mid: float = 0.0
     scale: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """What a program expects of an asset.
+    """What a program expects of an asset."""
 
-    Attributes
-    ----------
-    title
-        Its name.
-    axes
-        Its up axis and unit, and how its importer treats them.
-    tangents
-        Where its tangent basis comes from.
-    mesh_format
-        The format that it reads best without an extension.
-    mesh_name, map_name
-        Patterns of file names, with `{asset}` and `{map}`.
-    words
-        Its words for maps in file names, where they differ.
-    tile_mark
-        Separator before the number of a UDIM tile; empty if it does not support tiles.
-    convention
-        Green channel of normal maps: `opengl` or `directx`.
-    normal_bits
-        Bits per channel that it keeps of a normal map.
-    heights
-        `float`: heights in meters, as EXR; or `codes`: 16-bit PNG with a mid level.
-    packing
-        `orm`, `mask-map` or None: the map into which occlusion, roughness and metalness are packed.
-    embeds
-        Whether the mesh file contains the material with its images.
-    textures
-        Texture formats that it reads.
-    reads_meshopt
-        Whether it reads meshes compressed by EXT_meshopt_compression.
-    """
-
-    title: str
-    axes: str
-    tangents: str
-    mesh_format: str = "glb"
+    title: str  # its name
+    axes: str  # its up axis and unit, and how its importer treats them
+    tangents: str  # where its tangent basis comes from
+    mesh_format: str = "glb"  # the format that it reads best without an extension
+    # mesh_name, map_name: Patterns of file names, with `{asset}` and `{map}`.
     mesh_name: str = "{asset}"
     map_name: str = "{asset}_{map}"
+    # Its words for maps in file names, where they differ.
     words: dict[str, str] = field(default_factory=dict)
+    # Separator before the number of a UDIM tile; empty if it does not support tiles.
     tile_mark: str = ""
-    convention: str = "opengl"
-    normal_bits: int = 8
+    convention: str = "opengl"  # green channel of normal maps: `opengl` or `directx`
+    normal_bits: int = 8  # bits per channel that it keeps of a normal map
+    # `float`: heights in meters, as EXR; or `codes`: 16-bit PNG with a mid level.
     heights: str = "codes"
+    # `orm`, `mask-map` or None: the map into which occlusion, roughness and metalness are packed.
     packing: str | None = "orm"
-    embeds: bool = True
-    textures: tuple[str, ...] = ("png",)
-    reads_meshopt: bool = False
+    embeds: bool = True  # whether the mesh file contains the material with its images
+    textures: tuple[str, ...] = ("png",)  # texture formats that it reads
+    reads_meshopt: bool = False  # whether it reads meshes compressed by EXT_meshopt_compression
 
     def mesh_stem(self, asset: str) -> str:
         """Return the name of the mesh file without its suffix."""

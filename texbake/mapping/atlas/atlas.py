@@ -45,21 +45,12 @@ _SIZES = 2.0**40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Atlas:
-    """Packed coordinates of one mesh.
+    """Packed coordinates of one mesh."""
 
-    Attributes
-    ----------
-    corners : (F, 3, 2) float64
-        Texture coordinates; UDIM tile k is offset by (k % 10, k // 10).
-    charts : Charts
-        The charts before packing.
-    padding : int
-        Texels of space around each chart.
-    """
-
+    # (F, 3, 2) float64; texture coordinates; UDIM tile k is offset by (k % 10, k // 10).
     corners: FloatArray
-    charts: Charts
-    padding: int
+    charts: Charts  # the charts before packing
+    padding: int  # texels of space around each chart
 
 
 def make_atlas(

@@ -19,33 +19,20 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Charts:
-    """A mesh flattened piece by piece, each chart about its own origin.
+    """A mesh flattened piece by piece, each chart about its own origin."""
 
-    Attributes
-    ----------
-    uvs : (T, 2) float64
-        Coordinates in the unit of the points: a chart has the area that its faces have in space.
-    faces : (F, 3) int32
-        Indices into `uvs`; all three are equal in a face without a chart.
-    chart_ids : (T,) int32
-        Chart of each coordinate; charts are numbered from 0 without gaps.
-    n_ignored : int
-        Faces without a chart, because they have no area on the grid, or almost none.
-    n_mirrored : int
-        Charts that came out mirrored and were flipped.
-    n_split : int
-        Charts that were split off because they overlapped their own chart.
-    notes : tuple of str
-        Notes for the report: steps that failed and what was done instead, charts that miss a
-        bound and why.
-    """
-
+    # (T, 2) float64; coordinates in the unit of the points: a chart has the area that its faces
+    # have in space.
     uvs: FloatArray
+    # (F, 3) int32; indices into `uvs`; all three are equal in a face without a chart.
     faces: IntArray
+    # (T,) int32; chart of each coordinate; charts are numbered from 0 without gaps.
     chart_ids: IntArray
-    n_ignored: int
-    n_mirrored: int
-    n_split: int
+    n_ignored: int  # faces without a chart, because they have no area on the grid, or almost none
+    n_mirrored: int  # charts that came out mirrored and were flipped
+    n_split: int  # charts that were split off because they overlapped their own chart
+    # Notes for the report: steps that failed and what was done instead, charts that miss a bound
+    # and why.
     notes: tuple[str, ...] = ()
 
     @property

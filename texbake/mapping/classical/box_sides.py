@@ -45,19 +45,11 @@ _TIE = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoxSides:
-    """Sides of faces.
+    """Sides of faces."""
 
-    Attributes
-    ----------
-    sides : (F,) int32
-    n_joined : int
-        Faces whose side is not the one nearest to their own normal.
-    n_without_normal : int
-        Faces without area; they take the side that most of their outline touches, or +z.
-    """
-
-    sides: IntArray
-    n_joined: int
+    sides: IntArray  # (F,) int32
+    n_joined: int  # faces whose side is not the one nearest to their own normal
+    # Faces without area; they take the side that most of their outline touches, or +z.
     n_without_normal: int
 
 

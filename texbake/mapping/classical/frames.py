@@ -43,21 +43,13 @@ _ANGLE_ROUNDING = 2.0**-50
 
 @dataclass(frozen=True, eq=False)
 class LocalPoints:
-    """The vertices of a mesh relative to a center, in a frame.
+    """The vertices of a mesh relative to a center, in a frame."""
 
-    Attributes
-    ----------
-    points : (V, 3) float64
-        Coordinates along e1, e2 and the axis, multiplied by `scale`.
-    scale : float
-        Local units per model unit, a power of two.
-    rounding : float
-        How far, in local units, a point may be from its intended position, because its
-        coordinates and the center are rounded. A point no farther from the axis lies on it.
-    """
-
+    # (V, 3) float64; coordinates along e1, e2 and the axis, multiplied by `scale`.
     points: FloatArray
-    scale: float
+    scale: float  # local units per model unit, a power of two
+    # How far, in local units, a point may be from its intended position, because its coordinates
+    # and the center are rounded. A point no farther from the axis lies on it.
     rounding: float
 
 
@@ -146,22 +138,13 @@ def _unit(vector: npt.ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WrappedAngles:
-    """The angles of the corners of faces, each face on one turn.
+    """The angles of the corners of faces, each face on one turn."""
 
-    Attributes
-    ----------
-    s : (F, 3) float64
-        Texture coordinate, 0 and 1 at the ends of the arc.
-    around : (F,) bool
-        Faces around the axis: the axis passes through them or through one of their edges. Only
-        these span half a turn or more.
-    on_axis : (F, 3) bool
-        Corners on the axis.
-    """
-
-    s: FloatArray
+    s: FloatArray  # (F, 3) float64; texture coordinate, 0 and 1 at the ends of the arc
+    # (F,) bool; faces around the axis: the axis passes through them or through one of their edges.
+    # Only these span half a turn or more.
     around: BoolArray
-    on_axis: BoolArray
+    on_axis: BoolArray  # (F, 3) bool; corners on the axis
 
     def tallies(self, axis: str = "the axis") -> dict[str, int]:
         """Counts of special cases by name, without zeros; `axis` is what the names call it."""

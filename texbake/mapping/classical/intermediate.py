@@ -64,22 +64,13 @@ class IntermediateSurface(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane perpendicular to the axis, through the highest point of the mesh.
+    """A plane perpendicular to the axis, through the highest point of the mesh."""
 
-    Attributes
-    ----------
-    low : (2,) float64
-        Least coordinates of the mesh along the first two directions of the frame; (0, 0) in
-        texture space.
-    extent : float
-        The longer side of the bounding rectangle, 1 in texture space.
-    height : float
-        Position of the plane along the axis.
-    """
-
+    # (2,) float64; least coordinates of the mesh along the first two directions of the frame; (0,
+    # 0) in texture space.
     low: FloatArray
-    extent: float
-    height: float
+    extent: float  # the longer side of the bounding rectangle, 1 in texture space
+    height: float  # position of the plane along the axis
     name: str = "plane"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -104,26 +95,16 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
-    """A cylinder about the axis, through the points farthest from it.
-
-    Attributes
-    ----------
-    low, high : float
-        Least and greatest height of the mesh.
-    heights : (float, float)
-        Heights that become t = 0 and t = 1; t is 0 if they are equal.
-    theta : (float, float)
-        Angles in degrees that become s = 0 and s = 1.
-    rounding : float
-        Points no farther from the axis lie on it.
-    """
+    """A cylinder about the axis, through the points farthest from it."""
 
     radius: float
+    # low, high: Least and greatest height of the mesh.
     low: float
     high: float
+    # (float, float); heights that become t = 0 and t = 1; t is 0 if they are equal.
     heights: tuple[float, float]
-    theta: tuple[float, float]
-    rounding: float
+    theta: tuple[float, float]  # (float, float); angles in degrees that become s = 0 and s = 1
+    rounding: float  # points no farther from the axis lie on it
     name: str = "cylinder"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -148,19 +129,11 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """A sphere about the center, through the points farthest from it.
-
-    Attributes
-    ----------
-    theta : (float, float)
-        Longitudes in degrees that become s = 0 and s = 1.
-    rounding : float
-        Points no farther from the axis are at a pole.
-    """
+    """A sphere about the center, through the points farthest from it."""
 
     radius: float
-    theta: tuple[float, float]
-    rounding: float
+    theta: tuple[float, float]  # (float, float); longitudes in degrees that become s = 0 and s = 1
+    rounding: float  # points no farther from the axis are at a pole
     name: str = "sphere"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -31,18 +31,10 @@ _UPRIGHT = [1, 2, 0]
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box about the center, aligned with a frame.
+    """A box about the center, aligned with a frame."""
 
-    Attributes
-    ----------
-    half : (3,) float64
-        Half its size along e2, the axis and e1.
-    options : UnwrapOptions
-        `size` and `padding` are read.
-    """
-
-    half: FloatArray
-    options: UnwrapOptions
+    half: FloatArray  # (3,) float64; half its size along e2, the axis and e1
+    options: UnwrapOptions  # `size` and `padding` are read
     name: str = "box"
 
     @classmethod

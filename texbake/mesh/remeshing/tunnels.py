@@ -81,8 +81,9 @@ def _closed(
     solid, field, thin = _flooded(band, labels, 0.0, threads)
 
     def flooded(width: float) -> tuple[BoolArray, FloatArray32, BoolArray]:
-        wide, *others = _flooded(band, labels, width * diagonal / 2.0 - SHELL_DEPTH, threads)
-        return wide | solid, *others
+        radius = width * diagonal / 2.0 - SHELL_DEPTH
+        wide, wide_field, wide_thin = _flooded(band, labels, radius, threads)
+        return wide | solid, wide_field, wide_thin
 
     def carved(wide: BoolArray) -> Nets:
         core.carve_tunnels(solid, wide, max(2, round(_DEPTH * diagonal)))

@@ -35,32 +35,19 @@ from texbake.study.truth.surfaces import wave_heights
 
 @dataclass(frozen=True, eq=False)
 class BenchCase:
-    """A pair of meshes and what is known of their surface.
-
-    Attributes
-    ----------
-    high, low : Mesh
-        Float32 positions; the low-poly mesh has texture coordinates.
-    reach : float
-        How far rays start outside the low-poly mesh and end inside it, in model units.
-    surface : ImplicitSurface, optional
-        None for the user's meshes.
-    build
-        From a number of triangles to a mesh of the same surface, to unwrap; None to unwrap `low`.
-    openness
-        From points (n, 3) of `floor` to the exact ambient light there, from 0 to 1.
-    floor : int
-        Faces of the low-poly mesh, its first, at which `openness` holds.
-    """
+    """A pair of meshes and what is known of their surface."""
 
     name: str
+    # high, low: Float32 positions; the low-poly mesh has texture coordinates.
     high: Mesh
     low: Mesh
-    reach: float
-    surface: ImplicitSurface | None = None
+    reach: float  # how far rays start outside the low-poly mesh and end inside it, in model units
+    surface: ImplicitSurface | None = None  # None for the user's meshes
+    # From a number of triangles to a mesh of the same surface, to unwrap; None to unwrap `low`.
     build: Callable[[int], Mesh] | None = None
+    # From points (n, 3) of `floor` to the exact ambient light there, from 0 to 1.
     openness: Callable[[FloatArray], FloatArray] | None = None
-    floor: int = 0
+    floor: int = 0  # faces of the low-poly mesh, its first, at which `openness` holds
 
     @cached_property
     def pair(self) -> StudyPair:

@@ -15,27 +15,14 @@ _LAUNCHER = RUNNERS / "launcher.py"
 
 @dataclass(frozen=True, kw_only=True)
 class Finished:
-    """What a process took.
+    """What a process took."""
 
-    Attributes
-    ----------
-    seconds : float
-        From its start to its end; 0 if it could not be started.
-    processor_seconds : float, optional
-        Of all its threads; None where the system does not say.
-    peak_bytes : int, optional
-        Greatest resident memory of it or one of its children; None where the system does not say.
-    output : str
-        The end of what it printed.
-    fault : str
-        Why it failed; empty if it did not.
-    """
-
-    seconds: float = 0.0
-    processor_seconds: float | None = None
+    seconds: float = 0.0  # from its start to its end; 0 if it could not be started
+    processor_seconds: float | None = None  # of all its threads; None where the system does not say
+    # Greatest resident memory of it or one of its children; None where the system does not say.
     peak_bytes: int | None = None
-    output: str = ""
-    fault: str = ""
+    output: str = ""  # the end of what it printed
+    fault: str = ""  # why it failed; empty if it did not
 
 
 def run_process(command: Sequence[str], *, timeout: float) -> Finished:

@@ -43,27 +43,17 @@ class Product:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program of the bench.
-
-    Attributes
-    ----------
-    settings
-        For each task that it can do, the settings that are tried: labels and what they add to the
-        job.
-    runner : str
-        Its script in `runners/`; empty for texbake.
-    python
-        The Python that runs the script; None if the options name none.
-    forms
-        `Product.form` by task.
-    """
+    """A program of the bench."""
 
     name: str
     title: str
+    # For each task that it can do, the settings that are tried: labels and what they add to the
+    # job.
     settings: Mapping[str, Callable[[BenchOptions], Settings]]
-    runner: str = ""
+    runner: str = ""  # its script in `runners/`; empty for texbake
+    # The Python that runs the script; None if the options name none.
     python: Callable[[BenchOptions], str | None] = lambda options: sys.executable
-    forms: Mapping[str, str] = field(default_factory=dict)
+    forms: Mapping[str, str] = field(default_factory=dict)  # `Product.form` by task
 
     def version(self, options: BenchOptions) -> tuple[str, str]:
         """Return the version that is installed, or why there is none."""

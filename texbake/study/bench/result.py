@@ -33,16 +33,10 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A setting of a program, and the fastest of texbake that is as accurate.
-
-    Attributes
-    ----------
-    ours : Measurement, optional
-        None if no setting of texbake is as accurate.
-    """
+    """A setting of a program, and the fastest of texbake that is as accurate."""
 
     theirs: Measurement
-    ours: Measurement | None
+    ours: Measurement | None  # None if no setting of texbake is as accurate
 
     @property
     def times_as_fast(self) -> float | None:
@@ -52,22 +46,15 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class Contest(Ranked):
-    """One task on one case: all programs, all settings.
-
-    Attributes
-    ----------
-    case, subject, truth, truth_text : str
-        As in `BenchCase` and `Prepared`.
-    measurements : tuple of Measurement
-        Settings of one program have its title as their series.
-    """
+    """One task on one case: all programs, all settings."""
 
     task: BenchTask
+    # case, subject, truth, truth_text: As in `BenchCase` and `Prepared`.
     case: str
     subject: str
     truth: str
     truth_text: str
-    measurements: tuple[Measurement, ...]
+    measurements: tuple[Measurement, ...]  # settings of one program have its title as their series
     failures: tuple[Failure, ...] = ()
 
     @property

@@ -15,46 +15,24 @@ from texbake.study.knob import Judgment
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A task prepared for a case.
+    """A task prepared for a case."""
 
-    Attributes
-    ----------
-    subject : str
-        What is worked on, in words.
-    truth : str
-        One of `texbake.study.knob.TRUTHS`.
-    truth_text : str
-        The same in a sentence.
-    job : mapping
-        What all programs are given: files and common settings.
-    judge
-        From a product to how wrong it is.
-    """
-
-    subject: str
-    truth: str
-    truth_text: str
-    job: Mapping[str, Any]
-    judge: Callable[[Product], Judgment]
+    subject: str  # what is worked on, in words
+    truth: str  # one of `texbake.study.knob.TRUTHS`
+    truth_text: str  # the same in a sentence
+    job: Mapping[str, Any]  # what all programs are given: files and common settings
+    judge: Callable[[Product], Judgment]  # from a product to how wrong it is
 
 
 @dataclass(frozen=True, eq=False)
 class BenchTask:
-    """Something that several programs can do.
-
-    Attributes
-    ----------
-    about : str
-        What is done, in a sentence or two.
-    error, unit : str
-        What its error is, for the axes of plots.
-    prepare
-        Writes the files into a folder; None if the task cannot be done, or judged, on the case.
-    """
+    """Something that several programs can do."""
 
     name: str
     title: str
-    about: str
+    about: str  # what is done, in a sentence or two
+    # error, unit: What its error is, for the axes of plots.
     error: str
     unit: str
+    # Writes the files into a folder; None if the task cannot be done, or judged, on the case.
     prepare: Callable[[BenchCase, BenchOptions, Path], Prepared | None]

@@ -63,14 +63,9 @@ def meet_lines(
 
 @dataclass(frozen=True, eq=False)
 class ImplicitSurface:
-    """A surface where `value` is 0.
+    """A surface where `value` is 0."""
 
-    Attributes
-    ----------
-    value
-        From (n, 3) points to (n,) values, smooth near the surface, with slopes of about 1.
-    """
-
+    # From (n, 3) points to (n,) values, smooth near the surface, with slopes of about 1.
     value: Callable[[FloatArray], FloatArray]
 
     def gradients(self, points: FloatArray) -> FloatArray:

@@ -40,25 +40,15 @@ from texbake.texture.lookup import lookup
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Points on an unwrapped low-poly mesh, and what the high-poly mesh is like there.
-
-    Attributes
-    ----------
-    faces : (n,) int32
-    barycentrics : (n, 3) float64
-    normals : (n, 3) float64
-        True unit normals in model space.
-    heights : (n,) float64
-        True heights along the ray, in model units, positive outwards.
-    high_deg : float
-        Mean error of the high-poly mesh itself, in degrees: no map of it is more accurate.
-    """
+    """Points on an unwrapped low-poly mesh, and what the high-poly mesh is like there."""
 
     low: Mesh
-    faces: IntArray
-    barycentrics: FloatArray
-    normals: FloatArray
+    faces: IntArray  # (n,) int32
+    barycentrics: FloatArray  # (n, 3) float64
+    normals: FloatArray  # (n, 3) float64; true unit normals in model space
+    # (n,) float64; true heights along the ray, in model units, positive outwards.
     heights: FloatArray
+    # Mean error of the high-poly mesh itself, in degrees: no map of it is more accurate.
     high_deg: float
 
     @cached_property

@@ -23,14 +23,9 @@ _STEP = 1e-5  # radians
 
 @dataclass(frozen=True, eq=False)
 class RadialSurface:
-    """A surface around the origin, given by its radii.
+    """A surface around the origin, given by its radii."""
 
-    Attributes
-    ----------
-    radii
-        From (n, 3) unit vectors to (n,) distances from the origin, smooth.
-    """
-
+    # From (n, 3) unit vectors to (n,) distances from the origin, smooth.
     radii: Callable[[FloatArray], FloatArray]
 
     def normals(self, points: FloatArray) -> FloatArray:

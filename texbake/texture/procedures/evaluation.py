@@ -35,21 +35,12 @@ from texbake.texture.procedures.points import (
 
 @dataclass(frozen=True)
 class Procedure:
-    """A procedural texture.
-
-    Attributes
-    ----------
-    defaults : mapping
-        Defaults of its parameters.
-    n_channels : int
-        3 if the procedure has colors, else 1.
-    work : callable
-        Takes samples and all parameters, and returns a function that evaluates a band of them.
-    """
+    """A procedural texture."""
 
     name: str
-    defaults: Mapping[str, Any]
-    n_channels: int
+    defaults: Mapping[str, Any]  # defaults of its parameters
+    n_channels: int  # 3 if the procedure has colors, else 1
+    # Takes samples and all parameters, and returns a function that evaluates a band of them.
     work: Callable[[ProcedurePoints, dict[str, Any]], Work]
 
 

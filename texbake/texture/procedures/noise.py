@@ -67,24 +67,16 @@ _MASK = (1 << 64) - 1
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Tables for a seed, read-only.
+    """Tables for a seed, read-only."""
 
-    Attributes
-    ----------
-    permutation : (512,) uint8
-        phi, repeated twice, so that a sum of two numbers below 256 can be looked up.
-    sphere : (256, 3) float64
-        Unit vectors, uniform over the sphere: the gradients of 1985.
-    edges : (256, 3) float64
-        Vectors from the center of a cube to the middles of its edges: the gradients of 2002.
-    places : (256, 3) float64
-        Points, uniform in the unit cube.
-    """
-
+    # (512,) uint8; phi, repeated twice, so that a sum of two numbers below 256 can be looked up.
     permutation: npt.NDArray[np.uint8]
+    # (256, 3) float64; unit vectors, uniform over the sphere: the gradients of 1985.
     sphere: npt.NDArray[np.float64]
+    # (256, 3) float64; vectors from the center of a cube to the middles of its edges: the gradients
+    # of 2002.
     edges: npt.NDArray[np.float64]
-    places: npt.NDArray[np.float64]
+    places: npt.NDArray[np.float64]  # (256, 3) float64; points, uniform in the unit cube
 
 
 @lru_cache(maxsize=64)
@@ -152,21 +144,13 @@ class Weight:
     other figures are means over space, with three coordinates or in the plane z = 0, and over seeds
     0 to 31. A single seed is within about 2 % of them, in the plane within 5 %. The variance of the
     cubic form has a closed form, from which its values are taken.
-
-    Attributes
-    ----------
-    bound : float
-        Upper bound on |noise|.
-    variance : (float, float)
-        Mean of noise^2; with two coordinates and with three.
-    size : (float, float)
-        Mean of |noise|.
     """
 
     quintic: bool
-    bound: float
+    bound: float  # upper bound on |noise|
+    # (float, float); mean of noise^2; with two coordinates and with three.
     variance: tuple[float, float]
-    size: tuple[float, float]
+    size: tuple[float, float]  # (float, float); mean of |noise|
 
 
 WEIGHTS = {

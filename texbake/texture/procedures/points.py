@@ -26,21 +26,14 @@ BAND = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class ProcedurePoints:
-    """Points at which to evaluate a procedure, and the array for the results.
+    """Points at which to evaluate a procedure, and the array for the results."""
 
-    Attributes
-    ----------
-    points : (n, 2 or 3) float64
-        Contiguous; a missing third coordinate is 0.
-    widths : (n, 1) or (n, 2 or 3) float32, optional
-        Widths of the pixels along all axes or along each. None: nothing is filtered.
-    out : (n, 1 or 3) float32
-        Values from 0 to 1, or linear RGB.
-    """
-
+    # (n, 2 or 3) float64; contiguous; a missing third coordinate is 0.
     points: npt.NDArray[np.float64]
+    # (n, 1) or (n, 2 or 3) float32; widths of the pixels along all axes or along each. None:
+    # nothing is filtered.
     widths: npt.NDArray[np.float32] | None
-    out: npt.NDArray[np.float32]
+    out: npt.NDArray[np.float32]  # (n, 1 or 3) float32; values from 0 to 1, or linear RGB
 
     @property
     def n_dimensions(self) -> int:

@@ -21,17 +21,11 @@ _N_VALUES = 1 << 12
 
 @dataclass(frozen=True, eq=False)
 class Ramp:
-    """Color ramp of a procedure.
+    """Color ramp of a procedure."""
 
-    Attributes
-    ----------
-    stops : (k, 3) float64
-        Linear RGB at evenly spaced values from 0 to 1. Read-only.
-    mean : (3,) float64
-        Mean color over the distribution of the procedure's values. Read-only.
-    """
-
+    # (k, 3) float64; linear RGB at evenly spaced values from 0 to 1. Read-only.
     stops: npt.NDArray[np.float64]
+    # (3,) float64; mean color over the distribution of the procedure's values. Read-only.
     mean: npt.NDArray[np.float64]
 
 

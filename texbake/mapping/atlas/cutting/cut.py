@@ -47,23 +47,13 @@ _MOST_SIDES = 1.6
 
 @dataclass(frozen=True, kw_only=True)
 class _Quality:
-    """How large charts get.
+    """How large charts get."""
 
-    Attributes
-    ----------
-    part_faces : int
-        Faces of the parts that a large connected piece is divided into before flattening.
-    whole_faces : int
-        Faces of the largest piece that is not divided.
-    most_l2 : float
-        Largest stretch at which a part becomes one chart.
-    most_share : float
-        Largest share of the area of the mesh in one chart: a few large charts do not fill a square.
-    """
-
+    # Faces of the parts that a large connected piece is divided into before flattening.
     part_faces: int
-    whole_faces: int
-    most_l2: float
+    whole_faces: int  # faces of the largest piece that is not divided
+    most_l2: float  # largest stretch at which a part becomes one chart
+    # Largest share of the area of the mesh in one chart: a few large charts do not fill a square.
     most_share: float
 
 

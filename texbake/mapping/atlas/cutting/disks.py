@@ -24,22 +24,13 @@ _BATCH_FACES = 50_000
 
 @dataclass(frozen=True, kw_only=True)
 class ChartLimits:
-    """Limits that charts must keep.
+    """Limits that charts must keep."""
 
-    Attributes
-    ----------
-    l2 : float
-        Largest stretch, unless dividing does not lower it.
-    length, area : float
-        A longer or larger chart is divided, unless it is nearly all there is.
-    total_area : float
-        Area of all charts.
-    """
-
-    l2: float
+    l2: float  # largest stretch, unless dividing does not lower it
+    # length, area: A longer or larger chart is divided, unless it is nearly all there is.
     length: float
     area: float
-    total_area: float
+    total_area: float  # area of all charts
 
 
 def disk_charts(
@@ -95,26 +86,14 @@ def disk_charts(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Laid:
-    """Charts of a part as they were flattened.
+    """Charts of a part as they were flattened."""
 
-    Attributes
-    ----------
-    face_ids : (m,) int32
-        Faces of the mesh that lie in a chart.
-    faces : (m, 3) int32
-        Indices into `uvs`.
-    uvs : (n, 2) float64
-    chart_ids : (n,) int32
-    left : (k,) int32
-        Faces of the mesh without a chart.
-    """
-
-    face_ids: IntArray
-    faces: IntArray
-    uvs: FloatArray
-    chart_ids: IntArray
+    face_ids: IntArray  # (m,) int32; faces of the mesh that lie in a chart
+    faces: IntArray  # (m, 3) int32; indices into `uvs`
+    uvs: FloatArray  # (n, 2) float64
+    chart_ids: IntArray  # (n,) int32
     n_charts: int
-    left: IntArray
+    left: IntArray  # (k,) int32; faces of the mesh without a chart
 
 
 def _cut(

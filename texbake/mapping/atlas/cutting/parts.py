@@ -28,17 +28,10 @@ _OPEN, _CLOSED = np.int32(-1), np.int32(-2)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some faces of a mesh, and which of them are neighbors.
+    """Some faces of a mesh, and which of them are neighbors."""
 
-    Attributes
-    ----------
-    face_ids : (m,) int32
-        Faces of the mesh, ascending.
-    opposite : (3 m,) int32
-        Opposite of each half-edge, numbered within the part; -1 where there is none.
-    """
-
-    face_ids: IntArray
+    face_ids: IntArray  # (m,) int32; faces of the mesh, ascending
+    # (3 m,) int32; opposite of each half-edge, numbered within the part; -1 where there is none.
     opposite: IntArray
 
 

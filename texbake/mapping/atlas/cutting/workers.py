@@ -22,21 +22,12 @@ _POLL_SECONDS = 0.1  # between checks for results; some systems do not interrupt
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerRequest(Generic[Result]):
-    """A request to a child process.
+    """A request to a child process."""
 
-    Attributes
-    ----------
-    body : callable
-        Makes the value to send, just before it is sent.
-    read : callable
-        Turns the answer into the result, or raises an error if it is invalid; may take long.
-    timeout : float
-        Seconds after which the process is killed.
-    """
-
-    body: Callable[[], Any]
+    body: Callable[[], Any]  # makes the value to send, just before it is sent
+    # Turns the answer into the result, or raises an error if it is invalid; may take long.
     read: Callable[[Any], Result]
-    timeout: float
+    timeout: float  # seconds after which the process is killed
 
 
 def run_in_workers(

@@ -74,21 +74,11 @@ def xatlas_charts(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Part:
-    """Faces that are cut into charts together.
+    """Faces that are cut into charts together."""
 
-    Attributes
-    ----------
-    face_ids : (n,) int32
-        Faces of the mesh, ascending.
-    points : (m, 3) float64
-        Points that the faces use.
-    faces : (n, 3) int32
-        Indices into `points`.
-    """
-
-    face_ids: IntArray
-    points: FloatArray
-    faces: IntArray
+    face_ids: IntArray  # (n,) int32; faces of the mesh, ascending
+    points: FloatArray  # (m, 3) float64; points that the faces use
+    faces: IntArray  # (n, 3) int32; indices into `points`
 
     @classmethod
     def of(cls, points: FloatArray, faces: IntArray, face_ids: IntArray) -> _Part:

@@ -15,25 +15,16 @@ from texbake.mesh.mesh import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flat:
-    """A flattened patch, with the area that it has in space and without flipped triangles.
+    """A flattened patch, with the area that it has in space and without flipped triangles."""
 
-    Attributes
-    ----------
-    uvs : (n, 2) float64
-        Coordinates in the unit of the points, about the origin; 0 for unused vertices.
-    l2 : float
-        Stretch of the patch at this scale (Sander et al. 2001): √ of the mean of (Γ² + γ²) / 2,
-        1 at best.
-    energy : float
-        Mean of the symmetric Dirichlet energy at this scale, 4 at best.
-    injective : bool
-        True if no two triangles overlap.
-    """
-
+    # (n, 2) float64; coordinates in the unit of the points, about the origin; 0 for unused
+    # vertices.
     uvs: FloatArray
+    # Stretch of the patch at this scale (Sander et al. 2001): √ of the mean of (Γ² + γ²) / 2, 1 at
+    # best.
     l2: float
-    energy: float
-    injective: bool
+    energy: float  # mean of the symmetric Dirichlet energy at this scale, 4 at best
+    injective: bool  # true if no two triangles overlap
 
 
 def flatten(

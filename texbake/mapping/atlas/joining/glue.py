@@ -24,25 +24,16 @@ _MOST_DEFECT = math.radians(25.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contact:
-    """The half-edges along which two pieces, `one` and `other`, meet.
+    """The half-edges along which two pieces, `one` and `other`, meet."""
 
-    Attributes
-    ----------
-    at_one, at_other : (k,) int64
-        Their positions in the borders of the pieces, in the order of paths.
-    paths : (k,) int32
-        The path that each belongs to.
-    lengths : (k,) float64
-        Lengths in space.
-    turns : (k,) float64
-        Angle, in radians, that the vertex at the start of the half-edge would have inside the
-        joined chart; NaN at the start of a path.
-    """
-
+    # at_one, at_other: (k,) int64; their positions in the borders of the pieces, in the order of
+    # paths.
     at_one: npt.NDArray[np.int64]
     at_other: npt.NDArray[np.int64]
-    paths: IntArray
-    lengths: FloatArray
+    paths: IntArray  # (k,) int32; the path that each belongs to
+    lengths: FloatArray  # (k,) float64; lengths in space
+    # (k,) float64; angle, in radians, that the vertex at the start of the half-edge would have
+    # inside the joined chart; NaN at the start of a path.
     turns: FloatArray
 
     @property

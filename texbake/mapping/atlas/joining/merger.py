@@ -18,26 +18,14 @@ _NEXT_TO_NOTHING = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Allowance:
-    """How much worse joining may make the charts.
+    """How much worse joining may make the charts."""
 
-    Attributes
-    ----------
-    excess : float
-        What may be added to the sum of area times (L2² - 1) over all charts.
-    waste : float
-        What may be added to the total area that charts leave empty in their convex hulls.
-    chart_l2 : float
-        Largest stretch of a joined chart.
-    chart_area : float
-        Largest area of a joined chart; tiny charts may always join.
-    chart_length : float
-        Greatest extent of a joined chart; it may also be as long as the longer of the two.
-    """
-
-    excess: float
+    excess: float  # what may be added to the sum of area times (L2² - 1) over all charts
+    # What may be added to the total area that charts leave empty in their convex hulls.
     waste: float
-    chart_l2: float
-    chart_area: float
+    chart_l2: float  # largest stretch of a joined chart
+    chart_area: float  # largest area of a joined chart; tiny charts may always join
+    # Greatest extent of a joined chart; it may also be as long as the longer of the two.
     chart_length: float
 
     def covers(self, merger: Merger) -> bool:
@@ -56,22 +44,13 @@ class Allowance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Merger:
-    """Two pieces flattened as one.
+    """Two pieces flattened as one."""
 
-    Attributes
-    ----------
-    piece : ChartPiece
-        The joined piece.
-    excess, waste : float
-        What it adds to the sum of the two; see `Allowance`.
-    share : float
-        Length along which they are glued, as a share of the shorter border.
-    """
-
-    piece: ChartPiece
+    piece: ChartPiece  # the joined piece
+    # excess, waste: What it adds to the sum of the two; see `Allowance`.
     excess: float
     waste: float
-    share: float
+    share: float  # length along which they are glued, as a share of the shorter border
 
     def cost(self, scale: Allowance) -> float:
         """Share of the allowance that it uses, divided by the share that is glued."""

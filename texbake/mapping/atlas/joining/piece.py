@@ -18,41 +18,21 @@ _STEP_COS, _STEP_SIN = _DIRECTIONS[:, 1].tolist()  # from one direction to the n
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChartPiece:
-    """A connected chart of m faces and n vertices, each with a single fan of faces.
+    """A connected chart of m faces and n vertices, each with a single fan of faces."""
 
-    Attributes
-    ----------
-    face_ids : (m,) int32
-        Faces of the mesh, ascending.
-    faces : (m, 3) int32
-        Indices into the piece's own vertices.
-    points : (n, 3) float64
-    uvs : (n, 2) float64
-        Coordinates in the unit of the points, with the area that the piece has in space.
-    angles : (n,) float64
-        Sum of the corners' angles in space around each vertex, in radians.
-    border : (k,) int32
-        Half-edges of the mesh on the border of the piece, ascending.
-    border_ends : (k, 2) int32
-        Vertices where each of them starts and ends.
-    area : float
-        Area in space.
-    l2 : float
-        L2 stretch of the piece alone; infinite if a face is mirrored.
-    hull_area : float
-        Area of the convex hull of the coordinates, or a little more.
-    """
-
-    face_ids: IntArray
-    faces: IntArray
-    points: FloatArray
+    face_ids: IntArray  # (m,) int32; faces of the mesh, ascending
+    faces: IntArray  # (m, 3) int32; indices into the piece's own vertices
+    points: FloatArray  # (n, 3) float64
+    # (n, 2) float64; coordinates in the unit of the points, with the area that the piece has in
+    # space.
     uvs: FloatArray
+    # (n,) float64; sum of the corners' angles in space around each vertex, in radians.
     angles: FloatArray
-    border: IntArray
-    border_ends: IntArray
-    area: float
-    l2: float
-    hull_area: float
+    border: IntArray  # (k,) int32; half-edges of the mesh on the border of the piece, ascending
+    border_ends: IntArray  # (k, 2) int32; vertices where each of them starts and ends
+    area: float  # area in space
+    l2: float  # L2 stretch of the piece alone; infinite if a face is mirrored
+    hull_area: float  # area of the convex hull of the coordinates, or a little more
 
     @property
     def excess(self) -> float:

@@ -217,25 +217,14 @@ def _guess_with_padding(bins: Bins, share: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """The places of charts.
+    """The places of charts."""
 
-    Attributes
-    ----------
-    places : (C, 4) int32
-        Column and row of the lower left cell, pose, and counter-clockwise quarter turns of each
-        chart; -1 for charts without a place.
-    tops : (C,) int32
-        The row above each chart; 0 without a place.
-    n_missing : int
-        Charts of the order that found no place.
-    work : int
-        Steps of the search: a measure of time that is the same on every machine.
-    """
-
+    # (C, 4) int32; column and row of the lower left cell, pose, and counter-clockwise quarter turns
+    # of each chart; -1 for charts without a place.
     places: IntArray
-    tops: IntArray
-    n_missing: int
-    work: int
+    tops: IntArray  # (C,) int32; the row above each chart; 0 without a place
+    n_missing: int  # charts of the order that found no place
+    work: int  # steps of the search: a measure of time that is the same on every machine
 
 
 def place_charts(

@@ -16,22 +16,14 @@ LongArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class PackingGrid:
-    """The cells of a texture inside its borders, and how far apart charts are kept on them.
+    """The cells of a texture inside its borders, and how far apart charts are kept on them."""
 
-    Attributes
-    ----------
-    width, height : int
-        Number of columns and rows.
-    cell : int
-        Texels along the side of a cell.
-    half_widths : (2 r + 1,) int32
-        For the rows -r to r relative to a cell that a chart touches: how many cells on each side
-        of its column another chart may not touch.
-    """
-
+    # width, height: Number of columns and rows.
     width: int
     height: int
-    cell: int
+    cell: int  # texels along the side of a cell
+    # (2 r + 1,) int32; for the rows -r to r relative to a cell that a chart touches: how many cells
+    # on each side of its column another chart may not touch.
     half_widths: IntArray
 
     @classmethod
@@ -54,24 +46,13 @@ class PackingGrid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bitmaps:
-    """The cells that charts touch, at one scale and in several poses (rotations).
+    """The cells that charts touch, at one scale and in several poses (rotations)."""
 
-    Attributes
-    ----------
-    boxes : (C, K, 2) int64
-        Columns and rows of the bitmap of each chart and pose.
-    shifts : (C, K, 2) float64
-        Offset of the scaled coordinates that centers them in the bitmap.
-    starts : (C, K) int64
-        Where each bitmap, stored row by row, begins in `masks`.
-    masks : (sum of columns times rows,) uint8
-        1 where a cell is touched.
-    """
-
-    boxes: LongArray
+    boxes: LongArray  # (C, K, 2) int64; columns and rows of the bitmap of each chart and pose
+    # (C, K, 2) float64; offset of the scaled coordinates that centers them in the bitmap.
     shifts: FloatArray
-    starts: LongArray
-    masks: npt.NDArray[np.uint8]
+    starts: LongArray  # (C, K) int64; where each bitmap, stored row by row, begins in `masks`
+    masks: npt.NDArray[np.uint8]  # (sum of columns times rows,) uint8; 1 where a cell is touched
 
 
 def rasterize_charts(
@@ -105,29 +86,18 @@ def rasterize_charts(
 
 
 class Shapes(NamedTuple):
-    """The cells of charts in O orientations, as runs along rows.
+    """The cells of charts in O orientations, as runs along rows."""
 
-    Attributes
-    ----------
-    boxes : (C, O, 2) int32
-        Columns and rows of each chart in each orientation.
-    spans : (S, 3) int32
-        Row, begin and end of each run, grouped by chart and orientation, in the order of rows.
-    starts : (C, O, 2) int64
-        Where the runs of each chart and orientation begin and end in `spans`.
-    reach : (R, 3) int32
-    reach_starts : (C, O, 2) int64
-        The same for the cells that no other chart may touch.
-    margin : int
-        Cells by which these extend beyond the box of the chart.
-    """
-
-    boxes: IntArray
+    boxes: IntArray  # (C, O, 2) int32; columns and rows of each chart in each orientation
+    # (S, 3) int32; row, begin and end of each run, grouped by chart and orientation, in the order
+    # of rows.
     spans: IntArray
+    # (C, O, 2) int64; where the runs of each chart and orientation begin and end in `spans`.
     starts: npt.NDArray[np.int64]
-    reach: IntArray
+    reach: IntArray  # (R, 3) int32
+    # (C, O, 2) int64; the same for the cells that no other chart may touch.
     reach_starts: npt.NDArray[np.int64]
-    margin: int
+    margin: int  # cells by which these extend beyond the box of the chart
 
 
 def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:

@@ -83,28 +83,15 @@ _MOST_TILES_TOLD = 1000  # tried in order to say how many would be enough
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Packing:
-    """Packed charts.
+    """Packed charts."""
 
-    Attributes
-    ----------
-    uvs : (T, 2) float64
-        Texture coordinates; those of tile k lie in the unit square moved right by k % 10 and up by
-        k // 10, which is UDIM tile 1001 + k.
-    texels_per_unit : float
-        Texels per unit of the input coordinates.
-    fill : float
-        Area of the charts as a share of the used tiles.
-    tiles : (C,) int32
-        Tile of each chart.
-    n_tiles : int
-        Tiles with charts on them.
-    """
-
+    # (T, 2) float64; texture coordinates; those of tile k lie in the unit square moved right by k %
+    # 10 and up by k // 10, which is UDIM tile 1001 + k.
     uvs: FloatArray
-    texels_per_unit: float
-    fill: float
-    tiles: IntArray
-    n_tiles: int
+    texels_per_unit: float  # texels per unit of the input coordinates
+    fill: float  # area of the charts as a share of the used tiles
+    tiles: IntArray  # (C,) int32; tile of each chart
+    n_tiles: int  # tiles with charts on them
 
 
 def pack_charts(

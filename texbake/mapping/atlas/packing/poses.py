@@ -18,24 +18,13 @@ _BOX_ANGLES = 90  # angles tried for the least bounding box, one degree apart
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Poses:
-    """Charts, each rotated by K angles of its own.
+    """Charts, each rotated by K angles of its own."""
 
-    Attributes
-    ----------
-    uvs : (T, K, 2) float64
-        Coordinates in each pose.
-    corners : (F, 3, K, 2) float64
-        Coordinates of the faces' corners.
-    chart_ids : (T,) int32
-    face_charts : (F,) int32
-    low, extents : (C, K, 2) float64
-        Lower left corner and size of each chart's bounding box.
-    """
-
-    uvs: FloatArray
-    corners: FloatArray
-    chart_ids: IntArray
-    face_charts: IntArray
+    uvs: FloatArray  # (T, K, 2) float64; coordinates in each pose
+    corners: FloatArray  # (F, 3, K, 2) float64; coordinates of the faces' corners
+    chart_ids: IntArray  # (T,) int32
+    face_charts: IntArray  # (F,) int32
+    # low, extents: (C, K, 2) float64; lower left corner and size of each chart's bounding box.
     low: FloatArray
     extents: FloatArray
 

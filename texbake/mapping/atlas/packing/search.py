@@ -44,27 +44,13 @@ _SQUEEZE = SearchLimits(samples=40, radius=24, step=8, patience=300, work=400_00
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Draft:
-    """Charts placed one after another on the coarse grid.
+    """Charts placed one after another on the coarse grid."""
 
-    Attributes
-    ----------
-    shapes : Shapes
-        The charts in `_N_POSES` poses and four quarter turns.
-    places : (C, 3) int32
-        Column, row and orientation.
-    areas : (C,) float64
-        Area of each chart in cells.
-    size : (int, int)
-        Columns and rows of the grid.
-    scale : float
-        Texels per unit.
-    """
-
-    shapes: Shapes
-    places: IntArray
-    areas: FloatArray
-    size: tuple[int, int]
-    scale: float
+    shapes: Shapes  # the charts in `_N_POSES` poses and four quarter turns
+    places: IntArray  # (C, 3) int32; column, row and orientation
+    areas: FloatArray  # (C,) float64; area of each chart in cells
+    size: tuple[int, int]  # (int, int); columns and rows of the grid
+    scale: float  # texels per unit
 
 
 def draft_layout(

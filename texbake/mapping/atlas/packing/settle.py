@@ -31,26 +31,13 @@ _BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions o
 
 @dataclass(frozen=True, kw_only=True)
 class SearchLimits:
-    """How long and how far charts search for places.
+    """How long and how far charts search for places."""
 
-    Attributes
-    ----------
-    samples : int
-        Places that a move samples before it follows the best ones downhill.
-    radius : int
-        Farthest that most moves go, in cells.
-    step : int
-        First step downhill, in cells.
-    patience : int
-        Sweeps over the charts without progress after which the search ends.
-    work : int
-        Steps after which the search ends: a measure of time that is the same on every machine.
-    """
-
-    samples: int
-    radius: int
-    step: int
-    patience: int
+    samples: int  # places that a move samples before it follows the best ones downhill
+    radius: int  # farthest that most moves go, in cells
+    step: int  # first step downhill, in cells
+    patience: int  # sweeps over the charts without progress after which the search ends
+    # Steps after which the search ends: a measure of time that is the same on every machine.
     work: int
 
 
@@ -94,21 +81,13 @@ def separate(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoughLayout:
-    """Approximate positions of charts.
+    """Approximate positions of charts."""
 
-    Attributes
-    ----------
-    angles : (C,) float64
-        Rotation of each chart in radians.
-    centers : (C, 2) float64
-        Center of its bounding box, as a share of the width and height between the borders.
-    scale : float
-        Texels per unit.
-    """
-
-    angles: FloatArray
+    angles: FloatArray  # (C,) float64; rotation of each chart in radians
+    # (C, 2) float64; center of its bounding box, as a share of the width and height between the
+    # borders.
     centers: FloatArray
-    scale: float
+    scale: float  # texels per unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
