@@ -41,7 +41,7 @@ _SCRATCH_FOLDERS: set[Path] = set()
 def require_file(path: PathLike) -> None:
     """Raise `FileError` where there is no regular file of this name.
 
-    Asked before opening: opening a pipe that nobody writes to would wait for ever.
+    Asked before opening: opening a pipe that nobody writes to would wait forever.
     """
     try:
         mode = Path(path).stat().st_mode

@@ -146,21 +146,21 @@ def streaming_obstacle(kinds: list[MapKind], options: BakeOptions) -> str | None
 
 @dataclass(frozen=True, eq=False)
 class BakeRun:
-    """A bake with inputs that are checked."""
+    """A bake whose inputs have been checked."""
 
     kinds: list[MapKind]
     inputs: BakeInputs
     stages: Stages
     cage: Mesh | None = None
     ray_maps: RayMaps | None = None
-    # What to cast rays into, which others use as well; None: it builds its own and closes them.
+    # Scenes that other bakes use as well; None: this one builds its own and closes them.
     scenes: BakeScenes | None = None
-    # What the distances between the surfaces are added to.
+    # Collects the distances between the surfaces.
     distances: DistanceSummary = field(default_factory=DistanceSummary)
     clock: BudgetClock = field(default_factory=BudgetClock)
 
     def run(self) -> BakeResult:
-        """Bake."""
+        """Return the maps and the report, with the high-poly mesh facing outwards."""
         inputs = self.inputs
         if self.ray_maps is not None and self.cage is None:
             self.ray_maps.check(inputs.options.rays)
@@ -217,7 +217,7 @@ class BakeRun:
         )
         if budget is None:
             return self._result(sums, trace, sampling=sampling)
-        # The options that give the same maps as the time budget has.
+        # The options without a time budget that give the same maps.
         options = replace(
             inputs.options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error
         )

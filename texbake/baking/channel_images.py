@@ -23,7 +23,7 @@ _BAND = 1 << 15
 class MaterialPoints:
     """Points of faces that have one material, and where they lie in its images."""
 
-    rows: npt.NDArray[np.intp] | slice  # (n,) intp or slice; which of all points they are
+    rows: npt.NDArray[np.intp] | slice  # which of all points they are
     faces: IntArray  # (n,) int32
     barycentrics: Float32Array  # (n, 2) float32; weights of the second and third corner
     # By the set of texture coordinates and the placing: several channels share one.
@@ -61,7 +61,7 @@ def points_by_material(hits: Hits, face_materials: IntArray, n: int) -> list[Mat
 
 @dataclass(eq=False)
 class ChannelImages:
-    """Looks up what channels read of images; decodes each image when it is first needed."""
+    """Looks up values that channels take from images; decodes each image when first needed."""
 
     uvs: dict[int, FloatArray]  # each (T, 2) float64; sets of texture coordinates by their numbers
     uv_faces: IntArray  # (F, 3) int32; indices into those of each set

@@ -47,7 +47,7 @@ _EDGE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RayProbe:
-    """What rays met that were cast out and in from points of a low-poly mesh."""
+    """Hits of rays that were cast out and in from points of a low-poly mesh."""
 
     faces: IntArray  # (n,) int32; face of each point
     out: RayHits

@@ -184,7 +184,7 @@ def _check_size(frame: LocalFrame, low: Mesh) -> None:
 def measure_extent(
     scene: RayScene, low: Mesh, kind: str, *, threads: int | None = None
 ) -> RayExtent:
-    """Measure how far in front of the low-poly surface rays must start and how far behind end."""
+    """Measure how far in front of the low-poly surface rays start, and how far behind they end."""
     return _measured(scene, low, kind, _LOW_POINTS, threads)[0]
 
 

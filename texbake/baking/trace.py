@@ -39,7 +39,7 @@ class TraceCounts:
     `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
     `rays_lengthened` found nothing as far as their vertices reach, and something further away.
     `faces_limited` need longer rays somewhere than `max_reach` allows.
-    `islands_sharing` are stacked islands that another was baked for.
+    `islands_sharing` are stacked islands for which another one was baked.
     """
 
     samples_covered: int = 0
@@ -127,7 +127,7 @@ class Trace:
 
     @contextmanager
     def casting(self) -> Iterator[SampleCaster]:
-        """Yield what casts the rays of samples, with scenes built and all distances measured."""
+        """Yield the caster of the samples' rays, with scenes built and all distances measured."""
         scenes = self.scenes or self.own_scenes()
         self.caster = scenes.high.caster
         try:

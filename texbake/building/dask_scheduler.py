@@ -301,7 +301,7 @@ def _connected(address: str) -> Any:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     client: Any = distributed.Client
     try:
-        # A client would wait for ever for a server that is no scheduler and says nothing. In a
+        # A client would wait forever for a server that is no scheduler and says nothing. In a
         # thread of its own, because a notebook has a running loop.
         with ThreadPoolExecutor(1) as thread:
             greeting = asyncio.wait_for(_greeted(address), _ANSWER_SECONDS)

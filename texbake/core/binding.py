@@ -110,7 +110,7 @@ class _Array:
             raise ValueError(f"{place} it is read-only, and the function writes to it")
 
     def address(self, values: dict[str, Any]) -> int | None:
-        """Return where an array lies; raise if its shape does not go with the sizes."""
+        """Return the address of an array; raise if its shape does not match the sizes."""
         array = values[self._parameter.name]
         if array is None:
             return None

@@ -123,7 +123,7 @@ def build(
     sanitize: bool = False,
     strict: bool = False,
 ) -> list[Path]:
-    """Compile the core into a folder; return its libraries, one a level of instructions.
+    """Compile the core into a folder; return its libraries, one per level of instructions.
 
     Parameters
     ----------

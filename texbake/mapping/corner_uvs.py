@@ -47,7 +47,7 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
 def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Weld the coordinates of corners that belong to the same vertex.
 
-    `faces` (F, 3) int32; `corners` (F, 3, 2) float64. Returns `uvs` (T, 2) float64, `uv_faces` (F,
+    `faces` (F, 3) int32; `corners` (F, 3, 2) float64. Returns `uvs` (T, 2) float64; `uv_faces` (F,
     3) int32.
     """
     flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0

@@ -53,7 +53,7 @@ class FaceStretch:
     faces: npt.NDArray[np.int64]  # (M,) int64; indices of those faces, ascending
     areas: FloatArray  # (M,) float64; areas in space, in squares of model units
     texel_areas: FloatArray  # (M,) float64; areas in texels, negative for mirrored faces
-    # greatest, least: (M,) float64; γ and γ, the singular values of the map from texture to
+    # greatest, least: (M,) float64; Γ and γ, the singular values of the map from texture to
     # surface, for total areas of 1.
     greatest: FloatArray
     least: FloatArray

@@ -197,7 +197,7 @@ def sample_surface(
     Each lies in its own n-th of the area, within its face at the next point of a
     low-discrepancy sequence. A mesh without area gets its samples in equal steps of its faces.
 
-    Returns `points` (n, 3) float64, `face_ids` (n,) int32, not decreasing, `barycentrics` (n, 3)
+    Returns `points` (n, 3) float64; `face_ids` (n,) int32, not decreasing; `barycentrics` (n, 3)
     float64: weights of the face's corners.
     """
     if n < 1:

@@ -33,7 +33,7 @@ class LocalFrame:
     """A move and a uniform scale: ``local = (model - center) * scale``."""
 
     center: FloatArray  # (3,) float64; the point in model space that is the local origin; read-only
-    scale: float  # local units a model unit; a power of two in the frames that `around` makes
+    scale: float  # local units per model unit; a power of two in the frames that `around` makes
 
     @classmethod
     def around(cls, *meshes: Mesh | StreamedMesh) -> LocalFrame:

@@ -88,7 +88,7 @@ def shading_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArr
     split vertices at seams of the texture, which must not crease. A zero vector among a mesh's own
     normals is replaced, corner by corner, with the smooth normal of the corner's vertex.
 
-    Returns `normals` (N, 3) float64: unit, or zero where the smooth normal is, `normal_faces` (F,
+    Returns `normals` (N, 3) float64: unit, or zero where the smooth normal is; `normal_faces` (F,
     3) int32: index into `normals` of each corner.
     """
     if mesh.normals is None or mesh.normal_faces is None:
@@ -113,7 +113,7 @@ def with_shading_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
 def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
     """Normals that shade each face flat, in the form of `shading_normals`.
 
-    Returns `normals` (F, 3) float64: as `face_normals`, `normal_faces` (F, 3) int32: the face's own
+    Returns `normals` (F, 3) float64: as `face_normals`; `normal_faces` (F, 3) int32: the face's own
     index at each of its corners.
     """
     face_ids = np.arange(mesh.n_faces, dtype=np.int32)

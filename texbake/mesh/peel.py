@@ -121,7 +121,7 @@ def _cells(points: FloatArray) -> npt.NDArray[np.int64]:
 
 
 def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
-    """Evenly spread values in [0, 1), one a number, unrelated between streams (SplitMix64)."""
+    """Evenly spread values in [0, 1), one per number, unrelated between streams (SplitMix64)."""
     z = (numbers.astype(np.uint64) * np.uint64(8) + np.uint64(stream + 1)) * np.uint64(
         0x9E3779B97F4A7C15
     )

@@ -52,7 +52,7 @@ def triangulated(
     """Cut the polygons of a file into triangles; warn of those left out, and of crossing ones.
 
     `positions` (V, 3) float64; `vertices` (C,) integers; `sizes` (P,) integers. Returns `corners`
-    (F, 3) int64, `polygons` (F,) int64: the polygon of each triangle.
+    (F, 3) int64; `polygons` (F,) int64: the polygon of each triangle.
 
     Notes
     -----
@@ -156,7 +156,7 @@ def _outer_edges(mesh: Mesh, polygons: IntArray, corners: Indices) -> tuple[Indi
     """Place the edges of the faces of polygons on the outlines.
 
     `polygons`, `corners` (n,) integers. Returns `n_left` (n,) int64: edges from this one to the end
-    of the outline, counting this one; 0 for those inside, `bad` (m,) int64: polygons without one
+    of the outline, counting this one; 0 for those inside; `bad` (m,) int64: polygons without one
     outline, or with a seam inside.
     """
     n = len(corners)

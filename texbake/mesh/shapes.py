@@ -155,7 +155,7 @@ def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
     Vertices come in the order corners, insides of edges, insides of faces, each computed once, so
     that neighboring faces share them.
 
-    Returns `directions` (10 f² + 2, 3) float64, `faces` (20 f², 3) int32.
+    Returns `directions` (10 f² + 2, 3) float64; `faces` (20 f², 3) int32.
     """
     corners, corner_faces = _icosahedron()
     sides = np.sort(corner_faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)

@@ -183,8 +183,8 @@ def _corner_spaces(
     `points` (F, 3, 3) float64: corner positions, in a frame where the mesh has about unit size;
     `normals` (F, 3, 3) float32: corner normals, unit; `uvs` (F, 3, 2) float32; `vertices` (F, 3)
     int32. Returns `tangents` (F, 3, 3) float64: unit, or 0 where the directions of a fan cancel
-    exactly, and for a corner without fan, `preserving` (F, 3) bool: whether the mapping keeps the
-    orientation (False: mirrored); False without fan, `has_fan` (F, 3) bool: false where no rule
+    exactly, and for a corner without fan; `preserving` (F, 3) bool: whether the mapping keeps the
+    orientation (False: mirrored); False without fan; `has_fan` (F, 3) bool: false where no rule
     gives a tangent.
     """
     collapsed = (points == points[:, _NEXT]).all(axis=2).any(axis=1)

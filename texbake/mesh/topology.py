@@ -174,7 +174,7 @@ def two_sided_faces(faces: IntArray) -> BoolArray:
 def _with_equal_ones_together(faces: IntArray) -> tuple[npt.NDArray[np.intp], BoolArray]:
     """Find faces among which are all that share their three vertices with another one.
 
-    Returns `candidates` (n,) intp: faces, those of the same vertices in a row, from the first on,
+    Returns `candidates` (n,) intp: faces, those of the same vertices in a row, from the first on;
     `same` (n - 1,) bool: whether each has the vertices of the next.
     """
     ordered = np.sort(faces, axis=1)

@@ -149,7 +149,7 @@ def _refined(
     """Divide and smooth values at corners of polygons.
 
     `values` (n, K) float64; `ids` (F, 3) int32. Returns `values` (m, K) float64: those of vertices,
-    of the middles of edges, and of the middles of polygons, `quads` (C, 4) int64: rows of these for
+    of the middles of edges, and of the middles of polygons; `quads` (C, 4) int64: rows of these for
     each corner of a polygon: the corner, and on along its polygon.
     """
     sizes, n = polygons.sizes, len(values)

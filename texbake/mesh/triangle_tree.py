@@ -80,9 +80,9 @@ class TriangleTree:
         face found before.
 
         `points` (n, 3) float64, in the frame of the positions; `facing` (n, 3) float64. Returns
-        `distances` (n,) float64: inf where no face that counts lies within `max_distance`,
+        `distances` (n,) float64: inf where no face that counts lies within `max_distance`;
         `face_ids` (n,) int32: -1 there. Where several faces are equally close, one of them, the
-        same on every run, `barycentrics` (n, 3) float64: weights of the face's corners, none
+        same on every run; `barycentrics` (n, 3) float64: weights of the face's corners, none
         negative, their sum 1 to rounding; 0 there.
         """
         points = np.ascontiguousarray(points, dtype=np.float64)

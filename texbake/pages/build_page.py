@@ -46,7 +46,7 @@ class BuildRow:
 def thumbnail(picture: FloatImage | PathLike) -> bytes:
     """Return a picture of an asset as a small JPEG file.
 
-    `picture` (H, W, 3 or 4) float32, or path: A linear picture, or a color image file.
+    `picture` (H, W, 3 or 4) float32, or path: a linear picture, or a color image file.
     """
     from PIL import Image
 

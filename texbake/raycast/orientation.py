@@ -191,8 +191,8 @@ def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArra
     `welded` are its faces, vertices at one position counting as one. Edges of more than two faces
     join nothing.
 
-    Returns `parts` (F,) int32: numbered from 0 in the order of their first faces, `turned` (F,)
-    bool, of two halves of the same area, that with the first face is right.
+    Returns `parts` (F,) int32: numbered from 0 in the order of their first faces; `turned` (F,)
+    bool: of two halves of equal area, the one with the first face counts as right.
     """
     pairs = edge_neighbors(welded)
     roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)

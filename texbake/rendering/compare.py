@@ -266,7 +266,7 @@ def compare_shapes(
 ) -> list[tuple[float, float]]:
     """Mean angle between normals in degrees, and share of pixels that show different parts.
 
-    Of each low-poly mesh without maps, in six views; the high-poly mesh is drawn once for all.
+    One pair for each low-poly mesh, without maps, over six views; the high-poly mesh is drawn once.
     """
     meshes, found = (high, *lows), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")

@@ -90,8 +90,8 @@ def weights_at(
 
     `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
     (n,) int32; `places` (n, 2) float32. Returns `weights` (n, 2) float64: weights of the second and
-    third corner, never below 0. Both are 0 for a triangle without area in clip space, `back_facing`
-    (n,) bool: whether the triangle is seen from behind, `changes` (n, 4) float32: growth of the two
+    third corner, never below 0. Both are 0 for a triangle without area in clip space; `back_facing`
+    (n,) bool: whether the triangle is seen from behind; `changes` (n, 4) float32: growth of the two
     weights for one pixel to the right, then for one pixel down.
     """
     n = len(face_ids)

@@ -30,7 +30,7 @@ def normals_from(
     """Decode the normals of a map, and find out their space.
 
     `source`: an array holds unit vectors, +Y up in tangent space. Returns `normals` (H, W, 3)
-    float32, `space` str: "tangent", "object" or "world".
+    float32; `space` str: "tangent", "object" or "world".
     """
     if isinstance(source, np.ndarray):
         return _channels(source, "normal map", 3), space or "tangent"

@@ -56,7 +56,7 @@ class Surroundings:
 def simplifications(
     material: Material, around: Surroundings, *, vertex_opacity: bool
 ) -> Iterator[Step]:
-    """Yield steps to the simplest material that looks the same; the last one has it."""
+    """Yield steps to the simplest material that looks the same, which the last step has."""
     for name, why, simpler in _without_opacity(material, vertex_opacity=vertex_opacity):
         material = simpler
         yield name, why, material

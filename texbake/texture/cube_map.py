@@ -173,7 +173,7 @@ def locate_directions(
     """Return the face, s and t of nonzero directions.
 
     `directions` (..., 3) float64. Returns `faces` (...) int64: face of the largest component, or of
-    the first one if several are equally large, `st` (..., 2) float64, in [0, 1], s to the right and
+    the first one if several are equally large; `st` (..., 2) float64, in [0, 1], s to the right and
     t down.
     """
     heights = pm.matmul(directions, FACE_AXES[:, 2].T)

@@ -76,7 +76,7 @@ def sample(
     """Sample an image at texture coordinates.
 
     `uvs` (n, 2) float64; `derivatives` (n, 4) float32; `border` float or (C,). Returns (n, C)
-    float32: A constant image gives exactly its constant wherever the border is not read.
+    float32; a constant image gives exactly its constant wherever the border is not read.
     """
     if filter not in FILTERS:
         raise OptionError(

@@ -104,7 +104,7 @@ def simplify_levels(
     """Write several levels of detail of a mesh file.
 
     Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
-    all of them; seams that are kept let no level lose them.
+    all of them; keep seams, so that no level loses its coordinates.
 
     Parameters
     ----------

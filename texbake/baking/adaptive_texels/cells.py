@@ -38,8 +38,8 @@ class Level:
     # (n,) uint8; `FINE` times row plus column of the cell within its texel.
     spots: npt.NDArray[np.uint8]
     weights: npt.NDArray[np.uint8]  # (n,) uint8; how many of its sub-squares are covered
-    # Each (n,) int32; place of the same cell in each earlier division that samples are taken over
-    # from, `NO_CHILD` for none.
+    # Each (n,) int32; place of the same cell in each earlier division whose samples are reused,
+    # `NO_CHILD` for none.
     origins: list[IntArray]
 
     def __len__(self) -> int:

@@ -29,7 +29,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FaceBins:
-    """Faces of the low-poly mesh, format_percents for each square of texels that they overlap."""
+    """Faces of the low-poly mesh, listed for each square of texels that they overlap."""
 
     # (F, 3, 2) int64; x to the right and y down, in units of which `TEXEL` make up a texel.
     corners: npt.NDArray[np.int64]
@@ -199,7 +199,7 @@ def find_owners(
     Where faces overlap, the first one owns a point. Kernel: `core/edge_functions.c`.
 
     `points` (n, 2) int64: x and y in units of which `TEXEL` make up a texel. Returns `owners` (n,)
-    int32: `NO_FACE` for none, `weights` (n, 2) float64: weights of the second and third corner;
+    int32: `NO_FACE` for none; `weights` (n, 2) float64: weights of the second and third corner;
     undefined where no face owns the point.
     """
     owners, weights = np.empty(len(points), dtype=np.int32), np.empty((len(points), 2))

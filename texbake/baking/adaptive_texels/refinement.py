@@ -25,12 +25,12 @@ from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """What samples have given once the errors of texels are within bounds."""
+    """Values and errors of texels once the errors are within bounds."""
 
     max_error: str  # the bounds
     bounded: list[BoundedMap]  # the maps that they bound
     means: FloatArray32  # (n_texels, C) float32; means of texels with up to 4 samples
-    # (n_texels,) float32; estimated, in bounds, of the map where they are greatest.
+    # (n_texels,) float32; estimated, in units of the bound, for the map where they are greatest.
     errors: FloatArray32
     finest: npt.NDArray[np.uint8]  # (n_texels,) uint8; level of the finest cells of each texel
 

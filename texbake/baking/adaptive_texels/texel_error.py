@@ -68,14 +68,14 @@ class TexelError:
 
     cells: Cells  # the samples cast so far
     coverage: TexelCoverage
-    shape: tuple[int, int]  # (int, int); height and width of the map
+    shape: tuple[int, int]  # height and width of the map
     metric: Metric
     threads: int | None
 
     def of_samples(self) -> tuple[FloatArray32, FloatArray32]:
         """Estimate means from one sample per texel, and how evenly values change there.
 
-        Returns `means` (n_texels, C) float32: 0 where there is no value, `steps` (n_texels,)
+        Returns `means` (n_texels, C) float32: 0 where there is no value; `steps` (n_texels,)
         float32.
         """
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]

@@ -63,7 +63,7 @@ class MapKind:
     hides_misses: bool = False
     # Also made from the neighbors of the faces that were hit, beyond their normals.
     of_neighbors: bool = False
-    # (float, float); standard error of a texel's value v with one ray, as factors of sqrt(v (1 -
+    # Standard error of a texel's value v with one ray, as factors of sqrt(v (1 -
     # v)) and of v. It is divided by n^(3/4) for n rays.
     noise: tuple[float, float] = (0.0, 0.0)
     mid: float = 0.5  # level of 0 in integer files of `curvature`

@@ -216,7 +216,7 @@ class UvMapping:
         self._options = options
 
     def look_up(self, points: PhotoPoints) -> PhotoLookups:
-        """RayProbe points up; leave out those outside the photograph or without area in it."""
+        """Look points up; leave out those outside the photograph or without area in it."""
         n = len(points.faces)
         coordinates, weights = np.empty((n, 2)), np.empty(n)
 

@@ -29,7 +29,7 @@ def find_lone_faces(
     """Find the faces that no other one continues across any edge, if there are many.
 
     `points` (V, 3) float64; `faces` (F, 3) int32; `regions` (F,) int32; `polygons` (F,) int32.
-    Returns `lone` (n,) int32: such faces with an area; none if there are no more than a thousand,
+    Returns `lone` (n,) int32: such faces with an area; none if there are no more than a thousand;
     `others` (m,) int32: all other faces; without those of no area if there are lone ones.
     """
     corners = weld_rows(points, threads=threads)[faces]

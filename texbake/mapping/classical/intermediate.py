@@ -50,7 +50,7 @@ class IntermediateSurface(Protocol):
 
         `points` (N, 3) float64; `directions` (N, 3) float64, of unit length, or (0, 0, 0), which
         hits nothing. Returns `hits` (N, 3) float64: where each ray leaves the inside of the
-        surface, or crosses the plane; its start if it misses, `missed` (N,) bool.
+        surface, or crosses the plane; its start if it misses; `missed` (N,) bool.
         """
 
     def coordinates(
@@ -101,9 +101,9 @@ class Cylinder:
     # low, high: Least and greatest height of the mesh.
     low: float
     high: float
-    # (float, float); heights that become t = 0 and t = 1; t is 0 if they are equal.
+    # Heights that become t = 0 and t = 1; t is 0 if they are equal.
     heights: tuple[float, float]
-    theta: tuple[float, float]  # (float, float); angles in degrees that become s = 0 and s = 1
+    theta: tuple[float, float]  # angles in degrees that become s = 0 and s = 1
     rounding: float  # points no farther from the axis lie on it
     name: str = "cylinder"
 
@@ -132,7 +132,7 @@ class Sphere:
     """A sphere about the center, through the points farthest from it."""
 
     radius: float
-    theta: tuple[float, float]  # (float, float); longitudes in degrees that become s = 0 and s = 1
+    theta: tuple[float, float]  # longitudes in degrees that become s = 0 and s = 1
     rounding: float  # points no farther from the axis are at a pole
     name: str = "sphere"
 

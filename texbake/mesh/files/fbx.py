@@ -1,7 +1,7 @@
 """Reading FBX, binary and text, versions 6 and 7. Files of earlier versions are an error.
 
-All geometry of the file is joined into one mesh, in the world, a geometry that two models show
-twice. Differences between files are removed, as the reader of USD does:
+All geometry of the file is joined into one mesh in world space; a geometry that two models show is
+in it twice. Differences between files are removed, as the reader of USD does:
 
 - The axes of the file are turned to Y up, with Z to the front.
 - Lengths become meters; a unit is a centimeter where the file does not say.

@@ -1,4 +1,4 @@
-"""The nodes that an FBX file is made of, a name, values and children; binary files as such.
+"""The nodes of an FBX file, each with a name, values and children; the reader of binary files.
 
 A node of a binary file, version 5 to 7, little-endian or big-endian, is a header (where it ends,
 how many values it has, the bytes of these, its name), its values, and its children up to its end;

@@ -68,7 +68,7 @@ class _Part(NamedTuple):
 
 
 def _read_parts(placed: SceneNodes) -> list[_Part]:
-    """Read what the nodes of a scene place, primitives that share all arrays once."""
+    """Read the primitives of a scene's nodes; the arrays of equal ones are read once."""
     document = placed.document
     requests: dict[Any, PrimitiveRequest] = {}
     keys: dict[int, list[Any]] = {}  # of the primitives of each mesh

@@ -67,7 +67,7 @@ def ordered_triangles(
     """Triangles in an order in which neighbors follow one another, and so compress to fewer bytes.
 
     `indices` (3 F,) int64. Returns `indices` (3 F,) int64, of vertices in the order in which the
-    triangles use them, `vertices` (n_vertices,) int64: which of the old ones each new vertex is.
+    triangles use them; `vertices` (n_vertices,) int64: which of the old ones each new vertex is.
     """
     given = np.ascontiguousarray(indices, np.uint32)
     codes = np.empty_like(given)
@@ -146,7 +146,7 @@ def decode_draco(
 ) -> tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]] | str:
     """Arrays of a Draco primitive, or in words why there are none.
 
-    Returns `attributes` dict of (n, width): by the number that the file gives each, `indices` (3
+    Returns `attributes` dict of (n, width): by the number that the file gives each; `indices` (3
     F,) uint32: corners of triangles.
     """
     import DracoPy

@@ -262,7 +262,7 @@ def _split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.i
     """Split vertices so that each has one texture coordinate and one normal.
 
     Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
-    then copies, `corners` (n,) int64: A corner of each, -1 for those that no face uses, `faces` (F,
+    then copies; `corners` (n,) int64: a corner of each, -1 for those that no face uses; `faces` (F,
     3) int32.
     """
     used = np.full(mesh.n_vertices, -1)

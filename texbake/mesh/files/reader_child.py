@@ -1,7 +1,7 @@
-"""The process that reads a file with a library of others, and answers requests about it.
+"""The process that reads a file with a third-party library, and answers requests about it.
 
-`reader_process` starts it. An answer is a pair of "answer" and of what was found and warned of, or
-of the name of an error and its message.
+`reader_process` starts it. An answer is a pair: "answer", with the result and the warnings; the
+name of an error, with its message; or "bug", with a traceback.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Files that libraries of others read: a process of its own reads each.
+"""Files that third-party libraries read, each in a process of its own.
 
-usd-core, Pixar's library, is written for files that one trusts: some damaged files end the process
-that reads them, or keep it busy without an end. trimesh places nodes without limit. So a child
-process reads such files, with limits of time and memory, and whatever happens to it becomes an
-error of one line.
+usd-core, Pixar's library, is written for files that one trusts: some damaged files crash it or keep
+it busy forever. trimesh makes node instances without limit. So a child process reads such files,
+with limits of time and memory, and whatever happens to it becomes an error of one line.
 """
 
 from __future__ import annotations

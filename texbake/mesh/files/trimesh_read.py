@@ -3,7 +3,7 @@
 The meshes of the file are placed as its scene says and joined into one, a group for each node, in
 the file's own axes and units. Vertices at one position, bit for bit, become one, because trimesh
 splits them at every corner; texture coordinates and normals keep their own indices. A process of
-its own reads the file, as for USD: nodes that place nodes can ask for far more than it holds.
+its own reads the file, as for USD: nested node instances can be far more than it holds.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _replace_unknown(path: PathLike, scene: Any) -> None:
 
 
 def _record_geometries(primitives: list[Any]) -> list[Exception]:
-    """Make pycollada tell what it reads and leaves out, and keep numbers that are not finite.
+    """Make pycollada report what it reads and leaves out, and keep numbers that are not finite.
 
     Returns a list of what it leaves out, which is filled as it reads.
     """
@@ -129,7 +129,7 @@ def _check_positions(path: PathLike, primitives: list[Any]) -> None:
 
 
 def _require_all_objects(path: PathLike, scene: Any) -> None:
-    """Raise `FileFormatError` where trimesh has left out objects of a 3MF file, without a word.
+    """Raise `FileFormatError` where trimesh has silently left out objects of a 3MF file.
 
     It stops at a number of steps that two levels of objects can exceed, and keeps one object of a
     part number.

@@ -50,7 +50,7 @@ def read_usd(path: PathLike) -> Mesh:
     """Read a USD file; see the module for how a stage is converted.
 
     Positions, normals, texture coordinates (the primvar `st`, else the first of the role
-    TextureCoordinate or of two floats a corner), tangents of four floats a corner (`tangents`),
+    TextureCoordinate or of two floats per corner), tangents of four floats per corner (`tangents`),
     display colors at vertices, and subsets.
     """
     mesh: Mesh = read_in_child(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})

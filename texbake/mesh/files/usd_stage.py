@@ -166,7 +166,7 @@ def _primvar(prim: Any, name: str) -> Any:
 
 
 def texture_coordinates(prim: Any) -> Any:
-    """Return the primvar `st`, else the first that has two floats a corner; None where none."""
+    """Return the primvar `st`, else the first that has two floats per corner; None where none."""
     from pxr import UsdGeom
 
     named = _primvar(prim, "st")

@@ -92,7 +92,7 @@ def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     """Nodes where lines cross, and the squares between them.
 
     `columns` (C,) int32; `rows` (R,) int32. Returns `nodes` (C R, 2) int32: as in `SurfaceGrid`,
-    row by row, `quads` (Q, 4) int32: nodes of the corners of each square, counter-clockwise.
+    row by row; `quads` (Q, 4) int32: nodes of the corners of each square, counter-clockwise.
     """
     nodes = np.stack(np.meshgrid(2 * np.arange(len(columns)), 2 * np.arange(len(rows))), axis=-1)
     across = np.flatnonzero(columns[:-1] != columns[1:])

@@ -36,7 +36,7 @@ Bools = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Rooms:
-    """What was found of the rooms of more than a point."""
+    """Numbers of the rooms that have more than one point."""
 
     n_cavities: int
     n_untested: int  # those whose winding numbers were not measured, and which count as solid

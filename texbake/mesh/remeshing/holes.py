@@ -74,7 +74,7 @@ class Loops:
     def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
         """Triangulate some loops.
 
-        `points` (V, 3) float64; `chosen` (m,) bool. Returns `faces` (n, 3) int32, `loops` (n,)
+        `points` (V, 3) float64; `chosen` (m,) bool. Returns `faces` (n, 3) int32; `loops` (n,)
         int64: which loop each of them fills.
         """
         vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
@@ -84,7 +84,7 @@ class Loops:
     def fanned(self, points: FloatArray, chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Fill some small loops with a fan each, around the mean of their vertices.
 
-        Returns `points` (V + n, 3) float64, `faces` (m, 3) int32.
+        Returns `points` (V + n, 3) float64; `faces` (m, 3) int32.
         """
         sizes, edges = self.sizes[chosen], self.edges[np.repeat(chosen, self.sizes)]
         if len(sizes) == 0:

@@ -40,7 +40,7 @@ def project(
 
     Vertices with no triangle near them, which close gaps, are smoothed instead.
 
-    `tree`, in the same units, voxels; `smooth` (F,) bool. Returns `positions` (V, 3) float64,
+    `tree`, in the same units, voxels; `smooth` (F,) bool. Returns `positions` (V, 3) float64;
     `faces` (2 n, 3) int32: the quads, divided.
     """
     before = nets.positions

@@ -52,7 +52,7 @@ def sharp_targets(
     """Find vertices that belong onto a sharp edge, and their places there.
 
     `before` (V, 3) float64: the vertices, each in a cell of its own, in voxels; `on_mesh` (V, 3)
-    float64; `face_ids` (V,) int32; `quads` (n, 4) int32. Returns `is_sharp` (V,) bool, `targets`
+    float64; `face_ids` (V,) int32; `quads` (n, 4) int32. Returns `is_sharp` (V,) bool; `targets`
     (V, 3) float64: where all vertices go, on the mesh.
     """
     normals = _normals_of(tree, face_ids)

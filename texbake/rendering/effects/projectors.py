@@ -91,7 +91,7 @@ def sample_projection(
 
     `matrix` (4, 4) float64: transforms world space to (s, t, r, q); `points` (n, 3) float64: world
     space; `steps` (n, 2, 3) float64. Returns `values` (n, C) float32: undefined where the coverage
-    is 0, `coverage` (n,) float32: share of the pixel inside the unit square; 0 behind the projector
+    is 0; `coverage` (n,) float32: share of the pixel inside the unit square; 0 behind the projector
     (q <= 0). Without steps it is 0 or 1.
     """
     found = project_onto(matrix, points, steps, image.filter)

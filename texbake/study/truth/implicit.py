@@ -36,7 +36,7 @@ class Surface(Protocol):
         """Return where lines meet the surface near points that lie close to it.
 
         `starts` (n, 3) float64; `directions` (n, 3) float64: unit vectors of the lines through
-        them. Returns `points` (n, 3) float64, `converged` (n,) bool: false for a line that only
+        them. Returns `points` (n, 3) float64; `converged` (n,) bool: false for a line that only
         touches the surface, or passes by.
         """
 

@@ -85,7 +85,7 @@ def ball_points(
 ) -> tuple[FloatArray, FloatArray]:
     """Return where rays (..., 3) from the camera first meet a ball.
 
-    Returns `points` (..., 3) float64: for a ray that misses, where it comes nearest, `cosines`
+    Returns `points` (..., 3) float64: for a ray that misses, where it comes nearest; `cosines`
     (...) float64: cosine of the viewing angle; 0 for a ray that misses.
     """
     units = rays / pm.norm(rays, axis=-1, keepdims=True)

@@ -154,7 +154,7 @@ def mean_normals(
     """Return the directions of the mean normals over the texels of a square map.
 
     `size`: texels along one side. Returns `means` (size, size, 3) float64: unit vectors in tangent
-    space, over the covered part of a texel; 0 where nothing was hit, `known` (size, size) bool:
+    space, over the covered part of a texel; 0 where nothing was hit; `known` (size, size) bool:
     where there is a mean.
     """
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)

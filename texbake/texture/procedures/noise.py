@@ -148,9 +148,9 @@ class Weight:
 
     quintic: bool
     bound: float  # upper bound on |noise|
-    # (float, float); mean of noise^2; with two coordinates and with three.
+    # Mean of noise^2, with two coordinates and with three.
     variance: tuple[float, float]
-    size: tuple[float, float]  # (float, float); mean of |noise|
+    size: tuple[float, float]  # mean of |noise|, likewise
 
 
 WEIGHTS = {

@@ -47,7 +47,7 @@ def disk_charts(
 
     `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32; `lengths`
     (F, 3) float64. Returns `pieces` list of ((m,) int32, Charts): faces of some parts, and their
-    charts, `left` (k,) int32: faces that could not be flattened, ascending.
+    charts; `left` (k,) int32: faces that could not be flattened, ascending.
     """
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))

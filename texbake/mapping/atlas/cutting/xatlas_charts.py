@@ -166,8 +166,8 @@ def plain_charts(
 
     Kernel: `core/normal_cones.c`.
 
-    `points` (V, 3) float64; `faces` (F, 3) int32. Returns `faces` (F, 3) int32: indices into `uvs`,
-    `uvs` (T, 2) float64: coordinates in the unit of the points, `chart_ids` (T,) int64: chart of
+    `points` (V, 3) float64; `faces` (F, 3) int32. Returns `faces` (F, 3) int32: indices into `uvs`;
+    `uvs` (T, 2) float64: coordinates in the unit of the points; `chart_ids` (T,) int64: chart of
     each coordinate, numbered from 0 without gaps in the order of the first faces.
     """
     corners = weld_rows(points)[faces]

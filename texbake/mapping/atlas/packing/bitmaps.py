@@ -94,8 +94,9 @@ class Shapes(NamedTuple):
     spans: IntArray
     # (C, O, 2) int64; where the runs of each chart and orientation begin and end in `spans`.
     starts: npt.NDArray[np.int64]
-    reach: IntArray  # (R, 3) int32
-    # (C, O, 2) int64; the same for the cells that no other chart may touch.
+    # reach, reach_starts: (R, 3) int32 and (C, O, 2) int64; the same for the cells that no other
+    # chart may touch.
+    reach: IntArray
     reach_starts: npt.NDArray[np.int64]
     margin: int  # cells by which these extend beyond the box of the chart
 

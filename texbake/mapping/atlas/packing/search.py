@@ -49,7 +49,7 @@ class Draft:
     shapes: Shapes  # the charts in `_N_POSES` poses and four quarter turns
     places: IntArray  # (C, 3) int32; column, row and orientation
     areas: FloatArray  # (C,) float64; area of each chart in cells
-    size: tuple[int, int]  # (int, int); columns and rows of the grid
+    size: tuple[int, int]  # columns and rows of the grid
     scale: float  # texels per unit
 
 
