@@ -67,6 +67,15 @@ def first_few(items: Iterable[str], most: int = 20) -> tuple[str, ...]:
     return (*each[:most], f"and {len(each) - most:,} more like these")
 
 
+def counted(n: int, one: str, many: str = "") -> str:
+    """Return a number with what it counts; `many` is `one` with an s unless it is given.
+
+    >>> counted(1, "face is", "faces are"), counted(1234, "texel")
+    ('1 face is', '1,234 texels')
+    """
+    return f"{n:,} {one if n == 1 else many or one + 's'}"
+
+
 def one_line(error: BaseException, most: int = 200) -> str:
     """Return what an error of a library says, on one line and shortened.
 

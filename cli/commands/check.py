@@ -116,7 +116,8 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
-                say(f"{role} mesh  {mesh.name}, {mesh.n_polygons:,} faces")
+                n = mesh.n_polygons
+                say(f"{role} mesh  {mesh.name}, {n:,} face{'s' * (n != 1)}")
     if findings:
         columns(
             [

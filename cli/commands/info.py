@@ -102,7 +102,10 @@ def _rows(found: MeshInfo) -> list[tuple[str, str]]:
         ("unused vertices", f"{found.n_unused_vertices:,}"),
         ("vertices at one place", f"{found.n_split_vertices:,}"),
     ]
-    groups = [(f"group {group.name}", f"{group.n_faces:,} faces") for group in found.groups]
+    groups = [
+        (f"group {group.name}", f"{group.n_faces:,} face{'s' * (group.n_faces != 1)}")
+        for group in found.groups
+    ]
     rows += groups[:_GROUPS_SHOWN]
     if len(groups) > _GROUPS_SHOWN:
         rows.append(("more groups", f"{len(groups) - _GROUPS_SHOWN:,}; --json lists them all"))
@@ -167,7 +170,7 @@ def _uvs(found: MeshInfo) -> str:
         (found.uvs.n_mirrored, "mirrored"),
     ):
         if count:
-            parts.append(f"{count:,} faces {what}")
+            parts.append(f"{count:,} face{'s' * (count != 1)} {what}")
     return "; ".join(parts)
 
 

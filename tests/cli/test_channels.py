@@ -109,7 +109,7 @@ def test_the_files_are_those_of_the_python_functions(codes: np.ndarray, invoke: 
     assert done.files == (Path("b.png"),)
     texbake.split_channel_files("b.png", ["r.png", "g.png"], names=["x", "y"])
     assert np.array_equal(stored("g.png")[..., 0], codes[..., 1])
-    with pytest.raises(OptionError, match="1 files are given for 3 channels"):
+    with pytest.raises(OptionError, match="1 file is given for 3 channels"):
         texbake.split_channel_files("b.png", ["r.png"])
     texbake.split_channel_files("ao.png", "gray")
     assert [path.name for path in Path("gray").iterdir()] == ["ao_gray.png"]

@@ -77,7 +77,7 @@ def test_command_as_a_process(
             "bake-texture low.obj -o t.png --procedure wood --photo red.png --camera front.toml",
             "give a procedure, a volume or photographs",
         ),
-        ("bake-texture low.obj -o t.png --photo red.png", "0 are given for 1 photographs"),
+        ("bake-texture low.obj -o t.png --photo red.png", "0 are given for 1 photograph"),
         ("bake-texture low.obj -o t.png --procedure wood --camera front.toml", "goes with --photo"),
         ("bake-texture low.obj -o t.png --procedure wood --param rings", "KEY=VALUE"),
         ("bake-texture low.obj -o t.png --procedure wood --param speed=3", "wood.speed"),
@@ -89,7 +89,7 @@ def test_command_as_a_process(
         ("pack-textures red.png -o red.png", "also an input"),
         (
             "pack-textures red.png hill.png -o a.png --mesh plane.obj --meshes-to o",
-            "1 are given for 2",
+            "1 is given for 2",
         ),
         ("pack-textures red.png -o a.png --mesh plane.obj", "give both"),
         ("pack-textures red.png -o a.png --mesh plane.obj --meshes-to .", "also an input"),

@@ -21,7 +21,7 @@ from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
 from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import Trace
-from texbake.errors import MissError, OptionError, UvError
+from texbake.errors import MissError, OptionError, UvError, counted
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
@@ -300,7 +300,7 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
     percent = 100.0 * n_missed / max(n_covered, 1)
     if limit is not None and percent > limit:
         raise MissError(
-            f"{inputs.low.name}: the rays of {n_missed} texels ({percent:.3f} %) missed "
+            f"{inputs.low.name}: the rays of {counted(n_missed, 'texel')} ({percent:.3f} %) missed "
             f"{inputs.source.name}, more than the {limit:g} % allowed; raise `front` and "
             "`back`, or bake without `fail_on_miss` and see the misses with `miss_map`"
         )

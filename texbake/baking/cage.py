@@ -21,7 +21,7 @@ import numpy.typing as npt
 from texbake.baking.ray_distances import LEAST_EXTENT
 from texbake.baking.scenes import measure_extent
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.mesh.frame import LocalFrame, UnitGrid
 from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -80,8 +80,9 @@ class Cage:
             )
         if self.n_beside:
             lines.append(
-                f"{self.mesh.name}: {self.n_beside:,} points lie beside the border of the "
-                "low-poly mesh, where it has no cage; extend the low-poly mesh to bake them"
+                f"{self.mesh.name}: {counted(self.n_beside, 'point lies', 'points lie')} beside "
+                "the border of the low-poly mesh, where it has no cage; extend the low-poly mesh "
+                "to bake them"
             )
         if self.n_still:
             lines.append(
@@ -102,7 +103,9 @@ class Cage:
             ("fitted to", f"{self.n_points:,} points of the high-poly mesh"),
         ]
         if self.n_uncertain:
-            rows.append(("over folds", f"{self.n_uncertain:,} points, which may come through"))
+            rows.append(
+                ("over folds", counted(self.n_uncertain, "point") + ", which may come through")
+            )
         return rows
 
 

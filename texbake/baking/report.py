@@ -15,6 +15,7 @@ from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.trace import TraceCounts
 from texbake.core import core
+from texbake.errors import counted
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
@@ -172,18 +173,19 @@ class BakeReport:
         checks = (
             (
                 self.texels_missed,
-                f"the rays of {self.texels_missed:,} texels ({self.miss_percent:.2f} %) missed the "
-                f"high-poly mesh, and these texels are left neutral; {hint}",
+                f"the rays of {counted(self.texels_missed, 'texel')} ({self.miss_percent:.2f} %) "
+                f"missed the high-poly mesh, and these texels are left neutral; {hint}",
             ),
             (
                 counts.samples_overlapping,
-                f"texture coordinates overlap on {self.texels_overlapping:,.0f} texels; "
-                "the first face wins",
+                "texture coordinates overlap on "
+                f"{counted(round(self.texels_overlapping), 'texel')}; the first face wins",
             ),
             (
                 counts.faces_outside_tile,
-                f"{counts.faces_outside_tile:,} triangles extend beyond the unit square; "
-                "what lies outside is not baked, unless {udim} is in `name_pattern`",
+                counted(counts.faces_outside_tile, "triangle extends", "triangles extend")
+                + " beyond the unit square; what lies outside is not baked, "
+                "unless {udim} is in `name_pattern`",
             ),
             (
                 self.faces_without_texel,
@@ -192,7 +194,7 @@ class BakeReport:
             ),
             (
                 self.padding_meets,
-                f"the padding of two charts meets on {self.padding_meets:,} texels; "
+                f"the padding of two charts meets on {counted(self.padding_meets, 'texel')}; "
                 "use less `padding` or leave more space between charts",
             ),
         )
@@ -213,11 +215,11 @@ class BakeReport:
         front = "from the cage" if self.front is None else f"{self.front:.6g}"
         measured = " (measured)" if self.measured else ""
         if counts.faces_limited:
-            measured = f" (the most allowed, on {counts.faces_limited:,} triangles)"
+            measured = f" (the most allowed, on {counted(counts.faces_limited, 'triangle')})"
         low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
         median = self.distance_percentiles.get(50, 0.0)
         return [
-            ("meshes", f"{self.n_high_faces:,} triangles onto {self.n_low_faces:,}"),
+            ("meshes", f"{counted(self.n_high_faces, 'triangle')} onto {self.n_low_faces:,}"),
             *([("objects", self.objects)] if self.n_objects else []),
             (
                 "size",
@@ -258,7 +260,8 @@ class BakeReport:
             ),
             (
                 "overlap, outside",
-                f"{self.texels_overlapping:,.0f} texels, {counts.faces_outside_tile:,} triangles",
+                f"{counted(round(self.texels_overlapping), 'texel')}, "
+                + counted(counts.faces_outside_tile, "triangle"),
             ),
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
             *(() if self.budget is None else self.budget.table()),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from texbake.errors import counted
 from texbake.files import PathLike
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -63,7 +64,7 @@ class DefaultView:
     def warnings(self, frame: Frame) -> Iterator[str]:
         """Yield a line if the picture leaves something out, or if nothing can be seen in it."""
         if self.n_strays:
-            what = "1 triangle lies" if self.n_strays == 1 else f"{self.n_strays:,} triangles lie"
+            what = counted(self.n_strays, "triangle lies", "triangles lie")
             yield (
                 f"{self.path}: {what} far from all others and may be outside the picture; "
                 "set a larger distance with --view AZ,EL,DIST"

@@ -30,7 +30,7 @@ from texbake.baking.texels import (
     owned_bands,
     snap_uvs,
 )
-from texbake.errors import OptionError, UvError
+from texbake.errors import OptionError, UvError, counted
 from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
@@ -98,7 +98,7 @@ class LightMaps:
         for item in self.maps:
             covered = item.values[item.has_data]
             brightest = float(covered.max()) if len(covered) else 0.0
-            rows.append((item.name, f"{len(covered):,} texels, brightest {brightest:.3g}"))
+            rows.append((item.name, f"{counted(len(covered), 'texel')}, brightest {brightest:.3g}"))
         return rows
 
     def shown_in(self, scene: Scene) -> Scene:
@@ -292,12 +292,18 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
             yield f"light {light.name}: it follows the camera and is left out of the light maps"
     for map_ in maps:
         if map_.n_overlapping:
+            n = counted(
+                map_.n_overlapping,
+                "sample of its light map lies",
+                "samples of its light map lie",
+            )
             yield (
-                f"{map_.name}: {map_.n_overlapping:,} samples of its light map lie on more than "
-                "one face; give each face coordinates of its own with: texbake unwrap"
+                f"{map_.name}: {n} on more than one face; give each face coordinates of its own "
+                "with: texbake unwrap"
             )
         if map_.n_outside:
-            yield f"{map_.name}: {map_.n_outside:,} triangles extend beyond the unit square"
+            n = counted(map_.n_outside, "triangle extends", "triangles extend")
+            yield f"{map_.name}: {n} beyond the unit square"
 
 
 def _baked(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.errors import counted
 from texbake.mapping.corner_uvs import check_measurable
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids, seam_length
@@ -161,8 +162,8 @@ class Distortion:
             ("area distortion", f"{whole.area:.4f}  (0 at best)"),
             ("mirrored faces", f"{self.n_mirrored:,}"),
             ("overlapping faces", f"{self.n_overlapping:,}{unsure}"),
-            ("without area on the surface", f"{self.n_degenerate:,} faces"),
-            ("without area in the texture", f"{self.n_collapsed:,} faces"),
+            ("without area on the surface", counted(self.n_degenerate, "face")),
+            ("without area in the texture", counted(self.n_collapsed, "face")),
             ("seams", f"{self.seam_length:.6g} model units"),
             (
                 "texels per model unit",

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.errors import counted
 from texbake.mesh.compose import turned_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -74,7 +75,7 @@ class OrientationReport:
         notes = []
         if self.n_faces:
             notes.append(
-                f"{self.mesh}: flipped {self.n_faces:,} triangles, which faced inwards; "
+                f"{self.mesh}: flipped {counted(self.n_faces, 'triangle')}, which faced inwards; "
                 "`orientation` keep leaves them as they are"
             )
         if self.n_unclear:

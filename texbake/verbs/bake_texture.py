@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from texbake.baking.memory import PROCESS, TEXEL
 from texbake.baking.options import BITS_OPTION
 from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, given
 from texbake.schema import Option
@@ -188,8 +188,8 @@ def _check_sources(
         raise OptionError("photos: there are none; give at least one, or SolidOptions")
     elif len(photos) != len(cameras):
         raise OptionError(
-            f"cameras: {len(cameras)} are given for {len(photos)} photographs; give one for each, "
-            "in their order"
+            f"cameras: {counted(len(cameras), 'is', 'are')} given for "
+            f"{counted(len(photos), 'photograph')}; give one for each, in their order"
         )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import MB, PROCESS
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh
 from texbake.schema import Option
@@ -156,7 +156,8 @@ def _mesh_targets(
         return []
     if len(meshes) != len(images):
         raise OptionError(
-            f"meshes: {len(meshes)} are given for {len(images)} images; give one for each, in order"
+            f"meshes: {counted(len(meshes), 'is', 'are')} given for "
+            f"{counted(len(images), 'image')}; give one for each, in order"
         )
     if isinstance(outputs, str | os.PathLike):
         check_folder(outputs)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, counted, quoted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.schema import CheckedOptions, Option
@@ -78,7 +78,10 @@ def split_channel_files(
         stem, suffix = Path(image).stem, suffix_like(read)
         files = [Path(output) / f"{stem}_{chosen[i]}{suffix}" for i in used]
     elif len(files := paths_of(output)) != len(used):
-        raise OptionError(f"output: {len(files)} files are given for {len(used)} channels")
+        raise OptionError(
+            f"output: {counted(len(files), 'file is', 'files are')} given for "
+            + counted(len(used), "channel")
+        )
     maps = {file: read.pixels[..., i : i + 1] for file, i in zip(files, used, strict=True)}
     check_distinct(list(maps), [image])
     bits = bits_like(read, files[0], read.pixels)
@@ -89,8 +92,8 @@ def split_channel_files(
 def _check_names(image: PathLike, names: Sequence[str], n_channels: int) -> None:
     if len(names) > n_channels:
         raise OptionError(
-            f"names: {len(names)} are given, but {image} has {n_channels} "
-            f"{'channel' if n_channels == 1 else 'channels'}"
+            f"names: {counted(len(names), 'is', 'are')} given, but {image} has "
+            + counted(n_channels, "channel")
         )
     used = [name for name in names if name]
     if not used:

@@ -15,6 +15,7 @@ from texbake.baking.parts.matching import Matching
 from texbake.baking.parts.options import PartsOptions
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
+from texbake.errors import counted
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
 from texbake.texture.image_formats import holds_floats
@@ -146,13 +147,21 @@ class PartsReport:
         checks = (
             (
                 self.n_crossing,
-                f"{self.n_crossing:,} triangles cross borders of tiles; each tile gets its share",
+                counted(self.n_crossing, "triangle crosses", "triangles cross")
+                + " borders of tiles; each tile gets its share",
             ),
-            (self.n_outside, f"{self.n_outside:,} triangles lie in no tile and are not baked"),
+            (
+                self.n_outside,
+                counted(
+                    self.n_outside,
+                    "triangle lies in no tile and is not baked",
+                    "triangles lie in no tile and are not baked",
+                ),
+            ),
             (
                 self.n_overlapping,
-                f"{self.n_overlapping:,} texels are covered by more than one part; the first part "
-                "with a hit is used",
+                counted(self.n_overlapping, "texel is", "texels are")
+                + " covered by more than one part; the first part with a hit is used",
             ),
         )
         found += [message for count, message in checks if count]
@@ -180,8 +189,8 @@ class PartsReport:
             rows.append(
                 (
                     f"  {part.low}",
-                    f"from {', '.join(part.high)}{where}: {part.n_faces:,} triangles, "
-                    f"{part.texels_covered:,} texels, {percent:.3f} % missed",
+                    f"from {', '.join(part.high)}{where}: {counted(part.n_faces, 'triangle')}, "
+                    f"{counted(part.texels_covered, 'texel')}, {percent:.3f} % missed",
                 )
             )
         rows.append(("sets of maps", ", ".join(map(target_name, self.targets)) if several else "1"))

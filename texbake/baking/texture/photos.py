@@ -20,7 +20,7 @@ from texbake.baking.texture.photo_mappings import (
     UvMapping,
 )
 from texbake.baking.texture.result import PhotoShare, TextureBake, finish_texture
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.mapping.classical.projector import projector_matrix
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Matrix
@@ -111,7 +111,7 @@ def bake_photos(
         values,
         has_color,
         stages,
-        source=f"{len(photos)} photograph{'s' * (len(photos) > 1)}",
+        source=counted(len(photos), "photograph"),
         photos=tally.shares(),
     )
 

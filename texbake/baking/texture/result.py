@@ -13,7 +13,7 @@ from texbake.baking.padding import ChartPadding
 from texbake.baking.texels import NO_FACE
 from texbake.baking.texture.coverage import TextureCoverage
 from texbake.baking.texture.options import TextureBakeOptions
-from texbake.errors import UvError
+from texbake.errors import UvError, counted
 from texbake.files import PathLike
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh
@@ -102,17 +102,17 @@ class TextureReport:
             ),
             (
                 self.texels_overlapping,
-                f"texture coordinates overlap on {self.texels_overlapping:,.0f} texels; "
-                "the first face wins",
+                "texture coordinates overlap on "
+                f"{counted(round(self.texels_overlapping), 'texel')}; the first face wins",
             ),
             (
                 self.faces_outside_tile,
-                f"{self.faces_outside_tile:,} faces extend outside the unit square; "
-                "the parts outside are not baked",
+                counted(self.faces_outside_tile, "face extends", "faces extend")
+                + " outside the unit square; the parts outside are not baked",
             ),
             (
                 self.padding_meets,
-                f"the padding of two charts meets on {self.padding_meets:,} texels; "
+                f"the padding of two charts meets on {counted(self.padding_meets, 'texel')}; "
                 "use less `padding` or leave more room between charts",
             ),
         ]
@@ -125,8 +125,8 @@ class TextureReport:
     def table(self) -> list[tuple[str, str]]:
         """Rows of a label and a figure, to print."""
         options = self.options
-        size = f"{options.width_px} x {options.height_px}, {options.samples} samples"
-        rows = [("texture", f"{self.source} onto {self.n_faces:,} faces"), ("size", size)]
+        size = f"{options.width_px} x {options.height_px}, {counted(options.samples, 'sample')}"
+        rows = [("texture", f"{self.source} onto {counted(self.n_faces, 'face')}"), ("size", size)]
         if self.scale is not None:
             scale = self.scale if len(set(self.scale)) > 1 else self.scale[:1]
             rows.append(("scale", ",".join(f"{factor:.6g}" for factor in scale)))
@@ -135,7 +135,10 @@ class TextureReport:
             ("texels unseen", f"{self.texels_unseen:,} ({self.unseen_percent:.2f} %)"),
         ]
         rows += [
-            (f"  {photo.name}", f"{photo.texels_seen:,} texels, {photo.percent:.1f} % of the color")
+            (
+                f"  {photo.name}",
+                f"{counted(photo.texels_seen, 'texel')}, {photo.percent:.1f} % of the color",
+            )
             for photo in self.photos
         ]
         rows += [(f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages]

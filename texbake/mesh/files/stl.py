@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError, quoted, warn_of
+from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
@@ -40,7 +40,7 @@ def read_stl(path: PathLike) -> Mesh:
         # Tested first, because many binary files begin with the word solid too. A text file would
         # have hundreds of millions of triangles here, and fail the test.
         if n_more:
-            warn_of(path, f"left out {n_more:,} bytes after the last triangle")
+            warn_of(path, f"left out {counted(n_more, 'byte')} after the last triangle")
         records = np.ndarray(n_triangles, RECORD, buffer=body.data)
         corners: npt.NDArray[np.floating] = records["corners"].reshape(-1, 3)
     elif data[:512].tobytes().lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid":

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError
+from texbake.errors import MeshError, counted
 from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.remesh_options import CLOSED, OPEN
@@ -223,11 +223,7 @@ def require_topology(
     else:
         excess, n_holes = n_handles - loops if may_be_pierced else 0, 0
     if excess > 0:
-        made = [
-            f"{n:,} {what}{'s' if n > 1 else ''}"
-            for n, what in ((n_holes, "hole"), (n_made, "handle"))
-            if n > 0
-        ]
+        made = [counted(n, what) for n, what in ((n_holes, "hole"), (n_made, "handle")) if n > 0]
         what, other = ("sheet", CLOSED) if kind.is_open else ("closed surface", OPEN)
         advice += "" if kind.is_open else ", a smaller `close`"
         raise MeshError(

@@ -19,7 +19,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from texbake.errors import UnwrapError
+from texbake.errors import UnwrapError, counted
 from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
 from texbake.mapping.atlas.packing.bitmaps import PackingGrid
 from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
@@ -251,8 +251,8 @@ def _does_not_fit(bins: Bins, size: tuple[int, int], padding: int, name: str) ->
     if bins.n_tiles > 1:
         room = f"{bins.n_tiles} tiles of {room}"
     return (
-        f"{name}: {bins.charts.n_charts} charts do not fit into {room} with "
-        f"a padding of {padding}; use a larger size or less padding"
+        f"{name}: {counted(bins.charts.n_charts, 'chart does', 'charts do')} not fit into {room} "
+        f"with a padding of {padding}; use a larger size or less padding"
     )
 
 
