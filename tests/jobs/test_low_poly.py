@@ -6,9 +6,10 @@ import pytest
 
 import texbake
 from tests.models import bone, model, real, sponge
-from texbake.errors import MeshError
+from texbake.errors import MeshError, OptionError
 from texbake.jobs.low_poly import make_low_poly
 from texbake.jobs.options import RunOptions
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.topology import find_edges, genus
 
@@ -45,6 +46,29 @@ def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
     assert 198 <= low.n_faces <= 200
     assert handles(low) <= 200 / 20  # the widest tunnels, of a third of its side, stay
     assert "closed surface" in done.warnings[0]
+    # Not from the closed surface, whose count of triangles is of no interest either.
+    assert done.report.n_faces_before == mesh.n_faces
+    assert done.report.distance.rms == pytest.approx(surface_distance(mesh, low).rms, rel=0.01)
+
+
+def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
+    size = mesh.positions.max(axis=0) - mesh.positions.min(axis=0)
+    colors = (mesh.positions - mesh.positions.min(axis=0)) / size
+    right = (colors[mesh.faces].mean(axis=1)[:, 0] > 0.5).astype("int32")
+    halves = mesh.replace(colors=colors, face_groups=right, group_names=("left", "right"))
+    texbake.write_mesh(halves, "halves.obj")
+    options = texbake.SimplifyOptions(n_faces=200, topology="simplify")
+    texbake.simplify_file("halves.obj", "low.obj", options)
+    low = texbake.read_mesh("low.obj")
+    assert low.group_names == ("left", "right") and low.colors is not None
+    expected = (low.positions - mesh.positions.min(axis=0)) / size
+    assert abs(low.colors - expected).mean() < 0.05
+
+
+def test_seams_cannot_be_kept_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
+    options = texbake.SimplifyOptions(n_faces=200, topology="simplify", seams="keep")
+    with pytest.raises(OptionError, match=r"topology, seams: .* leave one of them out"):
+        texbake.simplify_file("sponge.ply", "low.ply", options)
 
 
 @pytest.mark.parametrize("n_faces", [200, 3_000])
@@ -56,6 +80,11 @@ def test_run_reaches_the_count(mesh: texbake.Mesh, n_faces: int) -> None:
     why = "\n".join(result.why_closed)
     assert ("cannot show its tunnels (81)" in why) == (n_faces == 200)
     assert ("of its diagonal were closed" in why) == (n_faces == 200)
+    if n_faces == 200:
+        n = handles(result.low)
+        assert f"and {n} tunnel{'s are' if n != 1 else ' is'} left" in why
+    apart = surface_distance(result.high, result.low)
+    assert result.simplified.distance.rms == pytest.approx(apart.rms, rel=0.05)
 
 
 def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path: Path) -> None:

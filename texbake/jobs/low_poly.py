@@ -12,8 +12,13 @@ from texbake.errors import MeshError
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED
-from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
-from texbake.mesh.topology import surface_side
+from texbake.mesh.simplify import (
+    SimplifyReport,
+    check_count,
+    measured_to,
+    simplify_with_report,
+)
+from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
 from texbake.progress import ProgressSink
 from texbake.rendering.compare import compare_shapes
@@ -37,6 +42,8 @@ class LowPoly:
 
     mesh: Mesh
     report: SimplifyReport
+    reach: float  # of the bake's rays, at most, where they are measured
+    is_of_wrap: bool = False
     # Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which gaps
     # were closed.
     why: tuple[str, ...] = ()
@@ -47,9 +54,7 @@ class LowPoly:
         """Return options of a bake with rays as long as this mesh needs."""
         if self.ray_distance is not None:
             return replace(options, front=self.ray_distance, back=self.ray_distance)
-        apart = self.report.distance
-        reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
-        return replace(options, max_reach=reach)
+        return replace(options, max_reach=self.reach)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +80,9 @@ class _Maker:
             threads=self.threads,
             progress=self.progress,
         )
-        return LowPoly(mesh=low, report=report)
+        apart = report.distance
+        reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
+        return LowPoly(mesh=low, report=report, reach=reach)
 
     def kept(self) -> LowPoly:
         return self.simplified(self.high, self.quality)
@@ -95,20 +102,25 @@ class _Maker:
     def of_wrap(self, wrap: Mesh, width: float, reason: Reason | None) -> LowPoly:
         name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
-        low = self.simplified(wrap, "best" if width else self.quality)
+        made = self.simplified(wrap, "best" if width else self.quality)
+        low = replace(made, is_of_wrap=True)
         why: list[str] = []
         if reason is not None:
             is_closed = surface_side(wrap, threads=self.threads) != "both"
             kind = "a closed surface around it" if is_closed else "a remeshed open surface"
+            if self.error is not None:
+                kind += ", which the error is measured from"
             why.append(
                 f"{name}: {reason.text}; the low-poly mesh was made from {kind}; `remesh` never "
                 "leaves it as it is"
             )
         if not width:
             return replace(low, why=tuple(why))
+        n_tunnels = genus(low.mesh.faces, find_edges(low.mesh.faces), low.mesh.n_vertices)
+        left = "1 tunnel is" if n_tunnels == 1 else f"{n_tunnels or 0:,} tunnels are"
         why.append(
-            f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed, so "
-            f"that {self.n_faces:,} triangles can show the remaining tunnels"
+            f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed"
+            + ("" if n_tunnels is None else f", and {left} left")
         )
         few = self.n_faces is not None and self.n_faces <= FEW_FACES
         rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
@@ -154,6 +166,9 @@ def make_low_poly(
     if must_reach and error is None:
         more = "request more" + ("" if remesh == "always" else ", or use `remesh` always")
         check_count(low.report, high.name, more)
+    if low.is_of_wrap:
+        report = measured_to(low.report, high, low.mesh, threads=threads)
+        low = replace(low, report=report)
     return low
 
 
@@ -161,20 +176,19 @@ def _closest(make: _Maker) -> LowPoly:
     high, n_faces = make.high, make.n_faces
     if n_faces is not None and high.n_faces <= n_faces:
         return make.kept()
-    if make.error is not None:
-        reason = reason_to_wrap(high, threads=make.threads)
-        return make.kept() if reason is None else make.wrapped(reason)[0]
-    reason = reason_to_wrap(high, n_faces, threads=make.threads)
+    has_error = make.error is not None
+    reason = reason_to_wrap(high, None if has_error else n_faces, threads=make.threads)
     kept = None
     if reason is None:
         kept = make.kept()
-        if kept.report.is_whole:
+        if has_error or kept.report.is_whole:
             return kept
         reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
     try:
         candidates = make.wrapped(reason)
     except MeshError:
         return kept or make.kept()
-    if not (reason.is_certain and any(low.report.is_whole for low in candidates)):
+    is_certain = reason.is_certain and any(low.report.is_whole for low in candidates)
+    if not (has_error or is_certain):
         candidates.append(kept or make.kept())
     return make.closest(candidates)

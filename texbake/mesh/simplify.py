@@ -211,6 +211,20 @@ def simplify_with_report(
     return low, report
 
 
+def measured_to(
+    report: SimplifyReport, mesh: Mesh, low: Mesh, *, threads: int | None = None
+) -> SimplifyReport:
+    """Change the report of a simplified wrap to one of the mesh that the wrap was made of."""
+    distance = surface_distance(mesh, low, threads=threads)
+    notes = (note for note in report.notes if note not in report.distance.notes)
+    return replace(
+        report,
+        n_faces_before=mesh.n_faces,
+        notes=(*notes, *distance.notes),
+        distance=distance,
+    )
+
+
 def check_count(report: SimplifyReport, name: str, remedy: str) -> None:
     """Raise `MeshError` if more faces than requested are left, by over 1 %."""
     if not report.is_close_to_count:

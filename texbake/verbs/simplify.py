@@ -119,6 +119,11 @@ def simplify_levels(
     from texbake.raycast.orientation import oriented
 
     options = options or SimplifyOptions(n_faces=levels[0][0])
+    if options.topology == "simplify" and options.seams == "keep":
+        raise OptionError(
+            "topology, seams: closing holes and tunnels leaves texture coordinates out, and "
+            "`seams` keep never does; leave one of them out"
+        )
     for count, output in levels:
         check_target(count, options.error)
         check_mesh(output)
@@ -148,13 +153,15 @@ def _level(
     """Write one level of detail."""
     from texbake.jobs.written import MaterialBorders, written
     from texbake.mesh.hard_edges import with_normals
-    from texbake.mesh.simplify import check_count, simplify_with_report
+    from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
+    from texbake.mesh.triangle_tree import with_nearest_attributes
     from texbake.mesh.wrapping import wraps
 
     fits = materials.fit(output, mtl=mtl)
     bordered = MaterialBorders.of(high, materials) if fits else None
+    given = high if bordered is None else bordered.mesh
     low, figures = simplify_with_report(
-        high if bordered is None else bordered.mesh,
+        given,
         count,
         error=options.error,
         quality=options.quality,
@@ -168,7 +175,9 @@ def _level(
             low, figures = simplify_with_report(
                 wrap, count, quality="best", threads=threads, progress=progress
             )
-            figures, bordered = replace(figures, notes=(_CLOSED, *figures.notes)), None
+            figures = measured_to(figures, high, low, threads=threads)
+            figures = replace(figures, notes=(_CLOSED, *figures.notes))
+            low = with_nearest_attributes(low, given, threads)
         check_count(figures, high.name, _MORE)
     if bordered is not None:
         low, materials = bordered.taken_from(low, high)
