@@ -3,7 +3,7 @@
    Rows are filled vertex by vertex from the triangles around it, so that the time does not grow with
    the number of triangles at a vertex.
 
-   Called from flatten.c, tutte.c and texbake/mapping/atlas/flattening/patch.py. */
+   Called from flatten.c, part_layout.c and tutte.c. */
 
 #include "patch_graph.h"
 

@@ -4,7 +4,7 @@
    more samples where they differ; Roe, "Characteristic-based schemes for the Euler equations", Annual
    Review of Fluid Mechanics 18, 1986, for the minmod slope, which is 0 next to a discontinuity.
 
-   Called from texbake/rendering/adaptive_pixels: pixel_sums.py, pixel_error.py and sampler.py. */
+   Called from texbake/rendering/adaptive_pixels: pixel_statistics.py and sampler.py. */
 
 #include <math.h>
 

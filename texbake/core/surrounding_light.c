@@ -5,7 +5,7 @@
    Based on: Karis, "Real Shading in Unreal Engine 4", 2013; Schlick, "An inexpensive BRDF model for
    physically-based rendering", 1994.
 
-   Called from texbake/rendering/effects: ambient.py, environment.py, fog.py and mirrors.py. */
+   Called from texbake/rendering/effects: ambient.py, environment.py and mirrors.py. */
 
 #include <math.h>
 
@@ -140,7 +140,7 @@ void mix_in_environment(
     }
 }
 
-/* Share of light that remains after a distance in fog; `mode` as in effects/fog.py. */
+/* Share of light that remains after a distance in fog; `mode` as in effects/environment.py. */
 static double left_after(double distance, int64_t mode, double density, double start, double end)
 {
     if (mode == 0)
