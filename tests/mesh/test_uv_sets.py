@@ -173,7 +173,7 @@ def test_an_obj_file_that_is_not_written_keeps_its_further_sets(mesh, tmp_path, 
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("texbake.files.to_disk", stop)
+        patch.setattr("texbake.files._write_to_disk", stop)
         for newer in plain, transformed(mesh, np.diag([2.0, 2.0, 2.0, 1.0])):
             with pytest.raises(KeyboardInterrupt):
                 write_mesh(newer, path)
