@@ -11,13 +11,12 @@ from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.mesh.options import check_angle
 from texbake.mesh.simplify_options import (
-    ERROR_OPTION,
     MIN_FACES,
     SimplifyOptions,
     check_target,
     error_limit,
 )
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import FORMAT_OF_MESH, Job, Settings, n_faces, step_of
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb
 
@@ -95,7 +94,7 @@ def simplify_file(
 def simplify_levels(
     mesh: PathLike,
     levels: Sequence[tuple[int | None, PathLike]],
-    options: SimplifyOptions | SimplifyStep | None = None,
+    options: SimplifyOptions | None = None,
     *,
     mtl: bool = True,
     threads: int | None = None,
@@ -145,7 +144,7 @@ def _level(
     materials: SourceMaterials,
     count: int | None,
     output: PathLike,
-    options: SimplifyOptions | SimplifyStep,
+    options: SimplifyOptions,
     mtl: bool,
     threads: int | None,
     progress: ProgressSink | None,
@@ -186,8 +185,8 @@ def _level(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimplifyStep(CheckedOptions):
-    """How many triangles a mesh is reduced to."""
+class _Levels(CheckedOptions):
+    """Levels of detail, which stand before the options of each."""
 
     faces: Annotated[
         int | tuple[int, ...] | None,
@@ -197,22 +196,18 @@ class SimplifyStep(CheckedOptions):
             default="one level, as small as the error allows",
         ),
     ] = None
-    error: Annotated[str | float | None, ERROR_OPTION] = None
-    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
-    seams: Annotated[str, option(SimplifyOptions, "seams")] = SimplifyOptions.seams
-    topology: Annotated[str, option(SimplifyOptions, "topology")] = SimplifyOptions.topology
-    orientation: Annotated[str, option(SimplifyOptions, "orientation")] = (
-        SimplifyOptions.orientation
-    )
-    join_objects: Annotated[bool, option(SimplifyOptions, "join_objects")] = False
-    normals: Annotated[str, option(SimplifyOptions, "normals")] = SimplifyOptions.normals
-    angle: Annotated[float, option(SimplifyOptions, "angle")] = SimplifyOptions.angle
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimplifyStep(SimplifyOptions, _Levels):
+    """How many triangles a mesh is reduced to."""
+
     format: Annotated[str, FORMAT_OF_MESH] = "obj"
 
     def __post_init__(self) -> None:
         if not self.levels:
             raise OptionError("faces: it is empty; give the triangles of at least one level")
-        super().__post_init__()
+        CheckedOptions.__post_init__(self)  # `n_faces` is not given
         if self.faces is None and self.error is None:
             raise OptionError("faces, error: neither is given; give one of them, or both")
         error_limit(self.error, 1.0)
@@ -254,7 +249,7 @@ STEP = step_of(
     simplify_file,
     does="reduces a mesh to one or several levels of detail",
     options=SimplifyStep,
-    without=(),
+    without=("n_faces",),
     outputs=_levels,
     run=_step,
     memory=lambda settings, sizes: PROCESS + 300 * n_faces(sizes, "mesh"),
