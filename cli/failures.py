@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import click
 
-from texbake import OptionError, TexbakeError, is_out_of_memory
+from texbake import FileError, OptionError, TexbakeError, is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable
@@ -50,7 +50,10 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
     except OptionError as error:
         raise _wrong_usage(with_flags(str(error), _command(ctx)), ctx) from error
     except TexbakeError as error:
-        raise Failure(f"texbake: {with_flags(str(error), _command(ctx))}", 1) from error
+        # What is wrong with a file opens with its name, which may be that of a parameter.
+        names_file = isinstance(error, FileError)
+        message = with_flags(str(error), _command(ctx), opening=not names_file)
+        raise Failure(f"texbake: {message}", 1) from error
     except Terminated as error:
         raise Failure("texbake: terminated", 128 + error.signal_number) from error
     except KeyboardInterrupt as error:

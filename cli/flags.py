@@ -17,8 +17,10 @@ _QUOTED = re.compile(r"`(\w+)(?:=([^`\s]+))?`")
 _FALSE, _QUOTES = "False", "\"'"
 
 
-def with_flags(message: str, command: click.Command | None = None) -> str:
+def with_flags(message: str, command: click.Command | None = None, *, opening: bool = True) -> str:
     """Replace the library's parameters in a message by the flags of a command.
+
+    Without `opening` the first word stays, even if it is the name of a parameter.
 
     Examples
     --------
@@ -32,11 +34,11 @@ def with_flags(message: str, command: click.Command | None = None) -> str:
             return message
         command = context.command
     parameters = {parameter.name: parameter for parameter in command.params}
-    opening = _OPENING.match(message)
-    if opening is not None:
-        names = opening[0].split(", ")
+    first = _OPENING.match(message) if opening else None
+    if first is not None:
+        names = first[0].split(", ")
         shown = ", ".join(_flag(parameters[n]) if n in parameters else n for n in names)
-        message = shown + message[opening.end() :]
+        message = shown + message[first.end() :]
 
     def flag(found: re.Match[str]) -> str:
         parameter = parameters.get(found[1])
@@ -49,6 +51,6 @@ def _flag(parameter: click.Parameter, value: str | None = None) -> str:
     if not isinstance(parameter, click.Option):
         return parameter.human_readable_name
     if not parameter.is_flag:
-        flag = max(parameter.opts, key=len)
+        flag = next((name for name in parameter.opts if name.startswith("--")), parameter.opts[0])
         return flag if value is None else f"{flag} {value.strip(_QUOTES)}"
     return (parameter.secondary_opts or parameter.opts)[0] if value == _FALSE else parameter.opts[0]

@@ -1,7 +1,10 @@
 """Messages of the library in the flags of a command."""
 
+from pathlib import Path
+
 import click
 import pytest
+from click.testing import CliRunner
 from texbake_cli.flags import with_flags
 from texbake_cli.main import texbake
 
@@ -27,12 +30,23 @@ def command(name: str) -> click.Command:
         ("bake", 'rays along `rays="vertex"`', "rays along --rays vertex"),
         ("bake", "or `cull_back_faces=False`", "or --hit-back-faces"),
         ("bake", "`high` has no faces", "HIGH has no faces"),
+        ("bake-texture", "cameras: 0 are given", "--camera: 0 are given"),
         ("info", "a greater `max_error`", "a greater `max_error`"),
         ("info", "a.ply: there is no such file", "a.ply: there is no such file"),
     ],
 )  # fmt: skip
 def test_parameters_become_flags(name: str, message: str, shown: str) -> None:
     assert with_flags(message, command(name)) == shown
+
+
+def test_a_file_with_the_name_of_a_parameter_keeps_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("maps").mkdir()
+    done = CliRunner().invoke(texbake, ["bake", "maps", "low.obj", "-o", "baked"])
+    assert done.exit_code == 1
+    assert done.stderr.startswith("texbake: maps: there is no mesh in it")
 
 
 def test_without_a_command_a_message_stays() -> None:
