@@ -27,7 +27,13 @@ from .sections import SectionedCommand
 from .terminal import Terminal, terminal_options
 from .types import FileOf
 
-_READ = {"mesh": MESH_SUFFIXES, "image": IMAGE_SUFFIXES, "scene": SCENE_SUFFIXES}
+_READ = {
+    "mesh": MESH_SUFFIXES,
+    "image": IMAGE_SUFFIXES,
+    "scene": SCENE_SUFFIXES,
+    "camera": (".toml", ".txt", *MESH_SUFFIXES),
+}
+_FOLDER = click.Path(path_type=Path, file_okay=False)
 # Suffixes and placeholder of each kind of file that is written.
 _WRITTEN = {
     "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
@@ -86,6 +92,8 @@ def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
         more = dict(part.more)
         if "choices" in more:
             more["type"] = click.Choice(more.pop("choices"))
+        if more.pop("is_folder", False):
+            more["type"] = _FOLDER
         if not part.flag.startswith("-"):
             return click.argument(part.flag, **more)
         return click.option(*part.flag.split(), help=part.help, **more)
@@ -112,7 +120,7 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
     suffixes, metavar = _WRITTEN.get(part.kind, ((), "DIR"))
     kind: click.Path = FileOf(part.suffixes or suffixes)
     if part.kind == "folder":
-        kind = click.Path(path_type=Path, file_okay=False)
+        kind = _FOLDER
     elif part.like:
         kind, metavar = click.Path(path_type=Path), "FILE|DIR"
     metavar = part.metavar or metavar

@@ -178,6 +178,7 @@ BAKES = "normals", "displacement", "lightmap", "texture"
         ),
         ("texbake info sc", {"scan.ply", "scans/"}),
         ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
+        ("texbake bake-texture a --camera sc", {"scan.ply", "scan.txt", "scans/"}),
         ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
     ],
 )

@@ -104,7 +104,7 @@ def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
         required=False, many=True, role=None,
     ),
     Reads(
-        "cameras", "mesh",
+        "cameras", "camera",
         "Where each photograph was taken from, in their order: a TOML file with position, target, "
         "up, fov and aspect, a text file with a 4 x 4 matrix, or a mesh of the same faces whose "
         "texture coordinates are positions in the photograph.",

@@ -45,6 +45,7 @@ def _with_named_maps(values: dict[str, Any]) -> dict[str, Any]:
         "--maps",
         "Folder of maps, such as bake wrote: images whose names end in normal, ao, roughness, ...",
         metavar="DIR",
+        is_folder=True,
     ),
     Extra(
         "--map named_maps",

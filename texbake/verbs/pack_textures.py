@@ -68,6 +68,7 @@ def _table(done: PackedFiles) -> Rows:
         "--meshes-to mesh_outputs",
         "Folder for the moved meshes, which keep their names; made if it is missing.",
         metavar="DIR",
+        is_folder=True,
     ),
     Options(PackOptions),
     Extra("--data", "Treat the images as data, such as roughness, not as colors.", is_flag=True),

@@ -6,15 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from texbake.errors import OptionError, quoted
 from texbake.progress import StageRecord
 from texbake.schema import Option
 from texbake.verbs.verb import Options, Reads, Verb
-
-if TYPE_CHECKING:
-    pass
 
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]

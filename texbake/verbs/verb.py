@@ -37,7 +37,7 @@ class Reads:
     name : str
         Parameter of the function.
     kind : str
-        `mesh`, `image`, `scene`, or another with `suffixes` of its own.
+        `mesh`, `image`, `scene`, `camera`, or another with `suffixes` of its own.
     role : str, optional
         Its key in a pipeline file; "" for `name`, None where a step does not take it.
     argument : bool
@@ -98,7 +98,7 @@ class Options:
 class Extra:
     """A parameter of the function that is in no class of options: a flag, or an argument.
 
-    `more` is what `click.option` takes, and `choices`.
+    `more` is what `click.option` takes, `choices`, and `is_folder`.
     """
 
     def __init__(self, flag: str, help: str = "", **more: Any) -> None:  # noqa: A002
