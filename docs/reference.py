@@ -121,6 +121,8 @@ def _option_row(flag: str, text: str) -> tuple[str, str, str]:
     default = _DEFAULT.search(text)
     if default is None:
         return f"`{flag}`", "", text
+    if default[1].startswith("x>="):  # click's words for a range
+        return f"`{flag}`", "", text[: default.start()]
     return f"`{flag}`", default[1], text[: default.start()]
 
 
@@ -159,7 +161,7 @@ def pipeline_page() -> str:
     return _page(parts)
 
 
-# What a kind of step must be told, besides its defaults, to have outputs.
+# Settings without which a kind of step has no outputs.
 _TOLD = {"simplify": {"faces": 500}}
 
 
@@ -172,7 +174,7 @@ def _outputs(kind: Any) -> list[str]:
 
 
 def scenes_page(page: str) -> str:
-    """Write the tables of a page about scene files anew; each follows its heading."""
+    """Write the tables of a page about scene files again; each follows its heading."""
     schema = scene_schema()
     for heading, model in TABLES.items():
         name = model.__name__

@@ -26,7 +26,7 @@ def sentences(high: Mesh, *maps: str, materials: Materials | None = None, **give
 
 
 def test_a_mesh_baked_onto_itself_needs_no_map() -> None:
-    same = "it is the same as no map"
+    same = "it has no effect"
     names = ("normal", "displacement", "ao", "opacity")
     assert sentences(BALL, *names) == dict.fromkeys(names, same)
 
@@ -61,7 +61,7 @@ def test_the_job_passes_them_on(tmp_path: Path, high: str) -> None:
         tmp_path / "high.obj", tmp_path / "low.obj", {"normal": tmp_path / "n.png"},
         BakeOptions(size=32),
     )  # fmt: skip
-    told = [line for line in done.warnings if line.startswith("normal: it is the same as no map")]
+    told = [line for line in done.warnings if line.startswith("normal: it has no effect")]
     assert len(told) == (high == "same")
 
 

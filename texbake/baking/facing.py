@@ -1,6 +1,6 @@
 """A high-poly mesh that faces inwards is flipped before it is baked.
 
-A look at a few points of the low-poly mesh tells whether that could be so: the nearest high-poly
+A look at a few points of the low-poly mesh shows whether that could be so: the nearest high-poly
 surface along their rays faces as the low-poly mesh does. Only where some of it does not, which is
 rare, the whole high-poly mesh is examined. It is flipped only if it then
 agrees better.

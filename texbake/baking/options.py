@@ -175,8 +175,8 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     max_reach: Annotated[
         float | None,
         Option(
-            "Greatest distance that is measured where `front` or `back` is not given. A low one "
-            "keeps rays from parts that the low-poly mesh lacks.",
+            "Keep rays from parts that the low-poly mesh lacks: where `front` or `back` is not "
+            "given, no measured distance is above this.",
             metavar="D",
             above=0,
             unit="model units",

@@ -232,7 +232,7 @@ def redundant_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
         if item.kind.coding == "normal" and item.options.space != "tangent":
             plain = None
         if plain is not None and float(np.abs(ranges.T - plain).max()) <= rounding:
-            yield f"{name}: it is the same as no map at every texel; it can be left out"
+            yield f"{name}: it has no effect at any texel; it can be left out"
         elif item.kind.coding in ("color", "mask") and plain is None and _are_constant(ranges):
             first = np.unravel_index(int(item.has_data.argmax()), item.has_data.shape)
             shown = ", ".join(f"{value:.4g}" for value in item.values[first])

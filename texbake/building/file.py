@@ -46,7 +46,7 @@ def _references(value: Any) -> Any:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise validation_error(
-            f"{format_value(value)} is neither a name in quotes nor a list of some"
+            f"{format_value(value)} is neither a name in quotes nor a list of names"
         )
     return names
 

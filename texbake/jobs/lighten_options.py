@@ -39,7 +39,7 @@ class LightenOptions(CheckedOptions):
         int | None,
         Option(
             "Number of triangles to reach. With no fewer than the model has, only its maps and "
-            "texture coordinates are made anew.",
+            "texture coordinates are made again.",
             metavar="N",
             low=MIN_FACES,
             flag="--faces",

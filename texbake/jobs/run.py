@@ -250,7 +250,7 @@ def _low_poly(
         options.n_faces,
         error=options.error,
         quality=options.quality,
-        seams="drop",  # its charts are made anew
+        seams="drop",  # its charts are made again
         remesh=options.remesh,
         rule=rule,
         threads=options.threads,

@@ -75,12 +75,12 @@ class RepairOptions(CheckedOptions):
         bool, Option("Remove faces without area.", flag="--degenerate/--no-degenerate")
     ] = True
     duplicates: Annotated[
-        bool, Option("Remove faces that are there twice.", flag="--duplicates/--no-duplicates")
+        bool, Option("Remove faces that repeat another.", flag="--duplicates/--no-duplicates")
     ] = True
     winding: Annotated[
         bool,
         Option(
-            "Turn faces over so that neighbors agree and closed parts face outwards.",
+            "Flip faces so that neighbors agree and closed parts face outwards.",
             flag="--winding/--no-winding",
         ),
     ] = True
@@ -124,7 +124,7 @@ class TransformOptions(CheckedOptions):
         tuple[float, float, float],
         Option("Vector that is added to all positions.", metavar="X,Y,Z", unit="model units"),
     ] = (0.0, 0.0, 0.0)
-    flip: Annotated[bool, Option("Turn all faces over, and their normals with them.")] = False
+    flip: Annotated[bool, Option("Flip all faces, and their normals with them.")] = False
     subdivide: Annotated[
         int,
         Option(

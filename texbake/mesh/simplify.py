@@ -146,7 +146,7 @@ def simplify(
     seams
         Of texture coordinates: `auto` keeps them while the count can be reached with them, `keep`
         keeps them and more faces if need be, so that the result fits the same maps, and `drop`
-        leaves texture coordinates out, so that no seam is in the way; unwrap the result anew.
+        leaves texture coordinates out, so that no seam is in the way; unwrap the result again.
     progress
         Called with each stage.
     threads

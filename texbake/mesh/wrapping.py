@@ -1,6 +1,6 @@
 """Whether a mesh is better wrapped before it is simplified, and why.
 
-One closed surface with few tunnels is not. Of other meshes, a coarse wrap tells what they are:
+One closed surface with few tunnels is not. Of other meshes, a coarse wrap shows what they are:
 where much of it has the mesh's outside on both sides, the mesh is an open surface, such as a range
 scan, cloth, leaves or terrain, and stays one. Where much of the mesh lies inside of the wrap, or
 its edges have more than two faces, simplifying it would spend triangles on what is not seen, or

@@ -81,7 +81,7 @@ class RayScene:
     frame : LocalFrame
         The frame of rays and of hit distances.
     in_chunks : bool
-        Whether each call builds the trees of chunks anew.
+        Whether each call builds the trees of chunks again.
     compact : bool
         Whether the tree was built for hemispheres.
     caster : str
@@ -182,7 +182,7 @@ class RayScene:
         *,
         cull_back_faces: bool,
     ) -> RayHits:
-        """As `cast`, of `n` rays that are made band by band, anew for each tree.
+        """As `cast`, of `n` rays that are made band by band, again for each tree.
 
         So the rays need no memory.
         """

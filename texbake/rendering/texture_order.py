@@ -74,7 +74,7 @@ def is_textured(item: SceneObject) -> bool:
 
 
 def in_texture_order(frame: Frame, state: RenderState) -> Frame:
-    """Return a picture whose textured objects are drawn anew, texel by texel."""
+    """Return a picture whose textured objects are drawn again, texel by texel."""
     color = frame.color.reshape(-1, 4).copy()
     background = state.options.background
     shown = state.visible.visibility.face_ids.ravel()

@@ -141,8 +141,8 @@ def bake_texture_files(
     """Bake a procedure or photographs into a texture.
 
     A solid procedure or a volume has no seams, because it is evaluated in space. Photographs are
-    blended by how well each shows a point. Texels that no photograph shows are filled from their
-    surroundings and reported.
+    blended by how well each shows a point. Texels that no photograph shows are filled from the
+    texels around them and reported.
 
     Parameters
     ----------

@@ -205,7 +205,7 @@ def _packed_files(settings: Settings) -> dict[str, str]:
 
 def _check_meshes(settings: Settings, roles: frozenset[str]) -> None:
     if ("mesh" in roles) != (settings["meshes"] > 0):
-        raise OptionError("meshes: it is the number of names in mesh; give both or neither")
+        raise OptionError("meshes: it is the number of meshes in `mesh`; give both or neither")
 
 
 def _memory(settings: Settings, sizes: Sizes) -> int:

@@ -207,7 +207,7 @@ class _Reader:
         wanted = count * dtype.itemsize
         content = cursor.take(n_bytes if is_packed else wanted)
         if is_packed and wanted > _DEFLATE_RATIO * n_bytes:
-            cursor.fail(f"an array says {count} numbers, and {n_bytes} bytes cannot hold them")
+            cursor.fail(f"an array claims {count} numbers, more than {n_bytes} bytes can hold")
         return _Packed(self.budget, content, count, dtype, bool(is_packed))
 
 

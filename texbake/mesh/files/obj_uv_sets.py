@@ -66,7 +66,7 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
     if not fits:
         raise FileFormatError(
             f"{beside}: it belongs to other faces than those of {path}; delete it, and make the "
-            "sets anew with: texbake unwrap --set"
+            "sets again with: texbake unwrap --set"
         )
     return sets
 

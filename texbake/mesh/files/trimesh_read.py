@@ -141,8 +141,8 @@ def _require_all_objects(path: PathLike, scene: Any) -> None:
     shown = [scene.graph[node][1] for node in scene.graph.nodes_geometry]
     if sum(len(scene.geometry[name].faces) > 0 for name in shown) != n_built:
         raise FileFormatError(
-            f"{path}: it places its objects in a way in which some of them would be lost; "
-            "write it as a .glb file"
+            f"{path}: trimesh cannot read all of its nested objects, so some would be lost; "
+            "export it as a .glb file"
         )
 
 

@@ -85,7 +85,10 @@ class BenchOptions(CheckedOptions):
     triangles: Annotated[
         int,
         Option(
-            "Triangles of a generated high-poly mesh, about.", metavar="N", low=1000, high=100000000
+            "Approximate number of triangles of a generated high-poly mesh.",
+            metavar="N",
+            low=1000,
+            high=100000000,
         ),
     ] = 1_000_000
     blender: Annotated[

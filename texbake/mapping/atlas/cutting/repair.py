@@ -123,7 +123,7 @@ def _taken_apart(
     chart_ids: IntArray,
     lost: npt.NDArray[np.bool_],
 ) -> tuple[npt.NDArray[np.int64], FloatArray, IntArray]:
-    """Make `lost` faces, flattened anew, and faces that overlap others into charts of their own.
+    """Make `lost` faces, flattened again, and faces that overlap others into charts of their own.
 
     Returns faces, coordinates and their chart ids; some coordinates may no longer be used.
     """
