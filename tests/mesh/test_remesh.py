@@ -348,6 +348,11 @@ def test_a_number_of_faces_is_reached():
     assert 290 <= result.n_faces <= 300
 
 
+def test_tunnels_that_need_more_faces_are_an_error():
+    with pytest.raises(MeshError, match=r"4 triangles cannot be reached, .* `close`"):
+        wrapped(make("torus"), n_faces=4)
+
+
 def test_wrong_options_and_meshes_are_refused():
     for close in ("wide", "-1%", "nan", -0.5):
         with pytest.raises(OptionError, match=r"close: .* is not a width"):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from texbake.baking.options import BakeOptions
-from texbake.errors import MeshError
+from texbake.errors import MeshError, counted
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED
@@ -117,7 +117,7 @@ class _Maker:
         if not width:
             return replace(low, why=tuple(why))
         n_tunnels = genus(low.mesh.faces, find_edges(low.mesh.faces), low.mesh.n_vertices)
-        left = "1 tunnel is" if n_tunnels == 1 else f"{n_tunnels or 0:,} tunnels are"
+        left = counted(n_tunnels or 0, "tunnel is", "tunnels are")
         why.append(
             f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed"
             + ("" if n_tunnels is None else f", and {left} left")
@@ -165,7 +165,7 @@ def make_low_poly(
         low = _closest(make) if remesh == "auto" else make.kept()
     if must_reach and error is None:
         more = "request more" + ("" if remesh == "always" else ", or use `remesh` always")
-        check_count(low.report, high.name, more)
+        check_count(low.mesh.n_faces, n_faces, high.name, more)
     if low.is_of_wrap:
         report = measured_to(low.report, high, low.mesh, threads=threads)
         low = replace(low, report=report)

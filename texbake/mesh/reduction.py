@@ -97,10 +97,10 @@ def reduced(
     made = result.mesh
     if has_borders(mesh):
         made = with_nearest_groups(made, mesh, threads)
-    return replace(result, mesh=_object_by_object(with_nearest_attributes(made, mesh, threads)))
+    return replace(result, mesh=object_by_object(with_nearest_attributes(made, mesh, threads)))
 
 
-def _object_by_object(mesh: Mesh) -> Mesh:
+def object_by_object(mesh: Mesh) -> Mesh:
     """Order faces by object: Blender reads a name that an OBJ file repeats as another object."""
     if not mesh.group_objects or mesh.face_groups is None:
         return mesh

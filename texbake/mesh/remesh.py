@@ -51,11 +51,12 @@ from texbake.mesh.remeshing.sides import (
     require_topology,
 )
 from texbake.mesh.remeshing.winding import winding_numbers
-from texbake.mesh.simplify import simplify
+from texbake.mesh.simplify import check_count, simplify
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 
+_MORE = "request more, or use a wider `close` or fewer `components`"
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
 
 
@@ -258,6 +259,7 @@ def _remeshed(
         wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
     if options.n_faces is not None:
         wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
+        check_count(wrapped.n_faces, options.n_faces, mesh.name, _MORE)
     return with_nearest_attributes(wrapped, mesh, threads), grid, counts
 
 

@@ -152,6 +152,7 @@ def _level(
     """Write one level of detail."""
     from texbake.jobs.written import MaterialBorders, written
     from texbake.mesh.hard_edges import with_normals
+    from texbake.mesh.reduction import object_by_object
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
     from texbake.mesh.triangle_tree import with_nearest_attributes
     from texbake.mesh.wrapping import wraps
@@ -176,8 +177,8 @@ def _level(
             )
             figures = measured_to(figures, high, low, threads=threads)
             figures = replace(figures, notes=(_CLOSED, *figures.notes))
-            low = with_nearest_attributes(low, given, threads)
-        check_count(figures, high.name, _MORE)
+            low = object_by_object(with_nearest_attributes(low, given, threads))
+        check_count(figures.n_faces, count, high.name, _MORE)
     if bordered is not None:
         low, materials = bordered.taken_from(low, high)
     low = with_normals(low, options.normals, angle=options.angle)
