@@ -28,7 +28,7 @@ FloatArray32 = npt.NDArray[np.float32]
 
 # Measured on shared machines: the share of the time to spend, because timings differ by the rest.
 _SPENT_SHARE = 0.96
-# So a round must end before half of the rest is over, or is given up, and none begins for less.
+# So a round is abandoned once half of that rest is over, and none begins with less time left.
 _LIMIT = (1.0 + _SPENT_SHARE) / 2.0
 _LEAST_SHARE = 1.0 - _SPENT_SHARE
 # Measured: how far off predictions are, as shares of the time that is left which a round may be
