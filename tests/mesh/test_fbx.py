@@ -131,7 +131,7 @@ def test_holes_and_bad_polygons_are_left_out(read):
     np.testing.assert_array_equal(mesh.faces, FACES[:4])
     assert [line.partition("geometry 'wall mesh': ")[2] for line in lines] == [
         "left out 2 faces with fewer than three corners",
-        "left out 1 face with corners that are no vertices",
+        "left out 1 face with corners that are not vertices",
     ]
     holes = layer("LayerElementHole", ("Hole", np.array([0, 1, 0], np.int32)), "ByPolygon")
     np.testing.assert_array_equal(read(scene(layers=[holes])).faces, FACES[[0, 1, 4]])

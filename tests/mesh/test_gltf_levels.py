@@ -146,7 +146,7 @@ def test_octahedral_normals_are_decoded(meshoptimizer, path):
     ("changes", "message"),
     [
         ({"count": 1 << 30}, "claims 4294967296 bytes"),
-        ({"mode": "TRIANGLES"}, "4 corners, which are no triangles"),
+        ({"mode": "TRIANGLES"}, "4 corners, which is not a multiple of 3"),
         ({"mode": "STRIPS"}, "of mode 'STRIPS' and stride 4 is not known"),
         ({"filter": "WAVELET"}, "the filter 'WAVELET'"),
         ({"stride": 6}, "a stride of 6 bytes"),

@@ -114,7 +114,7 @@ def test_sources_of_the_wrong_shape(tmp_path):
     write_image(square, tmp_path / "square.png")
     with pytest.raises(FileFormatError, match="4 x 4 pixels are neither a latlong"):
         convert_cube(tmp_path / "square.png", tmp_path / "out")
-    with pytest.raises(FileFormatError, match="4 x 4 pixels are no cross"):
+    with pytest.raises(FileFormatError, match="4 x 4 pixels are not a cross"):
         cube_of_cross(square)
     folder = tmp_path / "faces"
     folder.mkdir()

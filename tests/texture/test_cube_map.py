@@ -133,7 +133,7 @@ def test_wrong_shapes_are_one_clear_error(shape):
 
 
 def test_a_face_that_there_is_not():
-    with pytest.raises(OptionError, match="face: 6 is no face"):
+    with pytest.raises(OptionError, match="face: 6 is not a face"):
         cube_face_axes(6)
 
 

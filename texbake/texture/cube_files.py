@@ -80,7 +80,7 @@ def cube_of_cross(
     if not is_cross(picture):
         height, width = picture.shape[:2]
         raise FileFormatError(
-            f"{name}: {width} x {height} pixels are no cross of 4 x 3 faces; crop it to 4:3"
+            f"{name}: {width} x {height} pixels are not a cross of 4 x 3 faces; crop them to 4:3"
         )
     size = picture.shape[0] // 3
     faces = np.stack(

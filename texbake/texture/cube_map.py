@@ -123,7 +123,7 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     if not 0 <= face < 6:
-        raise OptionError(f"face: {face} is no face of a cube; they are 0 to 5")
+        raise OptionError(f"face: {face} is not a face of a cube; the faces are 0 to 5")
     axes: npt.NDArray[np.float64] = -FACE_AXES[face]
     return axes
 

@@ -180,7 +180,7 @@ def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, floa
     if best is None:
         raise OptionError(
             f"size: {width} x {height} has no room for {len(sizes)} images with "
-            f"{options.padding} texels of padding; take a larger one or less padding"
+            f"{options.padding} texels of padding; use a larger size or less padding"
         )
     return width, height, scale, best
 

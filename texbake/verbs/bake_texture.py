@@ -81,7 +81,7 @@ def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
         except ValueError:
             codes = b""
         if len(codes) != 3:
-            raise OptionError(f"colors: {word!r} is no color such as #c89a5b")
+            raise OptionError(f"colors: {word!r} is not a color such as #c89a5b")
         red, green, blue = decode_srgb([code / 255.0 for code in codes]).tolist()
         colors.append((red, green, blue))
     return tuple(colors)

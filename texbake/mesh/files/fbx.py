@@ -211,7 +211,7 @@ class _GeometryReader:
             bad[polygon_of[is_bad]] = True
             n_bad = int(np.count_nonzero(bad))
             noun = "face" if n_bad == 1 else "faces"
-            warn_of(self.where, f"left out {n_bad:,} {noun} with corners that are no vertices")
+            warn_of(self.where, f"left out {n_bad:,} {noun} with corners that are not vertices")
         layer = self.node.child("LayerElementHole")
         if layer is not None:
             holes = _integers(layer.numbers("Hole"))[: len(bad)]

@@ -91,13 +91,13 @@ def decode_view(
         return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
     if mode == ATTRIBUTES:
         if stride % 4 or not 0 < stride <= 256:
-            return f"a compressed view has a stride of {stride} bytes, which is none of vertices"
+            return f"a compressed view has a stride of {stride} bytes, which vertices cannot have"
     elif mode not in (TRIANGLES, INDICES) or stride not in (2, 4):
         return f"a compressed view of mode {quoted(mode)} and stride {stride} is not known"
     if filter_name != "NONE" and (filter_name not in _FILTERS or mode != ATTRIBUTES):
         return f"the filter {quoted(filter_name)} of a compressed view is not known"
     if mode == TRIANGLES and count % 3:
-        return f"a compressed view has {count} corners, which are no triangles"
+        return f"a compressed view has {count} corners, which is not a multiple of 3"
     if filter_name == "OCTAHEDRAL" and stride not in (4, 8):
         return f"octahedral normals of {stride} bytes are not known"
     if filter_name == "QUATERNION" and stride != 8:

@@ -49,7 +49,7 @@ def read_off(path: PathLike) -> Mesh:
     if len(rows) - 2 < n_vertices + n_faces:
         raise FileFormatError(
             f"{path}: it promises {n_vertices} vertices and {n_faces} faces, but has "
-            f"{len(rows) - 2} lines for them; it is truncated or no OFF file"
+            f"{len(rows) - 2} lines for them; it is truncated, or not an OFF file"
         )
     vertex_rows, face_rows = rows[1 : n_vertices + 2], rows[n_vertices + 1 :][: n_faces + 1]
     sizes, corners = _polygons(path, numbers.values, face_rows)
@@ -109,7 +109,9 @@ def _polygons(
     starts = rows[:-1]
     counts = values[starts]
     if not ((counts >= 0) & (counts == np.floor(counts)) & (counts < np.diff(rows))).all():
-        raise FileFormatError(f"{path}: a face has fewer indices than it says; it is damaged")
+        raise FileFormatError(
+            f"{path}: a face has fewer indices than it claims; the file is damaged"
+        )
     sizes = counts.astype(np.int64)
     # Corners are counted without the numbers between them.
     before = np.repeat(starts + 1 - (np.cumsum(sizes) - sizes), sizes)
