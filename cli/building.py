@@ -49,6 +49,6 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
     for asset in result.failed[:_MOST_SHOWN]:
         complain(f"{asset.name}: {asset.error}")
     if (n_more := len(result.failed) - _MOST_SHOWN) > 0:
-        complain(f"{n_more:,} more assets failed; build.json lists them")
+        complain(f"{n_more:,} more asset{'s' * (n_more > 1)} failed; build.json lists them")
     terminal.summary(result.table())
     terminal.wrote([result.folder / "build.json"] if result.is_written else [])

@@ -42,7 +42,7 @@ class LowPoly:
 
     mesh: Mesh
     report: SimplifyReport
-    reach: float  # of the bake's rays, at most, where they are measured
+    reach: float  # greatest length of the bake's rays, where it is measured
     is_of_wrap: bool = False
     # Why it was made from a wrap of the high-poly mesh, if no option asked for that, and which gaps
     # were closed.
