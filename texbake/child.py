@@ -31,10 +31,10 @@ from texbake.parallel import module_path
 
 _MOST_ATTEMPTS = 2
 _PATIENCE = 2.0  # seconds for a process to end by itself
-_LAST_WORDS = 1 << 16  # bytes of what a process has printed in which its last line is looked for
+_LAST_WORDS = 1 << 16  # bytes at the end of the output, in which the last line is looked for
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _GIB = 1 << 30
-# Where a file waits for something, no computing time passes; so much longer may all of it take.
+# A reader that waits takes no computing time; by the clock, it may take this many times as long.
 _WAITING = 6
 
 _SENT_BY_OTHERS = {
@@ -65,7 +65,7 @@ class ChildError(Exception):
 
     @property
     def is_from_others(self) -> bool:
-        """Whether the system, when it is short of memory, or a person ended the process.
+        """Whether something else ended the process: the system, short of memory, or a person.
 
         The request is not at fault then, and results must not depend on it.
         """
@@ -316,7 +316,7 @@ class _Limits:
 
 
 def _memory_in_use() -> int:
-    """Bytes of address space of this process; 0 where the system does not tell."""
+    """Bytes of address space of this process; 0 where the system does not say."""
     with suppress(OSError, ValueError, AttributeError):
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         return pages * os.sysconf("SC_PAGE_SIZE")

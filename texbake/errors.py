@@ -178,7 +178,7 @@ def heard_warnings(listener: Callable[[str], None]) -> Iterator[None]:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error says that the system gave no more memory.
+    """Whether an error means that memory ran out.
 
     >>> is_out_of_memory(MemoryError()), is_out_of_memory(OSError())
     (True, False)

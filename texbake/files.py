@@ -240,7 +240,7 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def _write_to_disk(path: Path) -> None:
-    """Have the content of a file on the disk before anything else is written."""
+    """Write the content of a file to the disk before anything else is written."""
     descriptor = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
     try:
         os.fsync(descriptor)
