@@ -51,6 +51,16 @@ def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
     assert done.report.distance.rms == pytest.approx(surface_distance(mesh, low).rms, rel=0.01)
 
 
+def test_no_way_out_is_named_that_was_taken(tmp_path: Path) -> None:
+    torus = texbake.make("torus").replace(name="torus.ply")
+    texbake.write_mesh(torus, tmp_path / "torus.ply")
+    options = texbake.SimplifyOptions(n_faces=12, topology="simplify")
+    with pytest.raises(MeshError, match=r"12 triangles cannot be reached, .*; request more$"):
+        texbake.simplify_file(tmp_path / "torus.ply", tmp_path / "low.ply", options)
+    with pytest.raises(MeshError, match=r"12 triangles cannot be reached, .*; request more$"):
+        texbake.run(torus, tmp_path / "asset", RunOptions(n_faces=12, size=64))
+
+
 def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
     size = mesh.positions.max(axis=0) - mesh.positions.min(axis=0)
     colors = (mesh.positions - mesh.positions.min(axis=0)) / size

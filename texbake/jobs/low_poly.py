@@ -163,9 +163,11 @@ def make_low_poly(
         low = make.closest(make.wrapped(None))
     else:
         low = _closest(make) if remesh == "auto" else make.kept()
-    if must_reach and error is None:
-        more = "request more" + ("" if remesh == "always" else ", or use `remesh` always")
-        check_count(low.mesh.n_faces, n_faces, high.name, more)
+    if must_reach and error is None and not low.report.is_close_to_count:
+        # With `auto`, closed surfaces around a mesh that is not open were tried.
+        may_help = remesh == "never" or surface_side(high, threads=threads) == "both"
+        closing = ", or use `remesh` always" if may_help and remesh != "always" else ""
+        check_count(low.mesh.n_faces, n_faces, high.name, "request more" + closing)
     if low.is_of_wrap:
         report = measured_to(low.report, high, low.mesh, threads=threads)
         low = replace(low, report=report)

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from texbake.progress import ProgressSink
 
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
-_MORE = "request more, or use `topology` simplify, which closes holes and tunnels"
+_MORE = "request more"
+_CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
 
 
 def _table(done: JobResult[SimplifyReport]) -> Rows:
@@ -178,7 +179,8 @@ def _level(
             figures = measured_to(figures, high, low, threads=threads)
             figures = replace(figures, notes=(_CLOSED, *figures.notes))
             low = object_by_object(with_nearest_attributes(low, given, threads))
-        check_count(figures.n_faces, count, high.name, _MORE)
+        remedy = _MORE if options.topology == "simplify" else _CLOSE
+        check_count(figures.n_faces, count, high.name, remedy)
     if bordered is not None:
         low, materials = bordered.taken_from(low, high)
     low = with_normals(low, options.normals, angle=options.angle)
