@@ -1,13 +1,12 @@
 """Checksums of the files that the program writes: the demo, the samples, a pipeline, every command.
 
-    python tests/goldens/record.py                   # write goldens.json anew
+    python tests/goldens/record.py                   # write goldens.json again
     python tests/goldens/record.py commands out      # leave one group's files in a folder
     env $(python tests/goldens/record.py lowered) pytest tests/goldens     # as an older processor
 
 A change that is meant to alter no result leaves goldens.json as it is; one that alters results
-records it anew and says why. Meshes, images and traces count byte by byte. What is written for
-people
-to read (pages, reports, tables, notes) counts by its name alone, because its words may change.
+records it again and says why. Meshes, images and traces count byte by byte. What people read
+(pages, reports, tables, notes) counts by its name alone, because its words may change.
 
 The checksums hold on every processor. `lowered` prints environment variables that make NumPy, its
 BLAS and the core use only the instructions of an old one: the files must stay the same.

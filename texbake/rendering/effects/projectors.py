@@ -4,9 +4,9 @@ The slide of a spot light (a light profile) has the shape of its image and stand
 light's `up`. It multiplies the light. In a rectangular gate its longer side fills the angle of the
 light, and its border is that of the light; in a round gate its shorter side fills the cone.
 Projected textures are blended over the base color one after another, by their own opacity times
-their strength. Other surfaces block them only with
-`occlusion`; see `texbake.rendering.effects.projected_visibility`. Nothing
-is projected behind a projector or outside the unit square of its picture.
+their strength. Other surfaces block them only with `occlusion`; see
+`texbake.rendering.effects.projected_visibility`. Nothing is projected behind a projector or outside
+the unit square of its picture.
 
 A projector's matrix maps a point P in world space to s, t and q, each linear in P; the picture is
 looked up at (s/q, t/q). From one pixel to the next P moves by dP in the plane of its triangle, and
