@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import IO, Any
 
 import click
@@ -59,9 +60,21 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
     except KeyboardInterrupt as error:
         raise Failure("texbake: interrupted", 130) from error
     except (MemoryError, OSError) as error:
-        if not is_out_of_memory(error):
+        if is_out_of_memory(error):
+            message = f"out of memory; {_memory_advice(_command(ctx))}"
+        elif isinstance(error, FileNotFoundError) and _folder_was_deleted():
+            message = "the current folder was deleted; change to another folder"
+        else:
             raise
-        raise Failure(f"texbake: out of memory; {_memory_advice(_command(ctx))}", 1) from error
+        raise Failure(f"texbake: {message}", 1) from error
+
+
+def _folder_was_deleted() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def _memory_advice(command: click.Command | None) -> str:

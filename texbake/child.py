@@ -131,8 +131,9 @@ class Child:
         """End the process, busy or not, and let no other start."""
         with self._lock:
             self._is_closed = True
-            if self._process is not None:
-                self._process.popen.kill()
+            process = self._process  # `end` may take it away meanwhile
+            if process is not None:
+                process.popen.kill()
 
     def _started(self) -> _Process:
         with self._lock:
@@ -166,7 +167,7 @@ class _Process:
                     "TMPDIR": str(self._scratch),
                 },
             )
-        except OSError:
+        except BaseException:  # an interrupt, too
             self._release()
             raise
 
@@ -250,8 +251,12 @@ def serve(answer: Callable[[Any], Any]) -> None:
 
 
 def _listen(received: IO[bytes], requests: queue.SimpleQueue[Any]) -> None:
-    while (request := _receive(received)) is not None:
-        requests.put(unpack(request, {}))
+    try:
+        while (request := _receive(received)) is not None:
+            requests.put(unpack(request, {}))
+    except BaseException:  # such as a request that does not fit into memory
+        traceback.print_exc()
+        os._exit(1)
     os._exit(0)
 
 

@@ -144,6 +144,19 @@ def test_out_of_memory_names_what_the_command_has() -> None:
         assert caught.value.message.startswith(f"texbake: out of memory; try {ways}")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a folder in use cannot be deleted there")
+def test_a_deleted_current_folder_is_an_error_of_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "deleted"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    result = CliRunner().invoke(texbake, ["make", "plane", "-o", "a.obj"])
+    assert result.exit_code == 1
+    assert result.output == ("texbake: the current folder was deleted; change to another folder\n")
+
+
 def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
         "import texbake\ndef info_file(*args, **options):\n    return 1 / 0\n"
