@@ -39,6 +39,7 @@ def end_cleanly_on_signals() -> None:
     for number in _ENDS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` wants it
             signal.signal(number, _raise)
+    sys.unraisablehook = _end_dropped
     if os.name != "nt":  # where only sockets can tell a thread of signals
         reader, writer = os.pipe()
         os.set_blocking(writer, False)
@@ -67,6 +68,13 @@ def _raise(signal_number: int, frame: FrameType | None) -> NoReturn:
     if not _WORKING.is_set():
         _end(signal_number)
     raise KeyboardInterrupt if signal_number == signal.SIGINT else Terminated(signal_number)
+
+
+def _end_dropped(unraisable: sys.UnraisableHookArgs) -> None:
+    """End the process at a signal that came where Python drops exceptions, such as a finalizer."""
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        _end(getattr(unraisable.exc_value, "signal_number", signal.SIGINT))
+    sys.__unraisablehook__(unraisable)
 
 
 def _end_unheard(reader: int) -> None:

@@ -13,11 +13,15 @@ PROGRAM = """
 import hashlib, sys, threading
 from pathlib import Path
 from texbake.parallel import run_bands
-from texbake_cli.signals import end_cleanly_on_signals
+from texbake_cli.signals import end_cleanly_on_signals, raised_signals
 from texbake.files import appearing_together, replacing, scratch_folder
 
 def deaf():
     hashlib.pbkdf2_hmac("sha512", b"", b"", 1_000_000_000)
+
+class Finalized:
+    def __del__(self):  # Python drops what is raised here
+        threading.Event().wait(60)
 
 def work(start, stop):
     if threading.current_thread() is not threading.main_thread():
@@ -26,7 +30,7 @@ def work(start, stop):
         threading.Event().wait(0.01)
 
 end_cleanly_on_signals()
-with scratch_folder() as scratch, appearing_together():
+with raised_signals(), scratch_folder() as scratch, appearing_together():
     (scratch / "copy.bin").write_bytes(b"copy")
     (scratch / "deep" / "er").mkdir(parents=True)
     (scratch / "deep" / "er" / "away").symlink_to(Path(sys.argv[1]))
@@ -39,6 +43,7 @@ READY = "threading.Timer(0.3, print, ['ready'], {'flush': True}).start(); "
 WORKS = {
     "nothing": READY + "deaf()",
     "only the main thread": READY + "run_bands(work, 2, band=1, threads=2)",
+    "a finalizer": READY + "Finalized()",
 }
 
 # A signal while modules are imported.
