@@ -106,12 +106,14 @@ def check(
     else:
         _print_findings(checked, terminal, explain=explain)
         terminal.wrote(done.files)
+        if not terminal.quiet:
+            say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
     if fail_on != _NEVER and checked.fails(fail_on):
         ctx.exit(1)
 
 
 def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:
-    """Print a table of findings, what errors mean, and whether the meshes can be baked."""
+    """Print a table of findings, and what errors mean."""
     findings = checked.findings
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
@@ -129,7 +131,6 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
         _explain([f for f in findings if explain or _verdict(f) == SEVERITIES[0]])
         if not explain and any(_verdict(f) != SEVERITIES[0] for f in findings):
             say("\nWhat the rest means, and what to do: add --explain")
-        say(_verdict_on_all(checked))
 
 
 def _explain(findings: list[Finding]) -> None:
@@ -152,8 +153,8 @@ def _worst(finding: Finding) -> str:
     return f"{shown}, ..." if len(finding.polygons) > _WORST_SHOWN else shown
 
 
-def _verdict_on_all(checked: CheckReport) -> str:
-    """One line: whether the meshes can be baked, and how many findings there are."""
+def _verdict_on_all(checked: CheckReport, least: str) -> str:
+    """One line: whether a finding is as severe as `least`, and how many findings there are."""
     counts = [
         f"{n} {severity}{'s' * (n != 1)}"
         for severity in SEVERITIES
@@ -161,5 +162,5 @@ def _verdict_on_all(checked: CheckReport) -> str:
     ]
     if checked.n_allowed:
         counts.append(f"{checked.n_allowed} allowed")
-    verdict = "Not ready to bake" if checked.count(SEVERITIES[0]) else "Ready to bake"
+    verdict = "Not ready to bake" if checked.fails(least) else "Ready to bake"
     return ", ".join((verdict, *counts))

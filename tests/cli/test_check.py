@@ -46,7 +46,11 @@ def test_errors_fail_a_build(invoke: Invoke, overlapping: str) -> None:
 def test_the_last_line_says_whether_the_meshes_are_ready(invoke: Invoke, overlapping: str) -> None:
     refused = invoke(f"check {overlapping}", exit_code=1).stdout.splitlines()
     assert re.match(r"Not ready to bake, \d+ errors?,", refused[-1])
-    assert re.match(r"Ready to bake(, \d+ \w+)*$", invoke("check low.obj").stdout.splitlines()[-1])
+    words = "check low.obj --report r.json"
+    ready = invoke(words).stdout.splitlines()[-1]
+    assert re.match(r"Ready to bake, \d+ notes?$", ready)
+    strict = invoke(f"{words} --fail-on note", exit_code=1).stdout.splitlines()[-1]
+    assert strict == f"Not r{ready[1:]}"
 
 
 def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str) -> None:
