@@ -7,6 +7,7 @@ temporary files and ends the process.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -36,6 +37,7 @@ class Terminated(KeyboardInterrupt):
 @cache  # the second call has nothing to do
 def end_cleanly_on_signals() -> None:
     """Make SIGTERM and SIGHUP end the work like Ctrl-C."""
+    atexit.register(_ignore_signals)  # the exit code of a command that has ended stands
     for number in _ENDS:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` wants it
             signal.signal(number, _raise)
@@ -62,9 +64,13 @@ def line_is_mine() -> bool:
     return _LINE.acquire(blocking=False)
 
 
-def _raise(signal_number: int, frame: FrameType | None) -> NoReturn:
-    for number in _ENDS:  # a second one must not interrupt the cleanup
+def _ignore_signals() -> None:
+    for number in _ENDS:
         signal.signal(number, signal.SIG_IGN)
+
+
+def _raise(signal_number: int, frame: FrameType | None) -> NoReturn:
+    _ignore_signals()  # a second one must not interrupt the cleanup
     if not _WORKING.is_set():
         _end(signal_number)
     raise KeyboardInterrupt if signal_number == signal.SIGINT else Terminated(signal_number)

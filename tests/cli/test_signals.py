@@ -60,6 +60,19 @@ number = int(sys.argv[1])
 sys.meta_path.insert(0, Finder())
 run()
 """
+
+# A signal while Python takes its modules apart.
+LATE = """
+import os, sys
+from texbake_cli.signals import end_cleanly_on_signals
+
+class Late:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=int(sys.argv[1])):
+        kill(process, number)
+
+late = Late()
+end_cleanly_on_signals()
+"""
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
 
@@ -99,3 +112,10 @@ def test_it_ends_while_modules_are_imported(name: str) -> None:
     )
     said = "interrupted" if name == "SIGINT" else "terminated"
     assert (done.returncode, done.stderr) == (128 + number, f"texbake: {said}\n")
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_the_exit_code_of_a_command_that_has_ended_stands(name: str) -> None:
+    number = str(int(getattr(signal, name)))
+    done = subprocess.run([sys.executable, "-P", "-c", LATE, number], capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
