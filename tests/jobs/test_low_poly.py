@@ -110,6 +110,12 @@ def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path: Path) -> None:
     assert not any("further from" in note for note in result.warnings)
 
 
+def test_rays_reach_as_far_as_few_faces_lie_from_the_mesh(tmp_path: Path) -> None:
+    options = RunOptions(n_faces=40, size=128, samples=1, compare="off")
+    baked = texbake.run(texbake.make("torus"), tmp_path, options).baked.report
+    assert baked.texels_missed < 0.03 * baked.texels_covered
+
+
 def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None:
     options = RunOptions(n_faces=200, remesh="never", size=128)
     with pytest.raises(MeshError, match=r"sponge\.ply: 200 triangles cannot .* `remesh` always"):

@@ -124,6 +124,7 @@ class _Maker:
         )
         few = self.n_faces is not None and self.n_faces <= FEW_FACES
         rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
+        rays = max(rays, low.report.distance.b_to_a.max)  # very few faces lie farther from the wrap
         return replace(low, why=tuple(why), ray_distance=rays)
 
     def closest(self, candidates: list[LowPoly]) -> LowPoly:
