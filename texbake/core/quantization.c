@@ -3,7 +3,7 @@
    A code is floor(x + 1/2) of the exact x, computed in double, where the product of a float and a
    16-bit factor is exact.
 
-   Called from texbake/texture/encoding.py and texbake/baking/codings.py. */
+   Called from texbake/texture/encoding.py. */
 
 #include <math.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 """Environment maps in files: six faces in a folder, a cross, or a latitude-longitude image.
 
-A cross is an unfolded cube of 4 x 3 faces, with the names of `cube_options.FACE_NAMES`:
+A cross is an unfolded cube of 4 x 3 faces, with the names of `texbake.texture.options.FACE_NAMES`:
 
          py                     py
       nx pz px nz            nx nz px pz
