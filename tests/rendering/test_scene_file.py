@@ -300,7 +300,7 @@ WRONG = [
         ("[camera]\nposition = [0, 4, 0]\ntarget = [0, 0]",
          "camera.target: [0, 0] is not a list of three numbers"),
         ("[camera]\nview = [1]",
-         "camera.view: [1] is not [azimuth, elevation] nor with a distance as third"),
+         "camera.view: [1] is neither [azimuth, elevation] nor [azimuth, elevation, distance]"),
         ("[camera]\nview = [1, 2, 0]",
          "camera.view: [1, 2, 0] has a distance that is not above 0"),
         ("[camera]\nnear = 1",

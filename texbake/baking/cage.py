@@ -233,7 +233,7 @@ def find_outer_points(
 ) -> OuterPoints:
     """Find the points that a cage of the low-poly mesh must enclose.
 
-    `normals` (V, 3) float64.
+    `normals` (V, 3) float64: smooth normals of the low-poly mesh.
     """
     positions = frame.to_local(low.positions)
     with RayScene.build(high, frame, threads=threads) as scene:

@@ -1,9 +1,8 @@
 """A high-poly mesh that faces inwards is flipped before it is baked.
 
-A look at a few points of the low-poly mesh shows whether that could be so: the nearest high-poly
-surface along their rays faces as the low-poly mesh does. Only where some of it does not, which is
-rare, the whole high-poly mesh is examined. It is flipped only if it then
-agrees better.
+Rays from a few points of the low-poly mesh show whether that could be so: the nearest high-poly
+surface along them should face as the low-poly mesh does. Only if some of it does not, which is
+rare, the whole high-poly mesh is examined. It is flipped only if it then agrees better.
 """
 
 from __future__ import annotations

@@ -139,7 +139,8 @@ def denoised(
 ) -> npt.NDArray[np.float32]:
     """Average each texel with neighbors that differ by less than a few standard errors of its rays.
 
-    `values` (H, W, 1) float32; `texel_charts` (H, W) int32. Returns (H, W, 1) float32.
+    `values` (H, W, 1) float32; `texel_charts` (H, W) int32: neighbors in other charts do not count.
+    Returns (H, W, 1) float32. Kernel: `core/sigma_filter.c`.
     """
     root = np.sqrt(float(options.secondary_rays))
     left = _STANDARD_ERRORS / (root * np.sqrt(root))
@@ -165,7 +166,8 @@ def finished_maps(
 ) -> tuple[dict[str, BakedMap], int]:
     """Pad the maps; also return the number of texels where the padding of two charts meets.
 
-    `texel_charts` (H, W) int32.
+    `means`: returns the values (H, W, C) of a map, which are then changed in place; `texel_charts`
+    (H, W) int32: chart that covers each texel, `NO_FACE` for none.
     """
     options = inputs.options
     with stages.stage("pad"):

@@ -217,7 +217,7 @@ def check_texels(low: Mesh, baked: BakeResult) -> None:
         )
 
 
-# Half a step of 16 bits, of which normals and shares have about as many as that.
+# Half a step of a 16-bit code, which normals and shares are about as precise as.
 _ROUNDING = 0.5 / 65535.0
 
 

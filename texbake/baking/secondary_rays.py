@@ -1,4 +1,4 @@
-"""Where a hit becomes a hemisphere of rays, for ambient occlusion, bent normals and thickness.
+"""Hemispheres of rays from hits, for ambient occlusion, bent normals and thickness.
 
 The rays start at the points hit, on the high-poly surface. They are cast once, however many maps
 need them, and what they meet is kept in the columns of `Hits.secondary`.
@@ -123,7 +123,7 @@ def hemispheres_of(
 ) -> Hemispheres:
     """Hemispheres from hits, none of which is a miss. Kernel: `core/hemisphere_rays.c`.
 
-    `width`: texels in a row; `n_samples`: samples of a texel, which share its part of the net.
+    `width`: texels in a row; `n_samples`: samples per texel, which share its part of the net.
     """
     n = len(hits)
     hemispheres = Hemispheres(

@@ -142,7 +142,8 @@ def rasterize_uv(
     """Find the owner of every sample in some rows of texels: the first face that covers its center.
 
     `rows`: rows of texels, all of them for None. Returns `owners` (len(rows) * per_side, width *
-    per_side) int32: face ids, `NO_FACE` for none.
+    per_side) int32: face ids, `NO_FACE` for none; `n_overlaps`: samples that more than one face
+    covers.
     """
     rows = range(grid.height) if rows is None else rows
     first = rows.start * grid.per_side

@@ -201,7 +201,9 @@ def make_finding(
 ) -> Finding | None:
     """Make a finding, or return None where nothing was counted.
 
-    `count`: how often it occurs, in the unit of the kind; `faces` (n,) int; `badness` (n,) float.
+    `count`: how often it occurs, in the unit of the kind; `faces` (n,) int: faces that have it, in
+    any order; `badness` (n,) float: how bad each of them is, None where all are equal; `figures`:
+    values for the braces in the sentences of the kind.
     """
     if not count:
         return None

@@ -25,7 +25,7 @@ class Kind:
     name: str  # its identifier, for scripts
     title: str  # what a reader sees
     unit: tuple[str, str] = FACES  # what is counted, in the singular and the plural
-    # low, high: Severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
+    # low, high: severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
     low: str | None = None
     high: str | None = None
     # What goes wrong. The check fills in the figures in braces.

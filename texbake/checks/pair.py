@@ -98,8 +98,8 @@ class MeshPair:
     def fitting_rotation(self, scale: float = 1.0) -> FloatArray | None:
         """Rotation by right angles after which the low-poly mesh, once centered, fits the other.
 
-        Returns (3, 3) float64 or None: the identity if it fits without, else the one that fits
-        best; None where none does.
+        The low-poly mesh is first multiplied by `scale`. Returns (3, 3) float64: the identity if it
+        fits without a rotation, else the one that fits best; None where none does.
         """
         step = -(-self.low.mesh.n_faces // _MAX_TRIED)
         faces = np.arange(0, self.low.mesh.n_faces, step)

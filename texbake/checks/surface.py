@@ -274,7 +274,8 @@ def self_intersections(checked: CheckedMesh) -> Finding | None:
 def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Search for a face that passes through each face.
 
-    Returns `others` (F,) int32; `unsure` (F,) bool: faces for which the search was stopped, because
+    Returns `others` (F,) int32: a face that crosses each, -1 for none, and for most copies in a
+    large stack of equal faces; `unsure` (F,) bool: faces for which the search was stopped, because
     thousands of others are near them.
     """
     mesh, threads = checked.mesh, checked.options.threads

@@ -38,7 +38,8 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
 
     Corners of one vertex with equal coordinates share one entry.
 
-    `corners` (F, 3, 2) float64. Returns Mesh: positions and faces are shared with `mesh`.
+    `corners` (F, 3, 2) float64. The result shares positions and faces with `mesh`; tangents are
+    dropped, since they belong to the old coordinates.
     """
     uvs, uv_faces = joined_corners(mesh.faces, corners)
     return mesh.replace(uvs=uvs, uv_faces=uv_faces, tangents=None)
@@ -91,7 +92,9 @@ def with_selected_corners(
 ) -> tuple[FloatArray, int]:
     """Corner coordinates of a whole mesh after some of its faces got new ones.
 
-    `chosen` (F,) bool; `corners` (n, 3, 2) float64. Returns `corners` (F, 3, 2) float64.
+    `chosen` (F,) bool; `corners` (n, 3, 2) float64: coordinates of the chosen faces. Other faces
+    keep theirs; if the mesh has none, they get (0, 0). Returns `corners` (F, 3, 2) float64;
+    `n_without`: other faces without coordinates.
     """
     has_uvs = mesh.uvs is not None
     whole = mesh.corner_uvs().copy() if has_uvs else np.zeros((mesh.n_faces, 3, 2))

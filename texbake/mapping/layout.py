@@ -197,7 +197,10 @@ def add_faces(
 
     Kernel: `core/scanline_coverage.c`.
 
-    `pixels` (F, 3, 2) float64; `colors` (F, 3) float64, linear colors; `sums` (H, W, 4) float64.
+    `pixels` (F, 3, 2) float64: x to the right and y down; `colors` (F, 3) float64: linear; `top`: y
+    of the first row of `sums`; `half_edge`, `edge_light`: samples within `half_edge` of an edge
+    have their color multiplied by `edge_light`; `sums` (H, W, 4) float64: red, green, blue and the
+    number of samples.
     """
     core.cover_faces(pixels, colors, top, half_edge, edge_light, sums)
 
@@ -207,6 +210,7 @@ def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.ui
 
     Kernel: `core/scanline_coverage.c`.
 
-    `ends` (N, 2, 2) float64; `width`: width of the lines in pixels; `masks` (H, W) uint16.
+    `ends` (N, 2, 2) float64: end points, which may coincide; `width`: width of the lines in pixels;
+    `top`: y of the first row of `masks`; `masks` (H, W) uint16.
     """
     core.cover_lines(ends, top, width / 2.0, masks)

@@ -67,10 +67,10 @@ class Tile:
 class LayoutWindow:
     """The part of texture space that a picture shows, and the size of the picture."""
 
-    # low, high: Lower left and upper right corner.
+    # low, high: lower left and upper right corner.
     low: tuple[float, float]
     high: tuple[float, float]
-    # width, height: In pixels.
+    # width, height: in pixels.
     width: int
     height: int
 
@@ -78,7 +78,8 @@ class LayoutWindow:
     def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> LayoutWindow:
         """Window that contains the unit square, every face with area, and the tiles they lie in.
 
-        `uvs` (F, 3, 2) float64; `size` int or (int, int): pixels of a picture of one tile.
+        `uvs` (F, 3, 2) float64; `size`: pixels of a picture of one tile; a picture of several has
+        the same longer side.
         """
         sides = np.array([size, size] if isinstance(size, int) else size, dtype=np.float64)
         shown = uvs[signed_areas(uvs) != 0.0]
@@ -126,7 +127,8 @@ def face_colors(
 ) -> FloatArray:
     """Colors of faces, by chart or by stretch; mirrored faces are red.
 
-    `charts` (F,) int32; `size` int or (int, int). Returns (F, 3) float64: sRGB-coded.
+    `charts` (F,) int32; `size`: size of the texture, of which only the aspect ratio matters.
+    Returns (F, 3) float64: sRGB-coded.
     """
     colors = _heat_colors(mesh, size) if heat else _chart_palette(int(charts.max()) + 1)[charts]
     colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED

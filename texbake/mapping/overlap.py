@@ -86,7 +86,8 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt.NDArray[np.bool_]:
     """Find the faces that cover a part of the texture that another face covers too.
 
-    `corners` (F, 3, 2) float64. Returns (F,) bool.
+    `corners` (F, 3, 2) float64. Returns (F,) bool: False for faces that share only an edge or a
+    corner, and for faces without area.
 
     Examples
     --------
@@ -102,7 +103,9 @@ def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
     """Spread the faces of each chart over layers, so that no two faces of one layer overlap.
 
-    `corners` (F, 3, 2) float64; `charts` (F,) int32. Returns (F,) int32.
+    `corners` (F, 3, 2) float64; `charts` (F,) int32; `depth`: overlaps up to this depth, in the
+    unit of `corners`, do not count. Returns (F,) int32: layer of each face, the lowest that earlier
+    faces leave free.
     """
     corners = _along_their_edges(corners)
     charts = np.ascontiguousarray(charts, dtype=np.int32)

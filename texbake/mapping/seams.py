@@ -30,7 +30,8 @@ BoolArray = npt.NDArray[np.bool_]
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
     """Chart of each face: faces joined by edges that they share in space and in the texture.
 
-    `cut` (F,) bool. Returns (F,) int32.
+    `cut` (F,) bool: faces that are not joined to those where it is False. Returns (F,) int32:
+    numbered from 0 in the order of their first faces.
 
     Examples
     --------
@@ -47,7 +48,7 @@ def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
 def border_edges(mesh: Mesh) -> BoolArray:
     """Edges that no other face shares in space and in the texture: the outlines of charts.
 
-    Returns (F, 3) bool: true for each edge, from a corner to the next, that is a border.
+    Returns (F, 3) bool: True for each edge, from a corner to the next, that is a border.
     """
     return _used_once(edge_ids(_texture_corners(mesh)))
 
@@ -55,8 +56,8 @@ def border_edges(mesh: Mesh) -> BoolArray:
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
     """Edges along which the texture is cut but the surface is not, on both sides of each seam.
 
-    `faces` (F,) bool. Returns (F, 3) bool: true for each edge, from a corner to the next, that is a
-    seam; False for other faces.
+    `faces` (F,) bool: the faces to look at, as if there were no others. Returns (F, 3) bool: True
+    for each edge, from a corner to the next, that is a seam; False for other faces.
     """
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
     in_texture = edge_ids(_texture_corners(mesh)[kept])
@@ -71,7 +72,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
 
     A seam counts once although both its sides are borders of charts.
 
-    `faces` (F,) bool.
+    `faces` (F,) bool: the faces to look at, as if there were no others.
     """
     rows, starts = np.nonzero(seam_edges(mesh, faces))
     tails = mesh.positions[mesh.faces[rows, starts]]
@@ -82,7 +83,8 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
 def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
     """Components of faces that share an edge.
 
-    `edges` (F, 3) int64. Returns (F,) int32: numbered from 0 in the order of their first faces.
+    `edges` (F, 3) int64: from `edge_ids`. Returns (F,) int32: numbered from 0 in the order of their
+    first faces.
     """
     # Edges take the place of vertices: faces that share one are connected.
     components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
@@ -107,7 +109,8 @@ def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray
 
     Kernel: `core/union_find.c`.
 
-    `firsts`, `seconds` (N,) int. Returns (n_items,) int32.
+    `firsts`, `seconds` (N,) int: pairs of connected items. Returns (n_items,) int32: group of each
+    item, numbered from 0 in the order of first items.
 
     Examples
     --------
@@ -128,8 +131,10 @@ def regions_between(
 ) -> tuple[IntArray | None, int]:
     """Divide a surface at its hard edges.
 
-    `regions` (F,) int32. Returns `regions` (F,) int32 or None: those given, if there is nothing to
-    divide at.
+    `hard_edges`: divide where the normals of the mesh differ by more than a degree at either end of
+    an edge; `angle`: divide also where faces meet at more than this angle, in degrees; `regions`
+    (F,) int32: regions that are divided further. Returns `regions` (F,) int32: those given, if
+    there is nothing to divide at; `n_within`: hard edges that end within a region.
     """
     if angle is None and not (hard_edges and mesh.normals is not None):
         return regions, 0

@@ -74,7 +74,7 @@ class FaceStretch:
 def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     """Measure the stretch of each face.
 
-    `size` int or (int, int): texels along each side, or (width, height).
+    `size`: texels along each side, or (width, height).
     """
     corners = mesh.positions[mesh.faces]
     texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
@@ -103,7 +103,8 @@ def stretch_by_group(
 ) -> list[Stretch]:
     """Average the stretch of faces, group by group, at the scale of the whole.
 
-    `groups` (M,) int.
+    `groups` (M,) int: group of each face, from 0 without gaps; `turned`: measure mirrored faces as
+    if they were flipped, instead of as infinite.
     """
     n_groups = int(groups.max()) + 1
     ratios, growths = found.greatest / found.least, found.greatest * found.least

@@ -75,7 +75,7 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
 def warp_uvs(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
     """Apply a warp, given by name, by name and strength, or as a function.
 
-    `coordinates` (n, 2) float64. Returns (n, 2) float64.
+    `coordinates` (n, 2) float64. Returns (n, 2) float64. A function gets a copy of the coordinates.
     """
     if callable(warp):
         return _checked(warp(coordinates.copy()), len(coordinates))

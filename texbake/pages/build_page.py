@@ -46,7 +46,8 @@ class BuildRow:
 def thumbnail(picture: FloatImage | PathLike) -> bytes:
     """Return a picture of an asset as a small JPEG file.
 
-    `picture` (H, W, 3 or 4) float32, or path: a linear picture, or a color image file.
+    `picture`: a linear picture (H, W, 3 or 4) float32, or the path of a color image file. It is
+    cropped to a centered square.
     """
     from PIL import Image
 

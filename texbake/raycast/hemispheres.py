@@ -59,7 +59,7 @@ class OcclusionRange(NamedTuple):
     """How far the rays of hemispheres go, in local units."""
 
     offset: float  # rays start this far above or below the surface
-    # outer, inner: Length of the outer rays, which may be infinite, and of the inner rays; 0: none
+    # outer, inner: length of the outer rays, which may be infinite, and of the inner rays; 0: none
     # are cast.
     outer: float
     inner: float
@@ -81,7 +81,9 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
     its first two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997;
     Malley's method (points of a disk raised to the hemisphere are distributed by the cosine).
 
-    Returns (S, n_rays, 3) float32.
+    `n_rays`, `n_parts`: powers of two with a product of at most 65,536. Each `n_parts` sets that
+    follow each other are one net of all their directions, so that they can be shared out to the
+    samples of a texel. Returns (S, n_rays, 3) float32; S is a power of two.
 
     Examples
     --------

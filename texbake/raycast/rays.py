@@ -36,7 +36,7 @@ class Rows:
 
         The time is proportional to the number of rows dropped, not to the number kept.
 
-        `dropped` (k,) int.
+        `dropped` (k,) int: rows, in ascending order.
         """
         n_kept = len(self) - len(dropped)
         holes = dropped[dropped < n_kept]

@@ -131,8 +131,9 @@ def texel_lengths(
 ) -> FloatArray:
     """(E,) float64: length of each edge in texels, the maximum over its triangles.
 
-    `texels` (F, 3, 2) float64: corners of the base triangles on the map, in texels; `outside` (V,)
-    uint8.
+    `texels` (F, 3, 2) float64: corners of the base triangles on the map, in texels; None for a map
+    of unlimited detail; `outside` (V,) uint8: a bit for each side of the picture that a vertex is
+    outside of. Triangles that are entirely outside of one side are ignored.
     """
     lengths = np.zeros(len(pieces.ends))
     core.measure_texel_lengths(
@@ -180,8 +181,8 @@ class EdgeView:
     ) -> FloatArray:
         """Ratio of each edge's length to the allowed length.
 
-        `texels` (F, 3, 2) float64. Returns (E,) float64: 0 for an edge that need not be cut,
-        because it spans at most a texel or is not visible.
+        `texels` (F, 3, 2) float64: as in `texel_lengths`. Returns (E,) float64: 0 for an edge that
+        need not be cut, because it spans at most a texel or is not visible.
         """
         n = len(now.points)
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)

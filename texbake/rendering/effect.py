@@ -65,9 +65,8 @@ class Rejection:
 class Effect:
     """One feature of light or surfaces.
 
-    Objects `among` those of the request activate it if their material has another value of
-    `material_field` than the default, or `activations` find what does; without either, it runs only
-    because another effect needs it.
+    It is activated by the objects whose material changes `material_field` from its default, or by
+    what `activations` finds. Without either, it runs only if another effect needs it.
     """
 
     name: str  # name in the plan, in `--explain` and in `needs`

@@ -89,10 +89,11 @@ def weights_at(
     """Compute the barycentric weights of fragments.
 
     `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
-    (n,) int32; `places` (n, 2) float32. Returns `weights` (n, 2) float64: weights of the second and
-    third corner, never below 0. Both are 0 for a triangle without area in clip space; `back_facing`
-    (n,) bool: whether the triangle is seen from behind; `changes` (n, 4) float32: growth of the two
-    weights for one pixel to the right, then for one pixel down.
+    (n,) int32; `places` (n, 2) float32; `affine`: interpolate linearly on the screen, which is
+    wrong in perspective. Returns `weights` (n, 2) float64: weights of the second and third corner,
+    never below 0, and both 0 for a triangle without area in clip space; `back_facing` (n,) bool:
+    whether the triangle is seen from behind; `changes` (n, 4) float32: growth of the two weights
+    for one pixel to the right, then for one pixel down; empty unless `wants_changes`.
     """
     n = len(face_ids)
     weights = np.empty((n, 2))
@@ -196,7 +197,7 @@ class Fragments:
     # (n, 4): growth of `weights` for one pixel to the right, then for one pixel down; empty if the
     # plan has no derivatives
     changes: Floats
-    # places, pixels, counts: as in `texbake.rendering.fragments.FragmentRows`
+    # places, pixels, counts: as in `FragmentRows`
     places: Floats
     pixels: IntArray
     counts: Floats

@@ -29,8 +29,9 @@ def normals_from(
 ) -> tuple[FloatImage, str]:
     """Decode the normals of a map, and find out their space.
 
-    `source`: an array holds unit vectors, +Y up in tangent space. Returns `normals` (H, W, 3)
-    float32; `space` str: "tangent", "object" or "world".
+    `source`: an array holds unit vectors, +Y up in tangent space; the metadata of a file or image
+    gives its convention and space unless these are given. Returns `normals` (H, W, 3) float32;
+    `space`: `tangent`, `object` or `world`.
     """
     if isinstance(source, np.ndarray):
         return _channels(source, "normal map", 3), space or "tangent"

@@ -96,7 +96,8 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
     Selects the edges that are too long, and the longest edge of every triangle that is cut. If
     these are too many, the edges that exceed their limit the most come first.
 
-    `excess` (E,) float64; `points` (V, 3) float64.
+    `excess` (E,) float64: ratio of each edge's length to the allowed length; `points` (V, 3)
+    float64; `most`: maximum number of triangles after the cut.
     """
     wanted = excess > 1.0
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
@@ -116,9 +117,9 @@ def cut(
 ) -> tuple[Pieces, IntArray, Places]:
     """Cut edges in the middle, and subdivide the triangles that they belong to.
 
-    `marked` (E,) bool; `points` (V, 3) float64: positions of the vertices, used to choose the
-    shorter diagonal. Returns `ends` (M, 2) int32: the two vertices whose midpoint each new vertex
-    is.
+    `marked` (E,) bool; `points` (V, 3) float64: used to choose the shorter diagonal. Returns the
+    pieces, those of each triangle together; `ends` (M, 2) int32: the two vertices whose midpoint
+    each new vertex is; and the places of the new vertices.
     """
     n_marked = int(np.count_nonzero(marked))
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked

@@ -31,13 +31,13 @@ _SPENT_SHARE = 0.96
 # So a round is abandoned once half of that rest is over, and none begins with less time left.
 _LIMIT = (1.0 + _SPENT_SHARE) / 2.0
 _LEAST_SHARE = 1.0 - _SPENT_SHARE
-# Measured: how far off predictions are, as shares of the time that is left which a round may be
-# predicted to take: the first one, whose work is not well known, one of the others, and the last.
+# Largest predicted time of a round as a share of the time that is left, from measured errors of
+# predictions: of the first round, whose work is not well known, of others, and of the last.
 _FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 0.4, 0.7, 0.85
-# What is learnt from one round changes a prediction by this factor at most.
+# One round changes the predictions for later ones by this factor at most.
 _MOST_CHANGE = 2.0
-# Half of the overhead of a round is still to come while its samples are taken. Another round takes
-# that of a whole one before.
+# Half of the overhead of a round is still to come while its samples are taken; a round after it
+# adds a whole one.
 _TO_COME = 0.5
 _ANOTHER = 1.0 + _TO_COME
 # Measured: how much more rounds cost where one was given up, the share of its samples that another
@@ -45,7 +45,7 @@ _ANOTHER = 1.0 + _TO_COME
 _GIVEN_UP, _USED, _GROWING = 1.3, 0.8, 0.7
 _NOTHING = float("inf")  # the bound before the first round
 
-# Errors, and so bounds, are counted by their size, in so many steps from one to its double.
+# Errors are counted in bins: so many for each doubling, and so many doublings.
 _STEPS, _OCTAVES = 64, 16
 
 
@@ -78,7 +78,8 @@ class Refinable(Protocol):
 class Rounds:
     """Chooses the bound of each round, and notes what the rounds took.
 
-    `growths` (float, float).
+    `growths`: what a round costs as a multiple of what is known of it before, for the first round
+    and for later ones.
 
     Attributes
     ----------

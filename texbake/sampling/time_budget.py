@@ -49,7 +49,7 @@ class BudgetClock:
 def _process_start() -> float:
     """Return `time.perf_counter` as it was when this process began.
 
-    Where the system does not tell, the process is taken to have been busy since then.
+    If the system does not report it, the processor time stands for the age of the process.
     """
     try:
         # The 22nd field, in ticks since the machine began; the second may hold spaces.

@@ -46,7 +46,7 @@ class StudyPair:
 class Case:
     """What knobs are studied on."""
 
-    # high, low: The user's pair.
+    # high, low: the user's pair.
     high: Mesh | None = None
     low: Mesh | None = None
     scene: Scene | None = None  # the user's scene

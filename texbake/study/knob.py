@@ -73,7 +73,7 @@ class Knob:
     about: str  # what it is and what to expect of it, in a sentence or two
     error: str  # what its error is, in words, for the axis of its plot
     unit: str  # of the error: `°`, `%`, `texels` and the like
-    kind: str  # errors of one kind are shown in one plot: `angle`, `length`, `picture`,
+    kind: str  # errors of one kind, such as `angle` or `picture`, are shown in one plot
     needs: str  # what of the user it can be studied on: `pair`, `scene` or `nothing`
     prepare: Callable[[Case], Bench | Unfit]  # prepares it, or says why it cannot be studied
     # Series that the others are compared with: the page says in what share of its time they reach

@@ -30,8 +30,8 @@ _POINT, _OUTSIDE, _FAR, _ORDER = 0.6, 8.0, 0.05, 0.004
 def place_labels(points: FloatArray, sizes: FloatArray, frame: Sequence[float]) -> FloatArray:
     """Return where labels go.
 
-    `points` (n, 2) float64: pixels, y up; `sizes` (n, 2) float64. Returns (n, 2) float64: lower
-    left corner of each label.
+    `points` (n, 2) float64: pixels, y up; `sizes` (n, 2) float64: width and height of each label;
+    `frame`: left, bottom, right, top. Returns (n, 2) float64: lower left corner of each label.
     """
     n = len(points)
     away = pm.norm(points[:, None] - points[None, :], axis=-1)

@@ -131,7 +131,7 @@ class Dot:
     # x, y: y may be 0, which is drawn below all others.
     x: float
     y: float
-    # least, most: Ends of a bar along x.
+    # least, most: ends of a bar along x.
     least: float
     most: float
     label: str

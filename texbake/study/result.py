@@ -178,7 +178,7 @@ class KnobResult(Ranked):
     """All settings of a knob."""
 
     knob: Knob
-    # subject, truth, truth_text: As in its `Bench`.
+    # subject, truth, truth_text: as in its `Bench`.
     subject: str
     truth: str
     truth_text: str

@@ -45,7 +45,8 @@ class BoundedMap:
     def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
         """Summarize the errors of the map.
 
-        `errors` (n_texels,) floats; `differences` (n_checked,) floats.
+        `errors` (n_texels,): as estimated, in multiples of the bound; `differences` (n_checked,):
+        lengths of the differences from the check.
         """
         measured, bound = self.in_unit(differences), float(self.in_unit(np.array(self.bound)))
         estimated = percentiles_of(errors * self.bound)

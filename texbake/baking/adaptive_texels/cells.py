@@ -31,7 +31,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """The cells of one level; those of one parent, and of one texel, stand together."""
+    """The cells of one level; those of one parent, and those of one texel, are adjacent."""
 
     first: int  # place of the first one among all cells; the others follow
     texels: IntArray  # (n,) int32; row times width plus column

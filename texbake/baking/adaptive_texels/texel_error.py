@@ -76,7 +76,8 @@ class TexelError:
         """Estimate means from one sample per texel, and how evenly values change there.
 
         Returns `means` (n_texels, C) float32: 0 where there is no value; `steps` (n_texels,)
-        float32.
+        float32: second differences in bounds, summed over both axes, of the map where they are
+        greatest; infinite where too little is known.
         """
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
         means = np.zeros((n, n_channels), dtype=np.float32)
@@ -105,8 +106,8 @@ class TexelError:
     def of_four(self, steps: FloatArray32, parents: IntArray, means: FloatArray32) -> FloatArray32:
         """Estimate errors of texels with four more samples, and write their means.
 
-        `steps` (n_texels,) float32; `parents` (n,) int32: the texels; `means` (n_texels, C)
-        float32: gets the means of these texels.
+        `steps` (n_texels,) float32: from `of_samples`; `parents` (n,) int32: the texels; `means`
+        (n_texels, C) float32: gets the means of these texels.
         """
         errors = np.empty(len(parents), dtype=np.float32)
         cells = self.cells

@@ -28,7 +28,7 @@ _NOISE_OF_SHARES, _RELATIVE_NOISE = 1.3, 0.4
 
 @cache
 def _function(place: str) -> Callable[..., Any]:
-    """Return a function of this package by its module and name."""
+    """Return a function of this package by its place, `MODULE.NAME`."""
     module, name = place.split(".")
     function: Callable[..., Any] = getattr(import_module(f"{__name__}.{module}"), name)
     return function
@@ -55,25 +55,22 @@ class MapKind:
     # `hits`, or what else the map is made from: `outer rays` or `inner rays`, which start at the
     # hits. `Hits.secondary` exists only if one of the maps needs such rays.
     needs: str = "hits"
-    # It is a channel of the high-poly mesh's materials; its functions take the name first.
+    # Whether it is a channel of the high-poly mesh's materials; its functions take the name first.
     is_channel: bool = False
-    # Misses count among the values of a texel, and a texel without any hit has a value.
+    # Whether misses count among the values of a texel, so that one without any hit has a value.
     of_misses: bool = False
-    # A texel without any hit gets the colors around it instead of the neutral value.
+    # Whether a texel without any hit gets the colors around it instead of the neutral value.
     hides_misses: bool = False
-    # Also made from the neighbors of the faces that were hit, beyond their normals.
+    # Whether it also needs the neighbors of the faces that were hit, beyond their normals.
     of_neighbors: bool = False
-    # Standard error of a texel's value v with one ray, as factors of sqrt(v (1 -
-    # v)) and of v. It is divided by n^(3/4) for n rays.
+    # Standard error of a texel's value v with one ray, as factors of sqrt(v (1 - v)) and of v. It
+    # is divided by n^(3/4) for n rays.
     noise: tuple[float, float] = (0.0, 0.0)
     mid: float = 0.5  # level of 0 in integer files of `curvature`
     empty: float = 0.0  # each channel where nothing was baked, but for normals
     plain: tuple[float, ...] | None = None  # values that a surface has without the map
-    # legend_function, require_function: As `function`: inputs to the names that the ids from 1 on
-    # have, and a function that raises, before any ray is cast, if the inputs lack what the map
-    # needs.
-    legend_function: str = ""
-    require_function: str = ""
+    legend_function: str = ""  # place of the function of `legend`; empty for none
+    require_function: str = ""  # place of the function of `require`, called before any ray is cast
 
     def values(self, hits: Hits, inputs: BakeInputs) -> Float32Array:
         """(n, channels) float32: the value of each hit."""

@@ -57,7 +57,7 @@ class PartsBake:
     ray_maps: RayMapsOf
     is_tiled: bool
     part: int | None = None
-    # inputs, scenes: Of the current part, whose index is `part`.
+    # inputs, scenes: of the current part, whose index is `part`.
     inputs: BakeInputs | None = None
     scenes: BakeScenes | None = None
     occluders: RayScene | None = None

@@ -36,7 +36,7 @@ class Matching:
     high_names: tuple[str, ...]
     low_names: tuple[str, ...]
     matches: tuple[Match, ...]  # in the order of the low-poly parts
-    # high_left, low_left, high_ignored, low_ignored: Indices of parts without a match, and of
+    # high_left, low_left, high_ignored, low_ignored: indices of parts without a match, and of
     # ignored parts.
     high_left: tuple[int, ...] = ()
     low_left: tuple[int, ...] = ()

@@ -99,7 +99,7 @@ class PartFigures:
     n_faces: int  # faces of the part on this set of maps
     texels_covered: int
     texels_missed: int
-    # front, back: Ray distances, in model units.
+    # front, back: ray distances, in model units.
     front: float | None
     back: float
 

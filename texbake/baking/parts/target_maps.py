@@ -62,7 +62,8 @@ class TargetMaps:
     ) -> None:
         """Add a part that was baked without padding.
 
-        `face_ids` (F,) int32; `is_stacked` (F,) bool: faces that share their texels on purpose.
+        `face_ids` (F,) int32: faces of the part in the whole mesh; `n_faces`: how many of them are
+        on these maps; `is_stacked` (F,) bool: faces that share their texels on purpose.
         """
         covered = result.texel_faces != NO_FACE
         first = not self._values

@@ -57,7 +57,9 @@ class TextureCoverage:
 def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
     """Change of values that are linear over each face from one sample to the next.
 
-    `corner_values` (F, 3, K) float64. Returns (F, K, 2) float64.
+    `corner_values` (F, 3, K) float64: values at the corners of each face, such as positions.
+    Returns (F, K, 2) float64: change per sample to the right and per sample down; 0 for a face
+    without area in the texture.
     """
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
@@ -77,7 +79,8 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 def greatest_lengths(steps: FloatArray) -> FloatArray:
     """Longest way that a point moves per sample, over all directions in the texture.
 
-    `steps` (F, 3, 2) float64. Returns (F,) float64: the greatest singular value of each matrix.
+    `steps` (F, 3, 2) float64: of positions, from `sample_steps`. Returns (F,) float64: the greatest
+    singular value of each matrix.
     """
     a = pm.vecdot(steps[:, :, 0], steps[:, :, 0])
     b = pm.vecdot(steps[:, :, 0], steps[:, :, 1])

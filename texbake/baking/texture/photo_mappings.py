@@ -101,8 +101,10 @@ class CameraOcclusion:
         Rays start at the camera, or just outside the mesh if that is nearer, and end just before
         the point: whatever they hit hides it. Faces hide from either side.
 
-        `points` (n, 3) float64, in local units; `faces` (n,) int32; `seen_from` (4,) float64;
-        `slack` (n,) float64. Returns (n,) bool.
+        `points` (n, 3) float64, in local units; `faces` (n,) int32: faces that the points lie on,
+        which do not hide them; `seen_from` (4,) float64: a camera at (x, y, z, 1), or infinitely
+        far in the direction (x, y, z, 0); `slack` (n,) float64: surfaces nearer to a point than
+        this do not hide it. Returns (n,) bool.
         """
         towards = seen_from[:3] - seen_from[3] * points
         distances = np.sqrt(pm.vecdot(towards, towards))
@@ -131,7 +133,8 @@ class CameraMapping:
     are hidden, or that lie within a margin around the outline of what hides others have none:
     pixels on an outline mix the colors of both sides.
 
-    `matrix` (4, 4) float64: local space to (s, t, r, q); `margins` (float, float).
+    `matrix` (4, 4) float64: local space to (s, t, r, q); `margins`: width and height of the margin,
+    in the unit square of the photograph.
     """
 
     def __init__(

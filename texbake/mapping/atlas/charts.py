@@ -51,7 +51,8 @@ def gather_charts(
 ) -> Charts:
     """Combine the charts of parts of a mesh.
 
-    `mesh_faces` (F, 3) int32; `pieces` sequence of ((n,) int32, Charts).
+    `mesh_faces` (F, 3) int32; `pieces`: the faces (n,) int32 of each part, and their charts. Other
+    faces get no chart. `notes`: about the whole mesh; those of the parts follow.
     """
     faces = np.zeros_like(mesh_faces)
     face_ids = np.concatenate([face_ids for face_ids, _ in pieces])
@@ -89,7 +90,8 @@ def existing_charts(
 ) -> Charts:
     """Take the texture coordinates of a mesh as its charts, with their shapes and relative sizes.
 
-    `size` (int, int); `regions` (F,) int32: faces of different regions share no chart.
+    `size`: width and height, in texels, of the texture that the coordinates were made for;
+    `regions` (F,) int32: faces of different regions share no chart.
     """
     corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())

@@ -64,8 +64,9 @@ def side_pictures(
 ) -> FloatArray:
     """Project faces onto the sides of a box and arrange the six pictures in the texture.
 
-    `points` (F, 3, 3) float64; `sides` (F,) int; `half_size` (3,) float64. Returns (F, 3, 2)
-    float64: as `box` says.
+    `points` (F, 3, 3) float64: corners relative to the center of the box, +y up in the pictures;
+    `sides` (F,) int: 0 to 5 for +x, -x, +y, -y, +z, -z; `half_size` (3,) float64. Returns (F, 3, 2)
+    float64.
     """
     if options.overlap:
         size = np.ones(2)

@@ -47,9 +47,11 @@ _DECIMALS = 12
 
 
 def center_about_axis(mesh: Mesh, center: Vector | None, frame: FloatArray) -> FloatArray:
-    """(3,) float64: the given center; None for one on the axis of a prism, cone or pyramid.
+    """(3,) float64: the given center; for None, one on the axis of a prism, cone or pyramid.
 
-    `frame` (3, 3) float64: rows as `frame_about` returns them, the axis last. Returns (3,) float64.
+    `frame` (3, 3) float64: rows as `frame_about` returns them, the axis last. For None the middle
+    of the bounding box is moved across the axis to the center of the circle that all the outermost
+    corners lie on, if there is one around the others.
     """
     middle = center_of(mesh, center)
     if center is not None or mesh.n_faces == 0:

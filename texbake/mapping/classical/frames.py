@@ -56,7 +56,9 @@ class LocalPoints:
 def frame_about(axis: str | Vector) -> FloatArray:
     """Frame about an axis.
 
-    `axis` str or (x, y, z). Returns (3, 3) float64: rows e1, e2 and the axis; read-only.
+    `axis`: `x`, `y`, `z`, or a vector of any length above 0. The frame of a vector is that of the
+    nearest of x, y, z and their opposites, rotated onto it by the smallest rotation. Returns (3, 3)
+    float64: rows e1, e2 and the axis; read-only.
 
     Examples
     --------
@@ -80,7 +82,9 @@ def frame_about(axis: str | Vector) -> FloatArray:
 def upright_frame(normal: npt.ArrayLike) -> FloatArray:
     """Frame of an upright view of a plane.
 
-    `normal` (3,) float. Returns (3, 3) float64.
+    `normal` (3,) float: from the plane to the viewer, of any length above 0. Returns (3, 3)
+    float64: rows right, up and the normal. Up is as close to +y as the normal allows; seen from
+    above it is -z, and from below +z.
 
     Examples
     --------
@@ -166,8 +170,9 @@ def wrap_angles(
 ) -> WrappedAngles:
     """Angles of the corners of faces as a texture coordinate, s = (angle - a) / (b - a).
 
-    `points` (N, 3) float64; `faces` (F, 3) int32; `theta` (float, float): a and b, in degrees, not
-    equal; `polygons` (F,) int32.
+    `points` (N, 3) float64; `faces` (F, 3) int32; `theta`: a and b, in degrees, not equal; if b is
+    the smaller, s grows clockwise; `rounding`: points no farther than this from the axis lie on it;
+    `polygons` (F,) int32: a whole polygon is on one turn, unless it surrounds the axis.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)

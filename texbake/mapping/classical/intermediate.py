@@ -98,7 +98,7 @@ class Cylinder:
     """A cylinder about the axis, through the points farthest from it."""
 
     radius: float
-    # low, high: Least and greatest height of the mesh.
+    # low, high: least and greatest height of the mesh.
     low: float
     high: float
     # Heights that become t = 0 and t = 1; t is 0 if they are equal.
@@ -157,7 +157,8 @@ def surface_around(
 ) -> IntermediateSurface:
     """Make the surface that encloses a mesh.
 
-    `local`: vertices of the mesh, in the frame of the surface; `faces` (F, 3) int32.
+    `local`: vertices of the mesh, in the frame of the surface; `faces` (F, 3) int32. A mesh that
+    lies on the axis gets a cylinder as wide as the mesh is long.
     """
     points = local.points[faces.ravel()]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -189,7 +190,8 @@ def mapped_by_rays(
 ) -> Projected:
     """Map the corners of faces to where rays from them hit a surface.
 
-    `points`, `directions` (V, 3) float64; `faces` (F, 3) int32; `polygons` (F,) int32.
+    `points`, `directions` (V, 3) float64; `faces` (F, 3) int32; `polygons` (F,) int32. A polygon
+    with a ray that misses is mapped to the points of the surface nearest to its corners.
     """
     hits, missed = surface.hits(points, directions)
     lost = missed[faces].any(axis=1)

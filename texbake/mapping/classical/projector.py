@@ -70,8 +70,9 @@ def camera_matrix(
 ) -> FloatArray:
     """Matrix of a projector that stands where a preview is taken from.
 
-    `camera` (azimuth, elevation) or (azimuth, elevation, distance), in degrees and model units;
-    `fov`: vertical field of view in degrees. Returns (4, 4) float64.
+    `camera`: (azimuth, elevation) or (azimuth, elevation, distance), in degrees and model units;
+    `fov`: vertical field of view in degrees. Returns (4, 4) float64: model space to (s, t, r, q),
+    where r and q are the depth along the view in model units.
     """
     rows, away, center = _camera_rows(mesh, camera, fov)
     return np.column_stack([rows, pm.matmul(-rows, center + away)])
@@ -240,8 +241,9 @@ def mostly_hidden(
 
     Kernel: `core/ray_occlusion.c`.
 
-    `tree`, in a frame in which the mesh has about unit size; `face_ids` (n,) int; `seen_from` (4,)
-    float64. Returns (n,) bool: faces hide others from both sides. A face never hides itself, and a
+    `tree`: in a frame in which the mesh has about unit size; `face_ids` (n,) int: faces to test;
+    `seen_from` (4,) float64: a point (x, y, z, 1), or the direction (x, y, z, 0) toward a point at
+    infinity. Returns (n,) bool. Faces hide others from both sides. A face never hides itself, and a
     face without area hides nothing.
     """
     hidden = np.zeros(len(face_ids), dtype=bool)

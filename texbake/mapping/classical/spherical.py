@@ -48,8 +48,8 @@ def onto_sphere(
 ) -> Projected:
     """Longitudes and latitudes of the corners of faces.
 
-    `points` (N, 3) float64; `faces` (F, 3) int; `theta` (float, float): longitudes in degrees that
-    become s = 0 and s = 1; `polygons` (F,) int32.
+    `points` (N, 3) float64; `faces` (F, 3) int; `theta`: longitudes in degrees that become s = 0
+    and s = 1; `polygons` (F,) int32.
     """
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     t = latitude_coordinates(points, rounding)
@@ -65,7 +65,9 @@ def onto_sphere(
 def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
     """Latitudes as a texture coordinate, t = 1/2 + latitude / pi.
 
-    `points` (N, 3) float64. Returns (N,) float64, in [0, 1].
+    `points` (N, 3) float64; `rounding`: points no farther than this from the center have latitude
+    0; other points no farther than this from the axis are at a pole. Returns (N,) float64, in [0,
+    1].
     """
     x, y, height = points.T
     radius = pm.hypot(x, y)

@@ -146,9 +146,9 @@ def add_ambient(
 ) -> None:
     """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
 
-    `up`: up axis of the world: `y` or `z`; `normals` (n, 3) float32: unit vectors; `base` (n or 1,
-    3) float32; `share` (n or 1,) float32: unoccluded share of the ambient light; `light` (n, 3)
-    float32.
+    `up`: up axis of the world, `y` or `z`; `normals` (n, 3) float32: unit vectors; `base` (n or 1,
+    3) float32: base color; `share` (n or 1,) float32: unoccluded share of the ambient light;
+    `light` (n, 3) float32: added to in place.
     """
     two_sided = ambient.ground is not None and len(normals) > 0
     core.reflect_ambient(

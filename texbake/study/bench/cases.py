@@ -38,7 +38,7 @@ class BenchCase:
     """A pair of meshes and what is known of their surface."""
 
     name: str
-    # high, low: Float32 positions; the low-poly mesh has texture coordinates.
+    # high, low: float32 positions; the low-poly mesh has texture coordinates.
     high: Mesh
     low: Mesh
     reach: float  # how far rays start outside the low-poly mesh and end inside it, in model units
@@ -47,7 +47,7 @@ class BenchCase:
     build: Callable[[int], Mesh] | None = None
     # From points (n, 3) of `floor` to the exact ambient light there, from 0 to 1.
     openness: Callable[[FloatArray], FloatArray] | None = None
-    floor: int = 0  # faces of the low-poly mesh, its first, at which `openness` holds
+    floor: int = 0  # number of the first faces of the low-poly mesh, at which `openness` holds
 
     @cached_property
     def pair(self) -> StudyPair:
@@ -344,7 +344,7 @@ def own_case(high: Mesh, low: Mesh) -> BenchCase:
     """Return a case of a user's pair, as all programs can read it.
 
     Positions are rounded to float32 and normals are left out. The low-poly mesh is unwrapped if it
-    has no texture coordinates. Rays reach as far as texbake measures that they must.
+    has no texture coordinates. Ray distances are those that texbake measures.
     """
     for mesh in high, low:
         if degenerate_faces(mesh).all():

@@ -49,7 +49,7 @@ class Contest(Ranked):
     """One task on one case: all programs, all settings."""
 
     task: BenchTask
-    # case, subject, truth, truth_text: As in `BenchCase` and `Prepared`.
+    # case, subject, truth, truth_text: as in `BenchCase` and `Prepared`.
     case: str
     subject: str
     truth: str

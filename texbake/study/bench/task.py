@@ -31,7 +31,7 @@ class BenchTask:
     name: str
     title: str
     about: str  # what is done, in a sentence or two
-    # error, unit: What its error is, for the axes of plots.
+    # error, unit: what its error is, for the axes of plots.
     error: str
     unit: str
     # Writes the files into a folder; None if the task cannot be done, or judged, on the case.

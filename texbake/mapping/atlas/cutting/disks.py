@@ -27,7 +27,7 @@ class ChartLimits:
     """Limits that charts must keep."""
 
     l2: float  # largest stretch, unless dividing does not lower it
-    # length, area: A longer or larger chart is divided, unless it is nearly all there is.
+    # length, area: a longer or larger chart is divided, unless it is nearly the whole mesh
     length: float
     area: float
     total_area: float  # area of all charts
@@ -45,9 +45,10 @@ def disk_charts(
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
     """Flatten parts of a mesh, each in as few charts as the stretch allows.
 
-    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32; `lengths`
-    (F, 3) float64. Returns `pieces` list of ((m,) int32, Charts): faces of some parts, and their
-    charts; `left` (k,) int32: faces that could not be flattened, ascending.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32: indices
+    into `points`; `lengths` (F, 3) float64: from `step_lengths`. Returns `pieces`: faces (m,) int32
+    of some parts, and their charts; `left` (k,) int32: faces that could not be flattened,
+    ascending.
     """
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))

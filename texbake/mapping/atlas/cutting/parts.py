@@ -48,8 +48,9 @@ def divide_parts(
     """Divide the parts of a mesh that have too many faces.
 
     `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `opposite`
-    (3 F,) int32; `parts` (F,) int32; `polygons` (F,) int32. Returns (F,) int32: part of each face:
-    connected, and numbered from 0 without gaps; new parts come last.
+    (3 F,) int32; `parts` (F,) int32; `part_faces`: number of faces that new parts should have;
+    `whole_faces`: parts of at most so many faces stay whole; `polygons` (F,) int32. Returns (F,)
+    int32: part of each face: connected, and numbered from 0 without gaps; new parts come last.
     """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
@@ -118,8 +119,9 @@ def face_batches(
 ) -> list[IntArray]:
     """Divide some faces of a mesh into batches that xatlas cuts one at a time.
 
-    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32; `regions`
-    (F,) int32. Returns list of (n,) int32: faces of each batch, ascending.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32;
+    `part_faces`: number of faces that a batch should have; `regions` (F,) int32: faces of different
+    regions are in different batches. Returns the faces (n,) int32 of each batch, ascending.
     """
     pieces = connected_parts(part.opposite)
     labels = divide_parts(

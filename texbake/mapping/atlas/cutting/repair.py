@@ -54,7 +54,10 @@ def repair_charts(
 ) -> Charts | None:
     """Repair charts so that none is mirrored or overlaps itself.
 
-    `corners` (F, 3, 3) float64; `faces` (F, 3) int; `uvs` (T, 2) float; `chart_ids` (T,) int.
+    `corners` (F, 3, 3) float64: positions on the grid, in the unit cube; `faces` (F, 3) int:
+    indices into `uvs`; `uvs` (T, 2) float; `chart_ids` (T,) int: `NO_CHART` for coordinates without
+    a chart; `even`: give each chart the linear map that evens out its stretch, and the area of its
+    faces in space. Returns None if no face has an area.
     """
     solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
     if len(solid) == 0:

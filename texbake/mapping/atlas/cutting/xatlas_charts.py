@@ -56,10 +56,10 @@ def xatlas_charts(
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
     """Cut batches of faces into charts, each batch on its own.
 
-    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `batches`
-    sequence of (n,) int32; `timeout`: seconds after which xatlas is stopped on a batch. Returns
-    `pieces` list of ((n,) int32, Charts): faces and charts of each batch in which some face has an
-    area.
+    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `batches`:
+    faces (n,) int32 that are cut together; `timeout`: seconds after which xatlas is stopped on a
+    batch. Returns `pieces`: faces (n,) int32 and charts of each batch in which some face has an
+    area; `notes`: where xatlas failed and faces were cut by their normals instead.
     """
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
     parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together

@@ -38,7 +38,11 @@ def flatten(
 ) -> Flat | None:
     """Flatten a patch with the least symmetric Dirichlet energy that its start leads to.
 
-    `points` (n, 3) float64; `faces` (m, 3) int32; `start` (n, 2) float64.
+    `points` (n, 3) float64; `faces` (m, 3) int32: all with the same winding; `start` (n, 2)
+    float64: a layout to start from, by default a circle; ignored if a triangle is flipped or has no
+    area. `accuracy`: the iteration stops after a step that gains less than this share of the energy
+    above 4; `keep_apart`: also stop each step before the boundary crosses itself. Returns None if
+    the patch is not an oriented surface, or if it has no usable start and is no disk.
 
     Examples
     --------
@@ -60,7 +64,8 @@ def flatten(
 def measured(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | None:
     """Move a layout to the origin, give it its area in space, and measure it as `flatten` does.
 
-    `points` (n, 3) float64; `faces` (m, 3) int32; `uvs` (n, 2) float64.
+    `points` (n, 3) float64; `faces` (m, 3) int32; `uvs` (n, 2) float64. Returns None if the patch
+    is not an oriented surface, or if a triangle is flipped or has no area.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     faces = np.ascontiguousarray(faces, dtype=np.int32)

@@ -24,8 +24,9 @@ def relax_charts(
 ) -> Charts:
     """Give each chart the layout of least symmetric Dirichlet energy near its own.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32. Returns Charts: each has the area that its
-    faces have in space.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32. Returns charts with the area that their
+    faces have in space. A chart keeps its layout if relaxing does not lower its energy, raises its
+    stretch or makes it overlap itself.
     """
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))

@@ -43,7 +43,9 @@ def bound_charts(
 ) -> Charts:
     """Cut charts in two until no chart is stretched beyond a bound.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `polygons` (F,) int32.
+    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `max_stretch`: largest L2 stretch of a chart
+    at the scale that gives it its area in space; `polygons` (F,) int32: a polygon is cut only if
+    its own chart would be stretched more.
     """
     solid = charts.solid
     if not solid.any():

@@ -47,7 +47,7 @@ class Merger:
     """Two pieces flattened as one."""
 
     piece: ChartPiece  # the joined piece
-    # excess, waste: What it adds to the sum of the two; see `Allowance`.
+    # excess, waste: what it adds to the sum of the two; see `Allowance`.
     excess: float
     waste: float
     share: float  # length along which they are glued, as a share of the shorter border
@@ -64,7 +64,8 @@ def find_merger(
 ) -> Merger | None:
     """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
 
-    `opposite` (3 F,) int32.
+    `opposite` (3 F,) int32: from `opposite_half_edges`. Returns None if they do not meet, or cannot
+    be flattened together without flips or overlaps.
     """
     if one.area < other.area:
         one, other = other, one

@@ -239,7 +239,10 @@ def place_charts(
 
     Kernel: `core/bottom_left.c`.
 
-    `order` (N,) int32.
+    `order` (N,) int32: charts in the order in which they are placed, not necessarily all;
+    `all_or_nothing`: stop at the first chart that finds no place; `hurry`: 1 starts the search for
+    a chart where the last one of about the same size was placed, 2 does so for up to twice the size
+    and tries two quarter turns only.
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)

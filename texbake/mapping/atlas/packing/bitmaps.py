@@ -18,7 +18,7 @@ LongArray = npt.NDArray[np.int64]
 class PackingGrid:
     """The cells of a texture inside its borders, and how far apart charts are kept on them."""
 
-    # width, height: Number of columns and rows.
+    # width, height: number of columns and rows.
     width: int
     height: int
     cell: int  # texels along the side of a cell
@@ -67,7 +67,9 @@ def rasterize_charts(
     """Find the cells that each chart touches in each of its poses.
 
     `corners` (F, 3, K, 2) float64; `face_charts` (F,) int32; `low`, `extents` (C, K, 2) float64;
-    `scale`: cells per unit.
+    `scale`: cells per unit; `margin`: cells by which faces are enlarged. From 0 up, every cell that
+    the enlarged chart touches is marked; from -0.5 up, cells whose centers lie within `margin +
+    0.5` of it along both axes.
 
     A chart without any marked cell takes one.
 

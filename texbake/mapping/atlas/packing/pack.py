@@ -111,9 +111,10 @@ def pack_charts(
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
 
-    `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size` (int, int): texels in
-    a row, and rows; `tile_groups` (C,) int32; `density`: texels per model unit; `unit`: model units
-    per unit of `uvs`.
+    `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size`: texels in a row, and
+    rows; `tiles`: number of textures, for each group if there are groups; `tile_groups` (C,) int32;
+    `density`: texels per model unit, None for the largest that fits; `unit`: model units per unit
+    of `uvs`.
     """
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)

@@ -66,8 +66,10 @@ def separate(
 
     Kernel: `core/guided_local_search.c`.
 
-    `places` (C, 3) int32; `weights` (C, C) int32; `size` (int, int). Returns `places` (C, 3) int32:
-    the places of least overlap that were found.
+    `places` (C, 3) int32: column, row and orientation of each chart; `weights` (C, C) int32: from
+    `pair_weights`; `size`: columns and rows of the grid. Returns `places` (C, 3) int32: those of
+    least overlap that were found; `overlap`: cells in which charts overlap there; `work`: steps of
+    work.
     """
     best_places = places.copy()
     work = np.empty(1, dtype=np.int64)

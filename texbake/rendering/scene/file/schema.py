@@ -170,7 +170,8 @@ NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 def _angles(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) not in (2, 3) or not all(map(is_number, value)):
         raise validation_error(
-            f"{format_value(value)} is not [azimuth, elevation] nor with a distance as third"
+            f"{format_value(value)} is neither [azimuth, elevation] nor "
+            "[azimuth, elevation, distance]"
         )
     if len(value) == 3 and not value[2] > 0:
         raise validation_error(f"{format_value(value)} has a distance that is not above 0")
