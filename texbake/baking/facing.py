@@ -58,8 +58,8 @@ def face_outwards(
 
 def _share_against(scenes: BakeScenes, low: Mesh, kind: str, threads: int | None) -> float:
     """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
-    look = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
-    out, into = look.out, look.into
+    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
+    out, into = probe.out, probe.into
     distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
     # A ray that goes out meets a surface from behind, one that goes in from the front.
     is_out = distances[0] < distances[1]

@@ -77,14 +77,14 @@ def measure_ray_distances(
     high: Mesh | StreamedMesh,
     low: Mesh,
     frame: LocalFrame,
-    look: RayProbe,
+    probe: RayProbe,
     *,
     threads: int | None = None,
 ) -> CornerRayDistances:
     """Measure how far rays must reach at each vertex of a low-poly mesh."""
     of_faces = np.zeros((low.n_faces, 2))
     _add_high(of_faces, high, low, frame, threads)
-    _add_low(of_faces, look)
+    _add_low(of_faces, probe)
     sides = _sides(low)
     for _ in range(2):  # the faces around a vertex, then those around its neighbors
         distances = np.zeros((int(sides.max()) + 1, 2))
@@ -147,13 +147,13 @@ def _normals(triangles: FloatArray) -> FloatArray:
     return np.cross(second - first, third - first)
 
 
-def _add_low(of_faces: FloatArray, look: RayProbe) -> None:
+def _add_low(of_faces: FloatArray, probe: RayProbe) -> None:
     """Raise the distances of faces to what the rays of their points met first."""
     # On its way out a ray meets the surface from behind, on its way in from the front.
     distances = [
         np.where((hits.faces != NO_HIT) & (hits.passed_back == is_behind), hits.distances, np.inf)
-        for hits, is_behind in ((look.out, True), (look.into, False))
+        for hits, is_behind in ((probe.out, True), (probe.into, False))
     ]
     is_out = distances[0] < distances[1]
     for side, chosen in enumerate((is_out, ~is_out & np.isfinite(distances[1]))):
-        np.maximum.at(of_faces[:, side], look.faces[chosen], distances[side][chosen])
+        np.maximum.at(of_faces[:, side], probe.faces[chosen], distances[side][chosen])

@@ -70,7 +70,7 @@ class BakeScenes:
     occluders: RayScene | None = None
     n_points: int = _LOW_POINTS  # points of the low-poly mesh at which distances are measured
     _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
-    _looks: dict[str, RayProbe] = field(default_factory=dict, init=False, repr=False)
+    _probes: dict[str, RayProbe] = field(default_factory=dict, init=False, repr=False)
     _reaches: dict[str, CornerRayDistances] = field(default_factory=dict, init=False, repr=False)
     _tree: TriangleTree | None = field(default=None, init=False, repr=False)
     _low_scene: RayScene | None = field(default=None, init=False, repr=False)
@@ -109,10 +109,10 @@ class BakeScenes:
         if key not in self._extents:
             measured = []
             for kind in kinds:
-                extent, look = _measured(self.high, low, kind, self.n_points, threads)
+                extent, probe = _measured(self.high, low, kind, self.n_points, threads)
                 measured.append(extent)
                 if low is self.low:
-                    self._looks[kind] = look
+                    self._probes[kind] = probe
             self._extents[key] = RayExtent(
                 max(extent.front for extent in measured), max(extent.back for extent in measured)
             )
@@ -122,14 +122,14 @@ class BakeScenes:
         """How far rays of a kind reach at each vertex of the low-poly mesh; measured once."""
         if kind not in self._reaches:
             extent = self.extent(self.low, (kind,), threads)
-            look = self._looks.get(kind)
+            probe = self._probes.get(kind)
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
-            if look is None or n_points > len(look.faces):
+            if probe is None or n_points > len(probe.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
                 n_points = max(n_points, self.n_points)
-                look = probe_both_ways(self.high, self.low, kind, n_points, limit, threads)
+                probe = probe_both_ways(self.high, self.low, kind, n_points, limit, threads)
             self._reaches[kind] = measure_ray_distances(
-                self.high.source, self.low, self.frame, look, threads=threads
+                self.high.source, self.low, self.frame, probe, threads=threads
             )
         return self._reaches[kind]
 
@@ -194,22 +194,22 @@ def _measured(
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
     out_high, in_high = _from_high(scene, low, _spread_points(scene.source), threads)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-    look = probe_both_ways(scene, low, kind, n_points, limit, threads)
-    if ((look.out.faces == NO_HIT) & (look.into.faces == NO_HIT)).any():
+    probe = probe_both_ways(scene, low, kind, n_points, limit, threads)
+    if ((probe.out.faces == NO_HIT) & (probe.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
         out_mid, in_mid = _from_high(scene, low, _middles(scene.source), threads)
         if max(out_mid, in_mid) > max(out_high, in_high):
             out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
             limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-            look = probe_both_ways(scene, low, kind, n_points, limit, threads)
-    out_low, in_low = _from_low(look)
+            probe = probe_both_ways(scene, low, kind, n_points, limit, threads)
+    out_low, in_low = _from_low(probe)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(
         float(scene.frame.length_to_model(front * MARGIN + LEAST_EXTENT)),
         float(scene.frame.length_to_model(back * MARGIN + LEAST_EXTENT)),
     )
-    return extent, look
+    return extent, probe
 
 
 def _from_high(
@@ -249,9 +249,9 @@ def _middles(high: Mesh | StreamedMesh) -> FloatArray:
     return np.concatenate([*edges, (first + second + third) / 3.0])
 
 
-def _from_low(look: RayProbe) -> tuple[float, float]:
+def _from_low(probe: RayProbe) -> tuple[float, float]:
     """Greatest distance out and in along rays to the nearer high-poly surface."""
-    hits = look.out, look.into
+    hits = probe.out, probe.into
     out, into = (np.where(found.faces == NO_HIT, np.inf, found.distances) for found in hits)
     return (
         _greatest(out[(out < into) & np.isfinite(out)]),

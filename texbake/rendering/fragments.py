@@ -26,6 +26,8 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.rendering.rasterize import World
 from texbake.rendering.scene.material import Material
 
+Floats = npt.NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
 class FragmentRows:
@@ -33,9 +35,9 @@ class FragmentRows:
 
     faces: IntArray  # (n,): triangle of the world
     # (n, 2): column and row in pixels, (0, 0) at the upper left corner of the picture
-    places: npt.NDArray[np.float32]
+    places: Floats
     pixels: IntArray  # (n,): row and column of the pixel as one number, row * width + column
-    counts: npt.NDArray[np.float32]  # (n,): number of the pixel's samples that the fragment covers
+    counts: Floats  # (n,): number of the pixel's samples that the fragment covers
     # (O + 1,): fragments of object k are at starts[k] to starts[k + 1]
     starts: npt.NDArray[np.int64]
     # (rows * side, width * side): fragment of each sample, -1 where there is none
@@ -81,11 +83,11 @@ def weights_at(
     width: int,
     height: int,
     face_ids: IntArray,
-    places: npt.NDArray[np.float32],
+    places: Floats,
     *,
     affine: bool = False,
     wants_changes: bool = False,
-) -> tuple[FloatArray, npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+) -> tuple[FloatArray, npt.NDArray[np.bool_], Floats]:
     """Compute the barycentric weights of fragments.
 
     `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
@@ -106,7 +108,6 @@ def weights_at(
     return weights, back_facing, changes
 
 
-Floats = npt.NDArray[np.float32]
 # Sums over a pixel's samples stay far below the greatest float32, 3.4e38.
 BRIGHTEST = 1e30
 
@@ -128,7 +129,7 @@ class DrawnObject:
     base_faces: IntArray | None = None
     # (F, 3, 2): barycentric position of each corner on that face, as weights of its second and
     # third corner. They are multiples of a power of 1/2, hence exact.
-    base_weights: npt.NDArray[np.float32] | None = None
+    base_weights: Floats | None = None
     # normals, normal_faces: shading normals of the drawn triangles, if subdivided
     normals: FloatArray | None = None
     normal_faces: IntArray | None = None
@@ -142,8 +143,8 @@ class DrawnObject:
         return sum(array.nbytes for array in arrays if array is not None)
 
     def on_base(
-        self, faces: IntArray, weights: FloatArray, changes: npt.NDArray[np.float32]
-    ) -> tuple[IntArray, FloatArray, npt.NDArray[np.float32]]:
+        self, faces: IntArray, weights: FloatArray, changes: Floats
+    ) -> tuple[IntArray, FloatArray, Floats]:
         """Convert weights on drawn triangles, and their derivatives, to faces of `mesh`."""
         if self.base_faces is None or self.base_weights is None:
             return faces, weights, changes

@@ -13,6 +13,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
+from texbake.texture.cube_map import without_gaps
 from texbake.texture.encoding import decode_heights, decode_normals
 from texbake.texture.image import FloatImage, Image, read_header, read_image
 
@@ -121,7 +122,7 @@ def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
     pixels, name = _pixels_of(source, color=color)
     if pixels.ndim == 3 and pixels.shape[2] in (1, 2):
         pixels = np.repeat(pixels[..., :1], 3, axis=2)
-    return _finite(_channels(pixels, name, 3))
+    return without_gaps(_channels(pixels, name, 3))
 
 
 def data_from(source: MapSource, *, color: bool = False) -> FloatImage:
@@ -134,7 +135,7 @@ def channel_of(source: MapSource, channel: int, *, color: bool = False) -> Float
     pixels, name = _pixels_of(source, color=color)
     image = _channels(pixels, name, 1, cut=False)
     channel = min(channel, image.shape[2] - 1)
-    return _finite(np.ascontiguousarray(image[..., channel : channel + 1]))
+    return without_gaps(np.ascontiguousarray(image[..., channel : channel + 1]))
 
 
 def colors_and_opacity_from(
@@ -148,7 +149,7 @@ def colors_and_opacity_from(
     colors = colors_from(pixels)
     if pixels.shape[2] not in _WITH_OPACITY:
         return colors, None
-    return colors, _finite(np.ascontiguousarray(pixels[..., -1:], np.float32))
+    return colors, without_gaps(np.ascontiguousarray(pixels[..., -1:], np.float32))
 
 
 def _pixels_of(source: MapSource, *, color: bool) -> tuple[npt.NDArray[Any], str]:
@@ -156,12 +157,6 @@ def _pixels_of(source: MapSource, *, color: bool) -> tuple[npt.NDArray[Any], str
         return (source[..., None] if source.ndim == 2 else source), "texture"
     image = _read(source, color=color)
     return image.pixels, image.name
-
-
-def _finite(pixels: FloatImage) -> FloatImage:
-    """Replace NaN and infinities, which filters would spread, by 0."""
-    known = np.isfinite(pixels)
-    return pixels if known.all() else np.where(known, pixels, np.float32(0.0))
 
 
 def _read(source: PathLike | Image, *, color: bool) -> Image:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from texbake.rendering.scene.textures import (
 )
 from texbake.rendering.scene_simplification import SkippedEffect, lights_object
 
+AnyTexture = TypeVar("AnyTexture", bound=Texture)
 # Features of a material whose textures parallax moves.
 _MOVED = ("normal_map", "bump_map", "reflection", "refraction")
 
@@ -79,6 +81,11 @@ class RenderRequest:
     def lit(self) -> tuple[int, ...]:
         """Shaded objects whose material is lit."""
         return tuple(i for i in self.shaded if self.material(i).shading != "unlit")
+
+    @property
+    def with_normals(self) -> tuple[int, ...]:
+        """Objects whose normal and bump maps count: all that are shaded if normals are kept."""
+        return self.shaded if "normals" in self.keep else self.lit
 
     @cached_property
     def shining(self) -> tuple[int, ...]:
@@ -131,6 +138,12 @@ class RenderRequest:
     def textures(self, index: int) -> Iterator[tuple[str, Texture]]:
         """Textures that shading an object looks up, each with its place in the material."""
         yield from self._looked_up(index, (*_MOVED, "parallax"))
+
+    def textures_of(self, index: int, kind: type[AnyTexture]) -> Iterator[tuple[str, AnyTexture]]:
+        """Those of `textures` that are of a kind."""
+        for name, texture in self.textures(index):
+            if isinstance(texture, kind):
+                yield name, texture
 
     def _looked_up(self, index: int, features: Sequence[str]) -> Iterator[tuple[str, Texture]]:
         material = self.material(index)

@@ -107,7 +107,7 @@ class CubeMap:
 
 
 def without_gaps(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Replace values that are not finite by 0; return the same array if all are finite."""
+    """Replace NaN and infinities, which filters would spread, by 0; copy only if there are any."""
     finite = np.isfinite(values)
     return values if finite.all() else np.where(finite, values, np.float32(0.0))
 

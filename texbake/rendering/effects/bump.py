@@ -54,7 +54,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident
 from texbake.rendering.effects.normals import MESH_NORMALS
@@ -203,11 +203,6 @@ def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]
     )  # fmt: skip
 
 
-def _bump_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
-    among = "shaded" if "normals" in request.keep else "lit"
-    return for_each(among, _bump_reasons)(request)
-
-
 def _bump_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
     holder = request.material(index).bump_map
     if holder is not None and holder.form not in EMBOSS_FORMS:
@@ -311,7 +306,7 @@ EMBOSSED_SURFACES = Result(bump_surface)
 BUMP_MAP = Effect(
     name="bump map",
     does="tilts normals by the slope of a height",
-    activations=_bump_activations,
+    activations=for_each("with_normals", _bump_reasons),
     left_out="no lit material in the picture has a bump map",
     needs=_NEEDS,
     without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=False)),

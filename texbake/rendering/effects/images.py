@@ -81,19 +81,14 @@ class LoadedImage:
         return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
 
 
-def _images(request: RenderRequest, target: int) -> Iterator[tuple[str, ImageTexture]]:
-    for name, texture in request.textures(target):
-        if isinstance(texture, ImageTexture):
-            yield name, texture
-
-
 def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    return (f"{name} is an image" for name, _ in _images(request, index))
+    return (f"{name} is an image" for name, _ in request.textures_of(index, ImageTexture))
 
 
 def _needs(request: RenderRequest, target: int) -> Iterator[str]:
-    yield from {coordinates_effect(item.uv_set): None for _, item in _images(request, target)}
-    if any(request.wants_footprint(texture) for _, texture in _images(request, target)):
+    images = [image for _, image in request.textures_of(target, ImageTexture)]
+    yield from {coordinates_effect(image.uv_set): None for image in images}
+    if any(map(request.wants_footprint, images)):
         yield "derivatives"
 
 
@@ -115,7 +110,7 @@ def without_textures(kind: type, scene: Scene) -> Scene:
 
 def _load(state: RenderState, target: int) -> dict[str, LoadedImage]:
     found: dict[str, LoadedImage] = {}
-    for name, texture in _images(state.request, target):
+    for name, texture in state.request.textures_of(target, ImageTexture):
         others = (*state.results.all(LOADED_IMAGES).values(), found)
         found[name] = _load_shared(state, target, name, texture, others)
     return found
@@ -237,7 +232,7 @@ def wrap_of(uvs: FloatArray | None) -> str:
 
 
 def _mip_reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    for name, texture in _images(request, index):
+    for name, texture in request.textures_of(index, ImageTexture):
         kind = request.filter_of(texture)
         if kind in FILTERS_WITH_LEVELS:
             yield f"{name} is filtered {kind}"

@@ -27,7 +27,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
@@ -84,10 +84,6 @@ NORMALS = Effect(
     shade=_interpolate,
     rate="vertex",
 )
-
-
-def _map_activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
-    return for_each("shaded" if "normals" in request.keep else "lit", _map_reasons)(request)
 
 
 def _map_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
@@ -161,7 +157,7 @@ NORMAL_MAP = Effect(
     name="normal map",
     does="takes normals from an image",
     material_field="normal_map",
-    activations=_map_activations,
+    activations=for_each("with_normals", _map_reasons),
     left_out="no lit material in the picture has a normal map",
     needs=("images", _frames_for_map),
     shade=_look_up_normals,

@@ -124,18 +124,13 @@ def vertex_colors(fragments: Fragments) -> Floats:
     return np.asarray(pm.vecmat(weights, corners), np.float32)
 
 
-def _procedures(request: RenderRequest, index: int) -> Iterator[tuple[str, ProcedureTexture]]:
-    for name, texture in request.textures(index):
-        if isinstance(texture, ProcedureTexture):
-            yield name, texture
-
-
 def _procedure_reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    return (f"{name} is {texture.procedure}" for name, texture in _procedures(request, index))
+    for name, texture in request.textures_of(index, ProcedureTexture):
+        yield f"{name} is {texture.procedure}"
 
 
 def _procedures_need(request: RenderRequest, target: int) -> Iterator[str]:
-    for _, texture in _procedures(request, target):
+    for _, texture in request.textures_of(target, ProcedureTexture):
         if texture.space == "uv":
             yield coordinates_effect(texture.uv_set)
         if request.wants_footprint(texture):
