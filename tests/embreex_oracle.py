@@ -125,9 +125,6 @@ class EmbreexScene:
     def cast_band(self, rays, places, *, cull_back_faces):
         return self.cast(rays, cull_back_faces=cull_back_faces)
 
-    def prepare_domes(self):
-        return self
-
     def _cast_once(self, rays, chosen, starts, hits, cull):
         """Cast the chosen rays from their starts on; return those that must go on."""
         directions = rays.directions[chosen]

@@ -2,12 +2,11 @@
 
     python tests/benchmarks/bench_rays.py [--peer FOLDER] [--triangles N ...] [--sizes S ...]
 
-A displaced sphere is cast onto about 512 triangles, one ray a texel. Each program runs in a process
-of its own; what is measured is its processor time, user and system, from both meshes in memory to
-all hits. The rounds of both take turns, and the least of each counts. `--peer` is a folder with a
-checkout at or before 461a4e9, where Embree's tree found the hits in float32, and rays close to an
-edge had a second look; with it, the last columns are the share of the rays that hit the same face,
-and the old time over the new. Prints a table in Markdown.
+A displaced sphere is cast onto about 512 triangles, one ray per texel. Each program runs in a
+process of its own; what is measured is its processor time, user and system, from both meshes in
+memory to all hits. The rounds of both take turns, and the least of each counts. `--peer` is a
+folder with an older checkout; with it, the last columns are the share of the rays that hit the same
+face, and the old time over the new. Prints a table in Markdown.
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from texbake.baking.texels import SampleGrid, owned_samples, rasterize_uv, snap_
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.shapes import uv_sphere
 from texbake.parallel import run_bands
+from texbake.raycast.scene import RayScene
 
 side, size, out = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 
@@ -39,40 +39,18 @@ def samples_of(low, size):
     faces = snap_uvs(low, grid)
     return owned_samples(rasterize_uv(faces, grid)[0], faces, grid, 0), grid
 
-def cast_old(high, frame, field, samples, grid, clock):
-    from texbake.raycast.exact_hits import drop_uncertain_hits, retry_misses
-    from texbake.raycast.scene import RayScene
-    scene = RayScene.build(high, frame)
-    tree = clock()
-    rays = field.rays(samples)
-    found = scene.cast(rays)
-    drop_uncertain_hits(found, rays, high, frame, None)
-    lost = found.faces == -1
-    if lost.any():
-        again = retry_misses(rays.where(lost), high, frame, cull_back_faces=True)
-        for mine, theirs in zip(found.arrays(), again.arrays(), strict=True):
-            mine[lost] = theirs
-    return found.faces, tree
-
-def cast_new(high, frame, field, samples, grid, clock):
-    from texbake.raycast.scene import RayScene
+def cast(high, frame, field, samples, grid, clock):
     scene = RayScene.build(high, frame)
     tree = clock()
     field.layout
     faces = np.empty(len(samples), dtype=np.int32)
-    def cast(start, stop):
+    def cast_some(start, stop):
         some = samples.where(slice(start, stop))
         rays = field.rays(some, threads=1)
         found = scene.cast_band(rays, field.places(some, grid), cull_back_faces=True)
         faces[start:stop] = found.faces
-    run_bands(cast, len(samples), band=1 << 14)
+    run_bands(cast_some, len(samples), band=1 << 14)
     return faces, tree
-
-try:
-    import texbake.raycast.exact_hits
-    cast = cast_old
-except ImportError:
-    cast = cast_new
 
 low = uv_sphere(16, 17)
 def run(side, size):

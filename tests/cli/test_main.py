@@ -179,9 +179,6 @@ def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
     assert done.stderr == ""
 
 
-BAKES = "normals", "displacement", "lightmap", "texture"
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

@@ -10,10 +10,8 @@ from catalog.geometry import GEOMETRY
 from catalog.texture_space import TEXTURE_SPACE
 from invariance import mesh_commands, texture_commands
 from invariance.changes import (
-    CHANGES,
     CORNERS,
     FACES,
-    KINDS,
     MIRROR,
     PLACE,
     QUARTER,
@@ -198,6 +196,3 @@ def faults_of(
 
 def _shown(found: Outcome) -> str:
     return found.message if isinstance(found, Refusal) else "a result"
-
-
-__all__ = ["CHANGES", "COMMANDS", "KINDS", "MESHES", "faults_of", "reason_of"]
