@@ -16,7 +16,7 @@ from texbake.mesh.weld import weld_rows
 
 
 def opposite_of(faces: IntArray) -> IntArray:
-    return opposite_half_edges(faces, solid=np.ones(len(faces), dtype=bool))
+    return opposite_half_edges(faces)
 
 
 def divided(mesh: Mesh, part_faces: int) -> tuple[IntArray, IntArray]:

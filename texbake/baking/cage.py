@@ -305,7 +305,7 @@ def _vertex_points(
     points = frame.to_local(high.positions[np.unique(high.faces)])
     tree = TriangleTree.build(positions, faces, threads=threads)
     distances, closest, weights = tree.closest_points(points, threads=threads)
-    opposite = opposite_half_edges(faces, solid=np.ones(len(faces), dtype=np.bool_))
+    opposite = opposite_half_edges(faces)
     owners = np.empty(len(points), dtype=np.int32)
     heights = np.empty(len(points))
     exact = np.empty(len(points), dtype=np.bool_)

@@ -30,22 +30,26 @@ def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integ
 def opposite_half_edges(
     corners: IntArray,
     *,
-    solid: npt.NDArray[np.bool_],
+    solid: npt.NDArray[np.bool_] | None = None,
     regions: IntArray | None = None,
     polygons: IntArray | None = None,
 ) -> IntArray:
     """The half-edge opposite to each, across which the surface continues.
 
-    `corners` (F, 3) int32; `solid` (F,) bool; `regions` (F,) int32; `polygons` (F,) int32. Returns
-    (3 F,) int32.
+    `corners` (F, 3) int32: equal at one place; `solid` (F,) bool: faces to consider, by default
+    all; `regions` (F,) int32: faces of different ones are no neighbors; `polygons` (F,) int32:
+    triangles of one are neighbors even where other faces meet there. Returns (3 F,) int32: -1 at
+    the boundary, and where more than two faces meet, or two of opposite winding.
 
     Examples
     --------
     >>> square = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    >>> opposite_half_edges(square, solid=np.array([True, True])).tolist()
+    >>> opposite_half_edges(square).tolist()
     [-1, -1, 3, 2, -1, -1]
     """
     opposite = np.full(3 * len(corners), -1, dtype=np.int32)
+    if solid is None:
+        solid = np.ones(len(corners), dtype=np.bool_)
     if not solid.any():
         return opposite
     half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()

@@ -223,7 +223,7 @@ def _meetings(moments: FloatArray, pulls: FloatArray) -> tuple[FloatArray, npt.N
 def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
     """Flip edges between two faces whose opposite corners lie on a sharp edge, once per face."""
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    opposite = _opposite_half_edges(faces)
+    opposite = opposite_half_edges(faces)
     one = np.flatnonzero(np.arange(len(opposite)) < opposite)
     other = opposite[one]
     across = [faces[e // 3, (e % 3 + 2) % 3] for e in (one, other)]
@@ -264,7 +264,3 @@ def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
     corners = positions[faces]
     sides = corners[..., 1:, :] - corners[..., :1, :]
     return np.asarray(np.cross(sides[..., 0, :], sides[..., 1, :]))
-
-
-def _opposite_half_edges(faces: IntArray) -> IntArray:
-    return opposite_half_edges(faces, solid=np.ones(len(faces), dtype=np.bool_))

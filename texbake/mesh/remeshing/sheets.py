@@ -135,7 +135,7 @@ def _is_behind(
     _, face_ids, weights = tree.closest_points(points, max_distance=limit, threads=threads)
     corners = tree.positions[tree.faces]
     normals = unit_normals(corners)
-    opposite = opposite_half_edges(tree.faces, solid=np.ones(len(tree.faces), dtype=np.bool_))
+    opposite = opposite_half_edges(tree.faces)
     across = np.where(opposite[:, None] < 0, 0.0, normals[opposite // 3]).reshape(-1, 3, 3)
     at_vertices = smooth_normals(Mesh(positions=tree.positions, faces=tree.faces), threads=threads)
     n_zero = (weights < _ZERO).sum(axis=1)
@@ -320,7 +320,7 @@ def _without_notches(
     while True:
         tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
         edges = np.minimum(tails, heads).astype(np.int64) * n + np.maximum(tails, heads)
-        is_open = opposite_half_edges(faces, solid=np.ones(len(faces), dtype=np.bool_)) < 0
+        is_open = opposite_half_edges(faces) < 0
         tails, heads = tails[is_open], heads[is_open]
         before = np.zeros(n, dtype=np.int32)
         before[heads] = tails

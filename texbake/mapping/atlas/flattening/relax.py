@@ -86,7 +86,7 @@ def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> C
         ]
     )
     joints = weld_rows(rows).reshape(-1, 3)
-    opposite = opposite_half_edges(joints, solid=np.ones(len(joints), dtype=np.bool_))
+    opposite = opposite_half_edges(joints)
     glued = np.flatnonzero(opposite >= 0).astype(np.int32)
     parts = merged_labels(len(joints), glued // 3, opposite[glued] // 3)
     _, first_faces = np.unique(parts, return_index=True)
