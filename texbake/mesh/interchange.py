@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, warn_of
+from texbake.errors import MeshError, counted, warn_of
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.mesh import IntArray, Mesh
@@ -150,8 +150,8 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
     if not parts:
         raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
     if n_projective:
-        noun = "matrix" if n_projective == 1 else "matrices"
-        warn_of(name, f"left out the projective row of {n_projective:,} {noun}")
+        matrices = counted(n_projective, "matrix", "matrices")
+        warn_of(name, f"left out the projective row of {matrices}")
     return join_parts(parts, name)
 
 

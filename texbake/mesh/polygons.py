@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import warn_of
+from texbake.errors import counted, warn_of
 from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -70,15 +70,15 @@ def triangulated(
     if (sizes == 3).all():
         return np.arange(len(vertices)).reshape(-1, 3), polygon_of_triangles(sizes)
     if n_short := np.count_nonzero(sizes < 3):
-        noun = "face" if n_short == 1 else "faces"
-        warn_of(path, f"left out {n_short:,} {noun} with fewer than three corners")
+        n_faces = counted(int(n_short), "face")
+        warn_of(path, f"left out {n_faces} with fewer than three corners")
     if len(positions) == 0:
         positions = np.zeros((1, 3))
     known = np.clip(vertices, 0, len(positions) - 1).astype(np.int32)
     triangles, polygons, is_crossed = cut_polygons(positions, known, sizes)
     if n_crossed := np.count_nonzero(is_crossed):
-        noun = "face crosses itself" if n_crossed == 1 else "faces cross themselves"
-        warn_of(path, f"{n_crossed:,} {noun}; the triangles overlap or fold there")
+        crossed = counted(int(n_crossed), "face crosses itself", "faces cross themselves")
+        warn_of(path, f"{crossed}; the triangles overlap or fold there")
     return triangles, polygons
 
 
@@ -117,11 +117,11 @@ class Outlines:
     def warn(self, path: PathLike) -> None:
         """Warn if polygons are written as triangles."""
         if self.n_split:
-            noun = "polygon is" if self.n_split == 1 else "polygons are"
+            split = counted(self.n_split, "polygon is", "polygons are")
             warn_of(
                 path,
-                f"{self.n_split:,} {noun} written as triangles, since a seam crosses them or faces "
-                "of them are missing",
+                f"{split} written as triangles, since a seam crosses them or faces of them are "
+                "missing",
             )
 
 

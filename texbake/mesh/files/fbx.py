@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, MeshError, quoted, warn_of
+from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts, transformed
@@ -209,9 +209,8 @@ class _GeometryReader:
         if is_bad.any():
             polygon_of = np.repeat(np.arange(len(self.sizes)), self.sizes)
             bad[polygon_of[is_bad]] = True
-            n_bad = int(np.count_nonzero(bad))
-            noun = "face" if n_bad == 1 else "faces"
-            warn_of(self.where, f"left out {n_bad:,} {noun} with corners that are not vertices")
+            n_bad = counted(int(np.count_nonzero(bad)), "face")
+            warn_of(self.where, f"left out {n_bad} with corners that are not vertices")
         layer = self.node.child("LayerElementHole")
         if layer is not None:
             holes = _integers(layer.numbers("Hole"))[: len(bad)]

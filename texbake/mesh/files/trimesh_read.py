@@ -20,7 +20,7 @@ from zipfile import ZipFile, is_zipfile
 import numpy as np
 
 from texbake.child import LIMITS
-from texbake.errors import FileFormatError, MeshError, one_line, warn_of
+from texbake.errors import FileFormatError, MeshError, counted, one_line, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unused
 from texbake.mesh.files.reader_process import read_in_child
@@ -51,8 +51,8 @@ def mesh_of_trimesh(path: PathLike) -> Mesh:
     broken = _record_geometries(primitives) if suffix in (".dae", ".zae") else []
     scene = _load(path, suffix)
     if broken:
-        noun = "geometry" if len(broken) == 1 else "geometries"
-        warn_of(path, f"left out {len(broken):,} damaged {noun}: {one_line(broken[0])}")
+        n_broken = counted(len(broken), "damaged geometry", "damaged geometries")
+        warn_of(path, f"left out {n_broken}: {one_line(broken[0])}")
     _check_positions(path, primitives)
     if suffix == ".3mf":
         _require_all_objects(path, scene)
@@ -195,7 +195,7 @@ def _welded(mesh: Mesh) -> Mesh:
 def _welded_values(
     faces: IntArray, values: FloatArray, corners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Values of which a vertex has no two equal ones, and the corners as indices into them."""
+    """Return the distinct values of each vertex, and the corners as indices into them."""
     rows = np.concatenate([faces.reshape(-1, 1), values[corners.ravel()]], axis=1)
     kept, ids = unique_rows(rows)
     return rows[kept, 1:], ids.reshape(-1, 3)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from texbake.errors import warn_of
+from texbake.errors import counted, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
@@ -71,21 +71,24 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
     if (note := _pose_note(counts)) is not None:
         warn_of(scene.path, note)
     if (n := counts[_NURBS]) > 0:
-        warn_of(scene.path, f"left out {_counted(n, _NURBS)}; only polygons are read")
+        warn_of(scene.path, f"left out {counted(n, _NURBS)}; only polygons are read")
     meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
     cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
     warn_of_cages(scene.path, cages)
     shown = {item.key for placed in models for item in model_geometry(scene, placed.model)}
     if hidden := len(set(meshes) - shown):
-        warn_of(scene.path, f"left out {_counted(hidden, 'hidden mesh')}")
+        warn_of(scene.path, f"left out {counted(hidden, 'hidden mesh', 'hidden meshes')}")
 
 
 def warn_of_cages(path: PathLike, n: int) -> None:
     """Warn of subdivision surfaces that are not subdivided."""
     if n:
-        are = "is read as its control mesh" if n == 1 else "are read as their control meshes"
-        surfaces = _counted(n, "subdivision surface")
-        warn_of(path, f"{surfaces} {are}; subdivide with: texbake convert --subdivide 2")
+        surfaces = counted(
+            n,
+            "subdivision surface is read as its control mesh",
+            "subdivision surfaces are read as their control meshes",
+        )
+        warn_of(path, f"{surfaces}; subdivide with: texbake convert --subdivide 2")
 
 
 def _is_subdivided(item: FbxObject) -> bool:
@@ -128,9 +131,4 @@ def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
 
 
 def _named(counts: Mapping[str, int]) -> tuple[str, ...]:
-    return tuple(_counted(n, noun) for noun, n in counts.items() if n)
-
-
-def _counted(n: int, noun: str) -> str:
-    """Return a count with its noun, such as `2 skins`."""
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}{'es' if noun.endswith('sh') else 's'}"
+    return tuple(counted(n, noun) for noun, n in counts.items() if n)
