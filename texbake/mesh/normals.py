@@ -60,7 +60,8 @@ def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
 
     Vertices that a file split at a seam keep apart here; see `smooth_normals`.
 
-    Returns (V, 3) float64.
+    Returns (V, 3) float64: where the normals of the faces cancel, that of the first face with area;
+    0 where no face has area.
     """
     return _angle_weighted(mesh.positions, mesh.faces, threads)
 
@@ -72,7 +73,7 @@ def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     and -0.0 are equal) get bit-equal normals, whatever seams and hard edges the file has. Objects
     that touch have normals of their own; see `texbake.mesh.objects`.
 
-    Returns (V, 3) float64: as `vertex_normals` for special cases.
+    Returns (V, 3) float64: where faces cancel or have no area, as `vertex_normals`.
     """
     firsts = weld_vertices(mesh, threads=threads)
     if np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32)):
@@ -135,8 +136,8 @@ def weighted_normals(
     """Angle-weighted unit normals, each of the corners that share it.
 
     `positions` (V, 3) float64; `faces` (F, 3) int32; `rows` (F, 3) int32. Returns (n_normals, 3)
-    float64: summed over faces in their order, in bands of normals; as `vertex_normals` for special
-    cases.
+    float64: summed over faces in their order; where faces cancel or have no area, as
+    `vertex_normals`.
     """
     normals = np.zeros((n_normals, 3))
     scale = _position_scale(positions)

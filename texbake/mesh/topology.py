@@ -220,6 +220,9 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     Vertices at the same position count as one, so that seams in a file do not open a surface. Takes
     one pass over the faces, without building edges.
 
+    Returns `front` for a closed surface whose faces point outwards, `back` for one that is inside
+    out, and `both` for one that is open or has neighbors that point to opposite sides.
+
     Kernel: `core/hashed_edges.c`.
 
     Examples
@@ -256,7 +259,10 @@ def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
 
 
 def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
-    """Number of handles of a closed surface, summed over its components."""
+    """Number of handles of a closed surface, summed over its components; None for other surfaces.
+
+    Faces must be oriented consistently, and those at a vertex must be one fan.
+    """
     if not edges.closed or edges.misoriented.any():
         return None
     kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)

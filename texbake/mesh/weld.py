@@ -95,8 +95,8 @@ def without_copies(
 
     Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
 
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int; `codes` (n,) uint64. Returns
-    (n,) bool.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int: faces, sorted by their codes;
+    `codes` (n,) uint64: equal for faces with the same corners. Returns (n,) bool.
     """
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:

@@ -18,7 +18,7 @@ def image_codes(
     """Decode an image without turning sRGB into linear values.
 
     `is_color`: whether floats, which are linear, become sRGB codes. Returns `pixels` (H, W, C)
-    float32: codes, scaled to [0, 1].
+    float32: codes, scaled to [0, 1]; `bits` per channel that hold them, 8 or 16.
     """
     found = decode_image(image.data, image.name, color=False, threads=threads)
     pixels = found.pixels

@@ -143,9 +143,8 @@ class CubeConversion:
     """Result of `convert_cube`."""
 
     files: tuple[Path, ...]  # the files written
-    # source_layout, layout: Layouts of the source and of the output: `latlong`, `cross` or `faces`.
-    source_layout: str
-    layout: str
+    source_layout: str  # `latlong`, `cross` or `faces`
+    layout: str  # that of the output, likewise
     size: int  # side of a face, or height of a latlong, in texels
     clipped: float  # share of the values that were clipped to the range of the file format
 

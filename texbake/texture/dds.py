@@ -32,9 +32,8 @@ class BlockFormat:
 
     channels: int  # number of channels that the format stores: the first 1, 2, 3 or 4
     block_bytes: int  # bytes per block of 4 x 4 texels
-    # dxgi, dxgi_srgb: Numbers in DXGI_FORMAT for data and for sRGB colors; 0 if there is none.
-    dxgi: int
-    dxgi_srgb: int
+    dxgi: int  # number in DXGI_FORMAT for data; 0 if there is none
+    dxgi_srgb: int  # and for sRGB colors
 
 
 BLOCK_FORMATS = {

@@ -106,7 +106,7 @@ def write_heights(
     bits: int | None = None,
     threads: int | None = None,
 ) -> tuple[float, float]:
-    """Write a height map.
+    """Write a height map; return its mid level and its scale.
 
     `heights` (H, W) float32: distances in model units.
     """

@@ -108,7 +108,7 @@ def push_pull(
 ) -> FloatImage:
     """Fill the texels outside `mask` smoothly from those inside it.
 
-    `values` (H, W, C) float32; `mask` (H, W) bool: texels to keep. Returns (H, W, C) float32: A new
+    `values` (H, W, C) float32; `mask` (H, W) bool: texels to keep. Returns (H, W, C) float32: a new
     array, bit-equal to `values` inside `mask`. If the mask is empty, it equals `values` everywhere.
     """
     level = np.array(values, np.float32)

@@ -88,7 +88,7 @@ def specular_levels(
     """Prefilter a cube map for specular reflections, with one level per roughness.
 
     `cube`: radiance by direction; `size`: side of a face of level 0 in texels. Returns CubeChain:
-    radiance by reflected direction.
+    radiance by reflected direction; level i is for roughness i / (n_levels - 1).
     """
     for name, value, least in (
         ("n_levels", n_levels, 1),
@@ -125,7 +125,8 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
 def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.float64]:
     """Sample the reflection lobe of a rough mirror that is seen along its normal.
 
-    Returns (n, 5) float64.
+    Returns (n, 5) float64: x, y, z, with the normal along z; the level of the source to read; the
+    weight.
     """
     points = hammersley(samples)
     alpha2 = roughness**4
@@ -173,7 +174,7 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
 
     A surface with the specular color F0 reflects the prefiltered light times F0 scale + bias.
 
-    Returns (size, size, 2) float32.
+    Returns (size, size, 2) float32: a row for each roughness, a column for each n·v. Read-only.
     """
     if size < 1:
         raise OptionError(f"size: {size} is too small; it must be at least 1")

@@ -75,8 +75,9 @@ def sample(
 ) -> npt.NDArray[np.float32]:
     """Sample an image at texture coordinates.
 
-    `uvs` (n, 2) float64; `derivatives` (n, 4) float32; `border` float or (C,). Returns (n, C)
-    float32; a constant image gives exactly its constant wherever the border is not read.
+    `uvs` (n, 2) float64; `derivatives` (n, 4) float32: du/dx, dv/dx, du/dy, dv/dy, the changes from
+    one pixel to the next; `border` float or (C,). Returns (n, C) float32; a constant image gives
+    exactly its constant wherever the border is not read.
     """
     if filter not in FILTERS:
         raise OptionError(
@@ -184,8 +185,8 @@ def mip_levels(
 ) -> npt.NDArray[np.float32]:
     """Return the mip level that `trilinear` filtering reads for each pixel.
 
-    `derivatives` (n, 4) float32; `width`, `height`: size of the finest level in texels. Returns
-    (n,) float32.
+    `derivatives` (n, 4) float32, as for `sample`; `width`, `height`: size of the finest level in
+    texels. Returns (n,) float32: negative where the image is magnified.
     """
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)

@@ -56,7 +56,7 @@ def height_range(
     """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
 
     `heights` (H, W) or (H, W, C) float32: signed distances in model units; `covered` (H, W) bool:
-    texels to take into account. Returns `scale` float: model units from black to white.
+    texels to take into account. The scale is in model units from black to white.
     """
     mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
     if not 0.0 <= mid <= 1.0:

@@ -126,10 +126,9 @@ class GltfTexture:
     is_nearest: bool = False  # whether a texel is one color up to its edges where it is magnified
     has_mip_levels: bool = True  # whether mip levels may be used where it is minified
     uv_set: int = 0  # number of the set of texture coordinates
-    # scale, rotation, offset: Of the texture coordinates, in this order, v down; the rotation in
-    # radians.
+    # The texture coordinates, v down, are scaled, then rotated, then moved.
     scale: tuple[float, float] = (1.0, 1.0)
-    rotation: float = 0.0
+    rotation: float = 0.0  # in radians
     offset: tuple[float, float] = (0.0, 0.0)
 
 

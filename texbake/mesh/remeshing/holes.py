@@ -26,12 +26,10 @@ class Loops:
 
     vertices: IntArray  # (n,) int32; those of each loop in turn
     sizes: Indices  # (m,) int64
-    # widths, lengths: (m,) float64; twice the distance of the farthest vertex from the mean of all,
-    # and along the edges.
+    # (m,) float64; twice the distance of the farthest vertex from the mean of all.
     widths: FloatArray
-    lengths: FloatArray
-    # (m,) int32; which separate part of the surface each belongs to, as `face_components` numbers
-    # them.
+    lengths: FloatArray  # (m,) float64; along the edges
+    # (m,) int32; the separate part of the surface that each bounds, as in `face_components`.
     parts: IntArray
 
     @classmethod

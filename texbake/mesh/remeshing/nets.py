@@ -33,7 +33,7 @@ class Nets:
 
     @property
     def n_handles(self) -> int:
-        """Of a closed surface: as many edges as two to a quad."""
+        """Handles of a closed surface, which has two edges for each quad."""
         halves = np.concatenate([self.quads[:, :3], self.quads[:, 1:]])
         n_parts = face_components(halves, len(self.positions))[1]
         return n_parts - (len(self.positions) - len(self.quads)) // 2

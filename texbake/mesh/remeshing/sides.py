@@ -155,11 +155,10 @@ class Filled:
 
     # (F, 3) int32; those of the surface, then those that fill holes; neighbors wind alike.
     faces: IntArray
-    # (F,) bool or None; those that fill small holes; None if no hole is filled.
+    # (F,) bool; which of them fill small holes; None if no hole is filled.
     smooth: BoolArray | None
-    # n_given, n_holes: Faces of the surface, and filled holes.
-    n_given: int
-    n_holes: int
+    n_given: int  # faces of the surface
+    n_holes: int  # holes that are filled
     rim: IntArray  # (n, 2) int32; edges of the boundary that is left
 
 

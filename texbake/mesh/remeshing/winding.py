@@ -18,7 +18,7 @@ from texbake.parallel import run_bands
 _CELL = 8.0
 _CLUSTERS, _POINTS = 1024, 1
 
-_SAMPLED = 32  # points whose work is foretold
+_SAMPLED = 32  # points by which the work is estimated
 _FAR = 4.0  # as in `core/winding_numbers.c`
 _COST_OF_CLUSTER = 0.2  # as a far cluster, in faces
 

@@ -114,9 +114,8 @@ class FileVertices:
 class VertexMarks:
     """Marks of some vertices, which number them in the order of the file."""
 
-    # bits, ranks: One bit for each vertex, and how many are set before each word of 64.
-    bits: Words
-    ranks: IntArray
+    bits: Words  # one bit for each vertex
+    ranks: IntArray  # how many bits are set before each word of 64
     vertices: IntArray  # (n,) int32; the marked ones, in ascending order
 
     @classmethod
