@@ -4,6 +4,7 @@ import json
 import shlex
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import click
@@ -15,7 +16,7 @@ from writing_commands import LINES, make_inputs
 
 from texbake import write_mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.verbs.verb import Reads, Verb, Writes, find_verb
+from texbake.verbs.verb import Options, Reads, Verb, Writes, find_verb
 
 VERBS = {name: verb for name in COMMANDS if (verb := find_verb(name)) is not None}
 Run = Callable[..., Result]
@@ -81,8 +82,8 @@ def test_help_is_listed_and_names_every_parameter(name: str) -> None:
     verb = VERBS[name]
     assert " ".join(verb.help.split("\n\n")[0].split()) == COMMANDS[name]
     parts = [part.name for part in (*verb.of_kind(Reads), *verb.of_kind(Writes))]
-    options = verb.parameters["options"].annotation if "options" in verb.parameters else ""
-    assert all(part in verb.parameters or options for part in parts)
+    options = {item.name for part in verb.of_kind(Options) for item in fields(part.kind)}
+    assert [part for part in parts if not verb.takes(part) and part not in options] == []
 
 
 @pytest.mark.parametrize("name", VERBS)
