@@ -16,17 +16,17 @@ from texbake.metadata import CONVENTION, SPACE, from_description
 from texbake.png import SIGNATURE, png_description
 
 
-def strip_triangles(indices: npt.NDArray[Any], restart: int = -1) -> npt.NDArray[Any]:
+def strip_triangles(indices: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """(F, 3) corners of triangle strips, all wound like the first of their strip.
 
-    `indices` (n,) integers.
+    `indices` (n,) integers; -1 begins another strip.
 
     Examples
     --------
     >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
     [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
     """
-    is_restart = indices == restart
+    is_restart = indices == -1
     starts = np.maximum.accumulate(np.where(is_restart, np.arange(1, len(indices) + 1), 0))
     i = np.arange(max(len(indices) - 2, 0))
     i = i[~(is_restart[i] | is_restart[i + 1] | is_restart[i + 2])]
