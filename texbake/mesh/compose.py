@@ -230,7 +230,8 @@ def signed_tangents(
 ) -> npt.NDArray[np.float32]:
     """(n, 4) tangents, unit where they do not vanish, w 1 or -1.
 
-    `directions` (n, 3) float64; `w` (n, 1); `signs` (n, 1) or float.
+    `directions` (n, 3) float64, changed in place; `w` (n, 1): signs of the bitangents; `signs` (n,
+    1) or float: -1 where the texture is mirrored on the surface.
     """
     lengths = pm.norm(directions, axis=1, keepdims=True)
     scaled = (np.abs(lengths - 1.0) > _UNIT) & (lengths > 0.0)

@@ -135,9 +135,9 @@ def weighted_normals(
 ) -> FloatArray:
     """Angle-weighted unit normals, each of the corners that share it.
 
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `rows` (F, 3) int32. Returns (n_normals, 3)
-    float64: summed over faces in their order; where faces cancel or have no area, as
-    `vertex_normals`.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `rows` (F, 3) int32: the normal of each
+    corner. Returns (n_normals, 3) float64: summed over faces in their order; where faces cancel or
+    have no area, as `vertex_normals`.
     """
     normals = np.zeros((n_normals, 3))
     scale = _position_scale(positions)
@@ -160,7 +160,7 @@ def add_angle_weighted(
     Each band of normals walks all faces and adds to its own normals only: the order of a normal's
     terms, and so every bit of their sum, is the order of the faces however many bands there are.
 
-    `rows` (F, 3) int32.
+    `rows` (F, 3) int32: the normal of each corner; -1 for none.
     """
     n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
     band = max(-(-len(normals) // n_bands), 1)
@@ -191,7 +191,7 @@ def fill_canceled(
 ) -> None:
     """Give zero normals, in place, the normal of their first face with area.
 
-    `rows` (F, 3) int32.
+    `rows` (F, 3) int32: the normal of each corner; -1 for none.
     """
     zero = np.append((normals == 0.0).all(axis=1), False)  # -1 is the last
     chosen = zero[rows].any(axis=1)

@@ -86,7 +86,8 @@ def smoothed_normals(
 ) -> dict[str, Any]:
     """Return normals as fields of a mesh: none where no edge is hard.
 
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int64; `is_smooth` (E,) bool.
+    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int64: corners of the
+    triangles; `is_smooth` (E,) bool: for each of the pairs.
     """
     if is_smooth.all() and pairs.n_more == 0:
         return {}
@@ -109,7 +110,8 @@ def with_smoothing_groups(
     It also stays as it is if no polygon has a group and its facets are fine, as those of a scan
     are: many programs write `s off` for every mesh.
 
-    `slots` (F, 3) int64; `groups` (P,) int32.
+    `slots` (F, 3) int64: corners of the triangles; None where each polygon is one; `groups` (P,)
+    int32: 0 for polygons without a group, all of whose edges are hard.
     """
     if slots is None:
         slots = np.arange(len(polygons.vertices)).reshape(-1, 3)

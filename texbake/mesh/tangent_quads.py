@@ -129,7 +129,8 @@ def agree(
 ) -> None:
     """Give both halves of a quadrilateral one orientation, in place.
 
-    `solid` (n,) int; `uvs` (n, 3, 2) float32; `unmapped`, `preserving` (n,) bool.
+    `solid` (n,) int: the triangles that the other arrays belong to; `uvs` (n, 3, 2) float32;
+    `unmapped`, `preserving` (n,) bool: without area in the texture, and not mirrored.
     """
     at = np.searchsorted(solid, quads.firsts)
     at = at[at < len(solid) - 1]

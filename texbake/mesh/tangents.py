@@ -46,7 +46,8 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]
 
     Tangents are those of the mesh's own coordinates. The relief turns with the image.
 
-    `linear` (2, 2) float. Returns (2, 2) float32.
+    `linear` (2, 2) float: the part of the transform from coordinates of the mesh to those of the
+    image. Returns (2, 2) float32: unit vectors in coordinates of the mesh, one per row.
 
     Examples
     --------

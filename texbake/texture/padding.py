@@ -48,7 +48,7 @@ def nearest_owner(
     The time grows with the padding. Up to 64 texels, as in practice, it costs less than reading the
     image; a padding as wide as the image costs as much as trying every column for every texel.
 
-    `chart_ids` (H, W) int32; `padding`, in texels.
+    `chart_ids` (H, W) int32: the owner of each texel, -1 for none; `padding`, in texels.
     """
     if not 0 <= padding < NO_OWNER:
         raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
@@ -88,7 +88,8 @@ def spread(
 ) -> FloatImage:
     """Give each texel the value of its nearest owner.
 
-    `values` (H, W, C) float32; `indices` (H, W) int32. Returns (H, W, C) float32.
+    `values` (H, W, C) float32; `indices` (H, W) int32, as of `NearestOwners`; `background`: for
+    texels without an owner. Returns (H, W, C) float32.
     """
     height, width, n_channels = values.shape
     flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)

@@ -107,7 +107,8 @@ def make_grid(
 ) -> SurfaceGrid:
     """Lay a surface out on lines.
 
-    `poles` (R,) bool.
+    `poles` (R,) bool: rows that are one vertex each; `twisted`: the last column has the vertices
+    of the first in reverse, as on a Möbius strip.
     """
     nodes, quads = lattice(columns, rows)
     column, row = nodes.T // 2
@@ -124,7 +125,7 @@ def make_grid(
 def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> SurfaceGrid:
     """Split squares into triangles; one with a side that is a single vertex becomes one triangle.
 
-    `quads` (Q, 4) int32.
+    `quads` (Q, 4) int32: nodes of squares, counter-clockwise.
     """
     corners = vertex_ids[quads]
     shrunk = corners == np.roll(corners, -1, axis=1)  # side k, from corner k to the next
@@ -158,8 +159,8 @@ def grid_mesh(
 ) -> Mesh:
     """Mesh of a grid, without vertices, coordinates and normals that no face uses.
 
-    `positions` (N, 3) float64; `uvs` (N, 2) float64; `normals` (N, 3) float64; `face_groups` (F,)
-    int32.
+    `positions` (N, 3), `uvs` (N, 2), `normals` (N, 3) float64: of the nodes; of several nodes at
+    one vertex, the position of the first counts; `face_groups` (F,) int32.
     """
     used = np.zeros(len(grid.nodes), dtype=bool)
     used[grid.faces.ravel()] = True

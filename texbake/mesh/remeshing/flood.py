@@ -52,7 +52,9 @@ def flood_outside(
 ) -> Rooms:
     """Label what a ball reaches from the border of the grid `OUTSIDE`.
 
-    `labels` (nx, ny, nz) uint8; `radius`, of the ball beyond the shell, in voxels.
+    `labels` (nx, ny, nz) uint8; `radius`, of the ball beyond the shell, in voxels;
+    `measure_windings`: returns winding numbers at points (n, 3), one for each room, the largest
+    first, and NaN where it measures none.
     """
     grows = radius >= 1.0  # no two points are closer
     near = np.empty(labels.shape, dtype=np.bool_) if grows else labels == SHELL

@@ -40,8 +40,9 @@ def project(
 
     Vertices with no triangle near them, which close gaps, are smoothed instead.
 
-    `tree`, in the same units, voxels; `smooth` (F,) bool. Returns `positions` (V, 3) float64;
-    `faces` (2 n, 3) int32: the quads, divided.
+    `tree`, in the same units, voxels; `smooth` (F,) bool: triangles that fill holes, near which
+    vertices move to where the surface bends least. Returns `positions` (V, 3) float64; `faces` (2
+    n, 3) int32: the quads, divided.
     """
     before = nets.positions
     distances, face_ids, weights = tree.closest_points(

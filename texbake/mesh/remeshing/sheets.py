@@ -102,7 +102,7 @@ def build_body(
     Thin walls, and the room between the surface and what fills a hole, can be thinner than a voxel.
     If that leaves handles, all points next to the surface belong to the solid there.
 
-    `points` (V, 3) float64; `whole` (F, 3) int32.
+    `points` (V, 3) float64; `whole` (F, 3) int32: a body of one part, with what fills its holes.
     """
     nets = build_nets(band, labels, threads=threads)
     is_thin = filled.n_holes > 0 or float(nets.thin.mean()) > PIERCED

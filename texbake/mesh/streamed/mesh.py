@@ -110,7 +110,7 @@ class StreamedMesh:
     def part(self, face_ids: IntArray) -> MeshPart:
         """Return some triangles by themselves, in their order.
 
-        `face_ids` (n,) int32.
+        `face_ids` (n,) int32: in ascending order, each once.
         """
         vertices = self._source.vertices
         faces = self._chosen(face_ids)
@@ -144,7 +144,7 @@ class StreamedMesh:
 
         The file is read once for them, and once more if some cancel.
 
-        `vertices` (n,) int32. Returns (n, 3) float64.
+        `vertices` (n,) int32: in ascending order. Returns (n, 3) float64.
         """
         source, threads = self._source, self._threads
         marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
