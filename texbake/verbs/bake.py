@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from texbake.baking.memory import bake_memory
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.options import PartsOptions
 from texbake.errors import FileError, OptionError, quoted
-from texbake.files import PathLike
+from texbake.files import PathLike, is_folder
 from texbake.jobs.outputs import JobResult, write_report
 from texbake.verbs.rays import FORMAT, HEIGHTS, RAYS, SOURCES
 from texbake.verbs.step import (
@@ -20,7 +19,6 @@ from texbake.verbs.step import (
     Job,
     Settings,
     Sizes,
-    check_format,
     n_faces,
     n_texels,
     stage_seconds,
@@ -156,7 +154,7 @@ def _meshes(side: str, first: PathLike | None, more: Sequence[PathLike]) -> list
 
     files: dict[Path, None] = {}
     for path in (Path(path) for path in (first, *more) if path is not None):
-        if not os.path.isdir(path):  # noqa: PTH112  # no error for a name that is too long
+        if not is_folder(path):
             files[path] = None
             continue
         inside = sorted(file for file in path.iterdir() if file.suffix.lower() in MESH_SUFFIXES)
@@ -188,7 +186,9 @@ class BakeStep(BakeOptions):
                 raise OptionError(
                     f"format: {quoted(name)} is not one of the maps, {', '.join(self.maps)}"
                 )
-            check_format(value, IMAGE_FORMATS)
+            if value not in IMAGE_FORMATS:
+                known = ", ".join(IMAGE_FORMATS)
+                raise OptionError(f"format: {quoted(value)} is not one of {known}")
 
 
 def _step(job: Job) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from texbake.baking.options import BakeOptions
 from texbake.baking.texture.options import TextureBakeOptions
 from texbake.files import PathLike
-from texbake.verbs.rays import FORMATS
+from texbake.verbs.step import IMAGE_FORMATS
 from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Extra(
         "--format",
         "File format of the maps; exr and tif store light as floats.",
-        choices=FORMATS,
+        choices=IMAGE_FORMATS,
         default="exr",
         show_default=True,
     ),

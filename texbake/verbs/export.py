@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from texbake.baking.memory import MB, PROCESS
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.options import KINDS, ExportOptions
 from texbake.verbs.step import READ_FACE, Job, Settings, Sizes, n_bytes, n_faces, step_of
 from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
 
@@ -17,11 +17,8 @@ if TYPE_CHECKING:
     from texbake.jobs.export.export import ExportResult
     from texbake.progress import ProgressSink
 
-# Maps that have a place in materials of other programs, by the key of their file.
-_EXPORTED = (
-    "normal", "displacement", "base_color", "ao", "roughness", "metalness", "emissive", "opacity",
-    "bent_normal",
-)  # fmt: skip
+# Roles of a step for the files of these maps.
+_EXPORTED = {kind.replace("-", "_"): kind for kind in KINDS}
 
 
 def _with_named_maps(values: dict[str, Any]) -> dict[str, Any]:
@@ -117,9 +114,7 @@ def _step(job: Job) -> dict[str, Any]:
         job.file("mesh"),
         job.outputs["folder"],
         STEP.made({**job.settings, "name": name}, threads=job.threads),
-        named_maps={
-            role.replace("_", "-"): file for role in _EXPORTED if (file := job.input(role))
-        },
+        named_maps={kind: file for role, kind in _EXPORTED.items() if (file := job.input(role))},
         levels=job.inputs.get("levels", ()),
     )
     return {

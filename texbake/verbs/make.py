@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
 
 _ORANGE = "orange"
-_FILES = {
+# Files that shapes are made from, with their suffixes; `image` has those of all images.
+_FILES: dict[str, tuple[str, ...]] = {
     "profile": (".txt", ".csv", ".dat"),
     "patches": (".txt", ".bpt", ".dat"),
-    "image": (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff"),
+    "image": (),
 }
 
 
@@ -61,8 +62,8 @@ class Relief:
     Options(MakeOptions, without=tuple(_FILES)),
     *(
         Reads(
-            name, help=option(MakeOptions, name).help, required=False,
-            suffixes=suffixes, metavar="FILE",
+            name, name, option(MakeOptions, name).help, required=False, suffixes=suffixes,
+            metavar="FILE",
         )
         for name, suffixes in _FILES.items()
     ),

@@ -16,15 +16,7 @@ from texbake.files import PathLike
 from texbake.jobs.options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, given
 from texbake.schema import CheckedOptions, Option
-from texbake.verbs.step import (
-    DECODED,
-    FORMAT_OF_IMAGE,
-    Job,
-    Settings,
-    Sizes,
-    n_bytes,
-    step_of,
-)
+from texbake.verbs.step import DECODED, FORMAT_OF_IMAGE, Job, Settings, Sizes, n_bytes, step_of
 from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, verb
 
 if TYPE_CHECKING:
@@ -101,7 +93,8 @@ def pack_channel_files(
     Raises
     ------
     OptionError
-        No channel is an image, the images differ in size, or a channel is not told apart.
+        No channel is an image, the images differ in size, or one whose channels differ is given
+        without the letter of a channel.
     """
     import numpy as np
 

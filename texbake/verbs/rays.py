@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from texbake.baking.file_names import DEFAULT_PATTERN
 from texbake.baking.options import BakeOptions
+from texbake.verbs.step import IMAGE_FORMATS
 from texbake.verbs.verb import REPORT, Extra, Options, Reads, Writes
-
-FORMATS = ("png", "exr", "tif", "tga")
-HITS_SUFFIXES = (".npz",)
 
 FORMAT = Extra(
     "--format",
     "File format of the maps; exr and tif store heights as floats.  [default: png]",
-    choices=FORMATS,
+    choices=IMAGE_FORMATS,
 )
 NAME_PATTERN = Extra(
     "--name-pattern",

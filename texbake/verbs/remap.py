@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from texbake.baking.file_names import DEFAULT_PATTERN
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
-from texbake.verbs.rays import FORMAT, HITS_SUFFIXES, NAME_PATTERN
+from texbake.verbs.rays import FORMAT, NAME_PATTERN
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def _with_changes(values: dict[str, Any]) -> dict[str, Any]:
 
 
 @verb(
-    Reads("hits", "hits", suffixes=HITS_SUFFIXES),
+    Reads("hits", "hits", suffixes=(".npz",)),
     Writes("output", "folder", "Folder of the maps, which is made if it is missing."),
     FORMAT,
     Options(BakeOptions, *_CHANGES, apart=True, unset=True),

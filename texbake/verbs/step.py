@@ -8,7 +8,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
-from texbake.errors import OptionError, quoted
 from texbake.progress import StageRecord
 from texbake.schema import Option
 from texbake.verbs.verb import Options, Reads, Verb
@@ -234,12 +233,6 @@ def tupled(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: tupled(item) for key, item in value.items()}
     return tuple(map(tupled, value)) if isinstance(value, list) else value
-
-
-def check_format(value: object, known: tuple[str, ...]) -> None:
-    """Raise `OptionError` if a format is not known."""
-    if value not in known:
-        raise OptionError(f"format: {quoted(value)} is not one of {', '.join(known)}")
 
 
 def steady(report: Any) -> Any:

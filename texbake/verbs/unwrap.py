@@ -93,7 +93,7 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     ),
     Options(UnwrapOptions, *_NAMES[:_MATRIX]),
     Reads(
-        "matrix", help=option(UnwrapOptions, "matrix").help, required=False, role=None,
+        "matrix", "matrix", option(UnwrapOptions, "matrix").help, required=False, role=None,
         suffixes=(".txt",), metavar="FILE",
     ),
     Options(UnwrapOptions, *_NAMES[_MATRIX + 1 :]),

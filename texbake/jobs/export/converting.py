@@ -13,16 +13,9 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import replacing
-from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.options import KINDS, ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, Target
-from texbake.jobs.export.sources import (
-    COLORS,
-    KINDS,
-    PACKED,
-    SourceMap,
-    heights_of,
-    normal_vectors,
-)
+from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, heights_of, normal_vectors
 from texbake.texture.channel_codes import check_gray
 from texbake.texture.dds import write_dds
 from texbake.texture.image import read_image, write_image

@@ -18,13 +18,7 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import OptionError, UvError
-from texbake.files import (
-    PathLike,
-    appearing_together,
-    make_folder,
-    replacing,
-    scratch_folder,
-)
+from texbake.files import PathLike, appearing_together, make_folder, replacing, scratch_folder
 from texbake.jobs.export.converting import Converter
 from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions

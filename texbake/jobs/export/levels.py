@@ -55,7 +55,7 @@ def _check_layouts(levels: Sequence[Mesh], threads: int | None) -> None:
 def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) -> float:
     """Share of a level's surface that has another place in the texture than the finest level.
 
-    `level`, `finest`, with texture coordinates, in one space.
+    Both have texture coordinates and lie in one space.
     """
     assert level.uvs is not None and level.uv_faces is not None
     assert finest.uvs is not None and finest.uv_faces is not None

@@ -13,6 +13,9 @@ TARGETS = ("blender", "unreal", "unity", "godot", "threejs")
 TEXTURES = ("png", "dds")
 MESH_FORMATS = ("glb", "obj", "usda", "usdc", "usdz")
 UPS = ("y", "z")
+# Maps that have a place in a program's material; all others are copied.
+KINDS = ("normal", "displacement", "base-color", "ao", "roughness", "metalness", "emissive",
+         "opacity", "bent-normal")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,14 +16,11 @@ from pathlib import Path
 class ExportedMap:
     """A map in the exported folder."""
 
-    # kind, tile: Kinds of packed maps are `orm` and `mask-map`.
-    kind: str
-    tile: str
+    kind: str  # `orm` or `mask-map` for a packed map
+    tile: str  # number of its UDIM tile; empty without one
     path: Path
-    # mid, scale: Of heights: the value of the surface, and meters from black to white (1 in a float
-    # file).
-    mid: float = 0.0
-    scale: float = 1.0
+    mid: float = 0.0  # of heights: the value at the surface
+    scale: float = 1.0  # of heights: meters from black to white; 1 in a float file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +31,7 @@ class Target:
     axes: str  # its up axis and unit, and how its importer treats them
     tangents: str  # where its tangent basis comes from
     mesh_format: str = "glb"  # the format that it reads best without an extension
-    # mesh_name, map_name: Patterns of file names, with `{asset}` and `{map}`.
+    # Patterns of file names.
     mesh_name: str = "{asset}"
     map_name: str = "{asset}_{map}"
     # Its words for maps in file names, where they differ.

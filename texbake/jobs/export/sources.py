@@ -14,12 +14,10 @@ import numpy.typing as npt
 from texbake.baking.maps import MAP_NAMES
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder
+from texbake.jobs.export.options import KINDS
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.image import Image
 
-# Maps that have a place in a program's material; all others are copied.
-KINDS = ("normal", "displacement", "base-color", "ao", "roughness", "metalness", "emissive",
-         "opacity", "bent-normal")  # fmt: skip
 COLORS = ("base-color", "emissive")
 # Maps of which each channel is a map of its own.
 PACKED = {"orm": ("ao", "roughness", "metalness")}
@@ -43,9 +41,9 @@ _SIZES = ("512", "1024", "2048", "4096", "8192")
 
 @dataclass(frozen=True, order=True)
 class SourceMap:
-    """A map: its kind, its UDIM tile (empty without one), its file, and which channel of that.
+    """A map: its kind, its UDIM tile (empty without one), its file, and its channel in that.
 
-    Without a number it is the whole file.
+    Without a channel it is the whole file.
     """
 
     kind: str
@@ -68,7 +66,8 @@ class SourceMap:
 def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return the kind and the UDIM tile of a map's name.
 
-    `name`: it may end in a tile, 1001 and up, or in a size in pixels.
+    The name may end in a tile, from 1001, or in a size in pixels. `others` are the names beside it:
+    if one of them is surely a tile, so is 1024.
 
     >>> kind_of("Albedo"), kind_of("normal_1002"), kind_of("ao:1001")
     (('base-color', ''), ('normal', '1002'), ('ao', '1001'))
