@@ -12,7 +12,7 @@ from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.assets import PipelineAsset, find_assets
+from texbake.building.assets import PipelineAsset, absolute, find_assets
 from texbake.building.digests import Digests
 from texbake.building.disk import LockError, locked
 from texbake.building.file import Pipeline, read_pipeline
@@ -106,7 +106,6 @@ def build(
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
     site.make()
-
     try:
         with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
             result = _build(pipeline, site, options, listener, workers)
@@ -182,9 +181,7 @@ class Site:
 
 
 def _place(pipeline: Pipeline, given: str | None, default: Path) -> str:
-    if given is None:
-        return str(default)
-    return given if is_url(given) else str(pipeline.path.parent / given)
+    return str(default) if given is None else absolute(pipeline, given)
 
 
 def _build(

@@ -23,13 +23,7 @@ from texbake import __version__
 from texbake.building.dask_task import processors_here, run_here, sees, version_here
 from texbake.building.digests import checksum
 from texbake.building.store import Store
-from texbake.building.task import (
-    FAILED,
-    LOST,
-    Task,
-    TaskOutcome,
-    memory_advice,
-)
+from texbake.building.task import FAILED, LOST, Task, TaskOutcome, memory_advice
 from texbake.errors import DependencyError, FileError, OptionError
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer

@@ -12,6 +12,7 @@ from texbake.building.assets import PipelineAsset, absolute, filled
 from texbake.building.file import Pipeline, StepTable
 from texbake.building.locations import is_url
 from texbake.errors import OptionError, quoted
+from texbake.files import is_file
 from texbake.rendering.scene.file.values import nearest
 
 Id = tuple[str, str]
@@ -141,7 +142,7 @@ def _source(
         path = absolute(pipeline, filled(text, {"asset": asset.name}))
     except OptionError as error:
         raise pipeline.fault((*table.place, role), str(error)) from error
-    if not is_url(path) and "{" not in text and not os.path.isfile(path):  # noqa: PTH113
+    if not is_url(path) and "{" not in text and not is_file(path):
         raise pipeline.fault(
             (*table.place, role),
             f"{quoted(text)} is neither a step nor an input nor a file there is",
@@ -204,8 +205,7 @@ def _ordered(pipeline: Pipeline, found: dict[str, Node]) -> list[str]:
 
 def _outputs(pipeline: Pipeline) -> str:
     """Return the folder or URL of the outputs."""
-    given = pipeline.outputs or str(pipeline.folder)
-    return given if is_url(given) else str(pipeline.path.parent / given)
+    return absolute(pipeline, pipeline.outputs or str(pipeline.folder))
 
 
 def _check_outputs(

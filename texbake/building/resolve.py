@@ -12,12 +12,7 @@ from typing import Any
 from texbake import __version__
 from texbake.building.digests import Digests, checksum
 from texbake.building.fetching import TaskInput
-from texbake.building.graph import (
-    FileSource,
-    Id,
-    Node,
-    Source,
-)
+from texbake.building.graph import FileSource, Id, Node, Source
 from texbake.building.locations import is_url
 from texbake.building.memory import size_by_length, size_of
 from texbake.building.progress import WAITING

@@ -15,12 +15,7 @@ from texbake.building.graph import Id, Node
 from texbake.building.progress import BuildEvent, BuildListener, Outlook
 from texbake.building.resolve import Resolver, StepState
 from texbake.building.store import Manifest, Publisher, Store
-from texbake.building.task import (
-    DAMAGED,
-    DONE,
-    Task,
-    TaskOutcome,
-)
+from texbake.building.task import DAMAGED, DONE, Task, TaskOutcome
 from texbake.building.workers import Executor
 from texbake.errors import TexbakeError
 

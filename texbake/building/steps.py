@@ -45,14 +45,14 @@ def _preview_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for a picture of a mesh with its maps."""
     samples = settings["width"] * settings["height"] * settings["supersampling"] ** 2
     divided = _DIVIDED * settings["max_triangles"] if sizes.get("displacement") else 0
-    images = DECODED * n_bytes(sizes, "normal_map", "displacement", "albedo")
+    images = DECODED * n_bytes(sizes, *_SHOWN)
     mesh = READ_FACE * n_faces(sizes, "mesh")
     return int(PROCESS + 64 * MB + _SAMPLE * samples + mesh + images + divided)
 
 
 def _page_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for the page of an asset."""
-    images = 80 * n_bytes(sizes, "normal_map", "displacement", "albedo", "misses")
+    images = 80 * n_bytes(sizes, *_SHOWN, "misses")
     return int(PROCESS + 400 * MB + images + 2 * READ_FACE * n_faces(sizes, "high", "low"))
 
 

@@ -20,6 +20,7 @@ from texbake.building.steps import STEP_KINDS
 from texbake.building.store import DamagedError, Manifest, Store
 from texbake.errors import FileError, TexbakeError, heard_warnings, is_out_of_memory
 from texbake.files import scratch_folder
+from texbake.jobs.outputs import plain_figures
 from texbake.progress import peak_memory_bytes
 from texbake.verbs.step import Job
 
@@ -107,7 +108,7 @@ class TaskOutcome:
 
 def run_task(values: dict[str, Any]) -> dict[str, Any]:
     """Run a task; the outcome reports whatever goes wrong."""
-    worker = f"{socket.gethostname()}"
+    worker = socket.gethostname()
     if values["version"] != __version__:
         error = (
             f"the worker on {worker} has texbake {__version__}, this build {values['version']}; "
@@ -168,7 +169,7 @@ def _done(task: Task) -> Manifest:
             figures = {**figures, "notes": [*warned, *figures.get("notes", ())]}
         _check_unchanged(task, signatures)
         more = {
-            "figures": _finite(figures),
+            "figures": plain_figures(figures),
             "seconds": time.perf_counter() - start,
             "peak_memory_bytes": peak_memory_bytes(),
         }
@@ -203,17 +204,6 @@ def _check_unchanged(task: Task, before: dict[str, Any]) -> None:
     for path, signature in before.items():
         if file_signature(path) != signature:
             raise FileError(f"{path}: it changed while {task.step} read it; build again")
-
-
-def _finite(value: Any) -> Any:
-    """Return figures with None for those that JSON has no numbers for."""
-    if isinstance(value, dict):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and value - value != 0.0:  # infinite, or not a number
-        return None
-    return value
 
 
 def _one_line(text: str) -> str:

@@ -57,8 +57,8 @@ class LocalWorkers:
         if len(self._children) < self.slots:
             child = Child("texbake.building.workers", threads=self.threads)
             self._children.append(child)
-            name = f"{len(self._children)}"
-            thread = threading.Thread(target=self._serve, args=(child, name), daemon=True)
+            arguments = child, str(len(self._children))
+            thread = threading.Thread(target=self._serve, args=arguments, daemon=True)
             thread.start()
             self._threads.append(thread)
         self._tasks.put((number, task))

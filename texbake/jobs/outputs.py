@@ -52,20 +52,21 @@ class JobResult(Generic[Report]):
 
 
 def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
-    """Write figures as JSON; the file appears whole or not at all.
-
-    NaN and infinities, for which JSON has no numbers, become null, and paths become text.
-    """
-    text = json.dumps(_plain(report), indent=2, allow_nan=False)
+    """Write figures as JSON; the file appears whole or not at all."""
+    text = json.dumps(plain_figures(report), indent=2, allow_nan=False)
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
+def plain_figures(value: Any) -> Any:
+    """Return figures as plain values for JSON.
+
+    NaN and infinities, for which JSON has no numbers, become None, and paths become text.
+    """
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain_figures(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain_figures(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, os.PathLike):
