@@ -34,8 +34,8 @@ _HEADERS = {
 
 
 def write_arrays(path: PathLike, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Write arrays into an uncompressed archive, completely or not at all."""
-    entries: dict[str, Any] = dict(arrays)  # the stub of numpy takes names for options
+    """Write arrays into an uncompressed archive; the file appears whole or not at all."""
+    entries: dict[str, Any] = dict(arrays)  # as arrays, they fail the type of `allow_pickle`
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **entries)
 

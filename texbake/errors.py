@@ -22,8 +22,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
-
-
 _MOST_QUOTED = 60  # characters of a value that a message shows
 
 

@@ -22,13 +22,7 @@ from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.materials import (
-    CHANNELS,
-    ChannelImage,
-    ChannelSource,
-    Materials,
-    MeshMaterial,
-)
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands

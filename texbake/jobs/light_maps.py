@@ -23,13 +23,7 @@ import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import ChartPadding
-from texbake.baking.texels import (
-    NO_FACE,
-    SampleGrid,
-    Samples,
-    owned_bands,
-    snap_uvs,
-)
+from texbake.baking.texels import NO_FACE, SampleGrid, Samples, owned_bands, snap_uvs
 from texbake.errors import OptionError, UvError, counted
 from texbake.files import PathLike, appearing_together, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct
@@ -54,15 +48,13 @@ _BAND = 1 << 14
 class LightMap:
     """The lighting of one object."""
 
-    # index, name: Of the object in the scene.
-    index: int
-    name: str
-    # (H, W, 3) float32; linear, not limited to 1; row 0 at the top. 0 outside the charts and their
+    index: int  # of the object in the scene
+    name: str  # of the object
+    # (H, W, 3) float32; linear, not limited to 1, row 0 at the top; 0 outside the charts and their
     # padding.
     values: Floats
     has_data: npt.NDArray[np.bool_]  # (H, W) bool; texels that a face covers
-    # Samples that more than one face covers; they have the lighting of one of them.
-    n_overlapping: int
+    n_overlapping: int  # samples that several faces cover; each has the lighting of one of them
     n_outside: int  # faces that extend beyond the unit square; what lies outside is not baked
     # Further set of texture coordinates that it lies on; None for the first.
     uv_set: str | None = None

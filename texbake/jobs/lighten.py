@@ -26,13 +26,7 @@ from texbake.jobs.carried import (
     texture_size,
 )
 from texbake.jobs.fit import explained
-from texbake.jobs.lighten_options import (
-    LEAST_FACES,
-    LEAST_SIZE,
-    MOST_SIZE,
-    SHARE,
-    LightenOptions,
-)
+from texbake.jobs.lighten_options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.outputs import JobResult, given
 from texbake.mapping.options import UnwrapOptions

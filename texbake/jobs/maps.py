@@ -1,4 +1,4 @@
-"""Maps of one low-poly mesh: baked from a high-poly mesh, or made again from a recorded trace."""
+"""Maps of one low-poly mesh: baked from a high-poly mesh, or made from hits of an earlier bake."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def bake_files(
     join_objects
         Whether objects of a mesh that touch share normals and ray distances.
     miss_map, hits, report, html
-        Further files to write: a picture of the rays that missed, the trace for `remap_files`, the
+        Further files to write: a picture of the rays that missed, the hits for `remap_files`, the
         figures as JSON, and a page to look at.
     command
         What the page shows as the command that made it.

@@ -26,12 +26,7 @@ from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
-from texbake.jobs.maps import (
-    DEFAULT_FORMAT,
-    check_map_files,
-    clipping_warnings,
-    read_ray_image,
-)
+from texbake.jobs.maps import DEFAULT_FORMAT, check_map_files, clipping_warnings, read_ray_image
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
@@ -49,7 +44,6 @@ from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import write_image
 
 _SET_PATTERN = "{set}_{map}.{ext}"
-# Maps made from the materials of the high-poly meshes.
 
 NameFiles = Callable[[BakeTarget], dict[str, Path]]
 
