@@ -12,7 +12,8 @@ import re
 
 import click
 
-_OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
+from texbake import OptionError
+
 _QUOTED = re.compile(r"`(\w+)(?:=([^`\s]+))?`")
 _FALSE, _QUOTES = "False", "\"'"
 
@@ -34,11 +35,9 @@ def with_flags(message: str, command: click.Command | None = None, *, opening: b
             return message
         command = context.command
     parameters = {parameter.name: parameter for parameter in command.params}
-    first = _OPENING.match(message) if opening else None
-    if first is not None:
-        names = first[0].split(", ")
-        shown = ", ".join(_flag(parameters[n]) if n in parameters else n for n in names)
-        message = shown + message[first.end() :]
+    names = OptionError(message).parameters if opening else ()
+    shown = ", ".join(_flag(parameters[n]) if n in parameters else n for n in names)
+    message = shown + message.removeprefix(", ".join(names))
 
     def flag(found: re.Match[str]) -> str:
         parameter = parameters.get(found[1])

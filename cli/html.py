@@ -1,4 +1,4 @@
-"""The option `--html`, and the command line shown on its pages."""
+"""The command line that pages show as the command that made them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,7 @@ import shlex
 
 import click
 
-from .types import FileOf
-
 _COMMAND = "texbake.command"
-
-html_option = click.option(
-    "--html",
-    type=FileOf((".html",)),
-    metavar="FILE.html",
-    help="Also write an HTML page with the meshes, their maps, errors and times.",
-)
 
 
 def keep_command(context: click.Context, args: list[str]) -> None:

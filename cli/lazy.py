@@ -82,7 +82,9 @@ class LazyGroup(click.Group):
         """Import the module of a command and return the command, or None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
-        from .verbs import command_of, find_verb
+        from texbake.verbs.verb import find_verb
+
+        from .verbs import command_of
 
         verb = find_verb(cmd_name)
         if verb is not None:

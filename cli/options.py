@@ -28,12 +28,14 @@ from texbake import (
     option_fields,
     whole_number,
 )
+from texbake.verbs.verb import PAGE, REPORT
 
 from .types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
 
+FOLDER = click.Path(path_type=Path, file_okay=False)
 IMAGE_SUFFIXES = (".exr", ".hdr", ".jpg", ".jpeg", ".png", ".ppm", ".tga", ".tif", ".tiff")
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
@@ -224,10 +226,9 @@ def output_option(
 
 def output_folder(text: str, *, required: bool = False, **extra: Any) -> Decorator[Any]:
     """Add `-o DIR`; if it is required, it may also be the last argument."""
-    folder = click.Path(path_type=Path, file_okay=False)
     if required:
-        return output_option(folder, "DIR", text, required=True)
-    return click.option("-o", "--output", type=folder, metavar="DIR", help=text, **extra)
+        return output_option(FOLDER, "DIR", text, required=True)
+    return click.option("-o", "--output", type=FOLDER, metavar="DIR", help=text, **extra)
 
 
 def picture_option(flag: str, text: str) -> Decorator[Any]:
@@ -239,8 +240,9 @@ report_option = click.option(
     "--report",
     type=FileOf((".json",)),
     metavar="FILE.json",
-    help="Also write every setting and figure as JSON.",
+    help=REPORT.help,
 )
+html_option = click.option("--html", type=FileOf((".html",)), metavar="FILE.html", help=PAGE.help)
 threads_option = options_of(BakeOptions, "threads")
 
 

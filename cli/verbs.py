@@ -11,10 +11,11 @@ from typing import Any
 import click
 
 from texbake import option_fields
-from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes, find_verb as find_verb
+from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes
 
 from .html import command_line
 from .options import (
+    FOLDER,
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,
     SCENE_SUFFIXES,
@@ -27,14 +28,14 @@ from .sections import SectionedCommand
 from .terminal import Terminal, terminal_options
 from .types import FileOf
 
+# Suffixes by the kinds of `Reads`.
 _READ = {
     "mesh": MESH_SUFFIXES,
     "image": IMAGE_SUFFIXES,
     "scene": SCENE_SUFFIXES,
     "camera": (".toml", ".txt", *MESH_SUFFIXES),
 }
-_FOLDER = click.Path(path_type=Path, file_okay=False)
-# Suffixes and placeholder of each kind of file that is written.
+# Suffixes and placeholder in the help, by the kinds of `Writes`.
 _WRITTEN = {
     "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
     "image": (IMAGE_SUFFIXES, "FILE"),
@@ -93,7 +94,7 @@ def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
         if "choices" in more:
             more["type"] = click.Choice(more.pop("choices"))
         if more.pop("is_folder", False):
-            more["type"] = _FOLDER
+            more["type"] = FOLDER
         if not part.flag.startswith("-"):
             return click.argument(part.flag, **more)
         return click.option(*part.flag.split(), help=part.help, **more)
@@ -120,7 +121,7 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
     suffixes, metavar = _WRITTEN.get(part.kind, ((), "DIR"))
     kind: click.Path = FileOf(part.suffixes or suffixes)
     if part.kind == "folder":
-        kind = _FOLDER
+        kind = FOLDER
     elif part.like:
         kind, metavar = click.Path(path_type=Path), "FILE|DIR"
     metavar = part.metavar or metavar

@@ -7,15 +7,9 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake import (
-    BenchOptions,
-)
+from texbake import BenchOptions
 
-from ..options import (
-    MESH_SUFFIXES,
-    options_of,
-    output_folder,
-)
+from ..options import MESH_SUFFIXES, options_of, output_folder
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 

@@ -8,15 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake import (
-    BuildOptions,
-)
+from texbake import BuildOptions
 
 from ..building import print_result, shown
 from ..html import command_line
-from ..options import (
-    build_options,
-)
+from ..options import build_options
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake import (
-    SEVERITIES,
-    CheckOptions,
-)
+from texbake import SEVERITIES, CheckOptions
 
 from ..options import (
     MESH_SUFFIXES,

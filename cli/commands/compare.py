@@ -8,8 +8,9 @@ import click
 
 import texbake
 
-from ..html import command_line, html_option
+from ..html import command_line
 from ..options import (
+    html_option,
     image_option,
     mesh_argument,
     output_option,

@@ -8,16 +8,10 @@ from typing import Any
 import click
 
 import texbake
-from texbake import (
-    DEMO_FOLDER,
-    DemoOptions,
-)
+from texbake import DEMO_FOLDER, DemoOptions
 
-from ..html import command_line, html_option
-from ..options import (
-    options_of,
-    output_folder,
-)
+from ..html import command_line
+from ..options import html_option, options_of, output_folder
 from ..terminal import Terminal, terminal_options
 
 

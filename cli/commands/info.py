@@ -8,14 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 import texbake
-from texbake import (
-    OptionError,
-    UnwrapOptions,
-)
+from texbake import OptionError, UnwrapOptions
 
-from ..options import (
-    mesh_argument,
-)
+from ..options import mesh_argument
 from ..terminal import Terminal, say, table, terminal_options
 from ..types import Size
 

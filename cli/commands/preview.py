@@ -10,10 +10,7 @@ import click
 from click.core import ParameterSource
 
 import texbake
-from texbake import (
-    RenderOptions,
-    option_field,
-)
+from texbake import RenderOptions, option_field
 
 from ..html import command_line
 from ..options import (

@@ -8,16 +8,10 @@ from typing import Any
 import click
 
 import texbake
-from texbake import (
-    RunOptions,
-)
+from texbake import RunOptions
 
-from ..html import command_line, html_option
-from ..options import (
-    mesh_argument,
-    options_of,
-    output_folder,
-)
+from ..html import command_line
+from ..options import html_option, mesh_argument, options_of, output_folder
 from ..terminal import Terminal, terminal_options
 
 

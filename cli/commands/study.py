@@ -7,16 +7,9 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake import (
-    StudyOptions,
-)
+from texbake import StudyOptions
 
-from ..options import (
-    MESH_SUFFIXES,
-    SCENE_SUFFIXES,
-    options_of,
-    output_folder,
-)
+from ..options import MESH_SUFFIXES, SCENE_SUFFIXES, options_of, output_folder
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 

@@ -7,14 +7,10 @@ from pathlib import Path
 import click
 
 import texbake
-from texbake import (
-    BuildOptions,
-)
+from texbake import BuildOptions
 
 from ..building import print_result, shown
-from ..options import (
-    build_options,
-)
+from ..options import build_options
 from ..terminal import Terminal, complain, say, terminal_options
 from ..types import FileOf
 
