@@ -278,7 +278,7 @@ def test_rays_that_no_map_needs_are_not_cast(caster):
         assert np.isnan(met).any(axis=0).sum() == len(missing)
 
 
-def test_a_fan_stands_on_the_side_of_the_shading_normal():
+def test_a_hemisphere_stands_on_the_side_of_the_shading_normal():
     # A face wound the wrong way with a normal that is right, and one that has no area.
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]],

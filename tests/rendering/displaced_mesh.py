@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, Displaced, displaced, texel_lengths
@@ -83,3 +83,10 @@ def interpolated(corners: FloatArray, places: Places, rows: slice) -> FloatArray
     a, b, c = np.moveaxis(corners[places.base_faces[rows]], 1, 0)
     along, up = places.weights[rows].T.astype(np.float64)
     return np.asarray(a + along[:, None] * (b - a) + up[:, None] * (c - a))
+
+
+def are_closed(edges: IntArray) -> bool:
+    """Whether directed edges (E, 2) are of a closed surface: each as often as its opposite."""
+    forward, counts = np.unique(edges, axis=0, return_counts=True)
+    backward, counts_back = np.unique(edges[:, ::-1], axis=0, return_counts=True)
+    return np.array_equal(forward, backward) and np.array_equal(counts, counts_back)

@@ -175,8 +175,8 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     max_reach: Annotated[
         float | None,
         Option(
-            "Keep rays from parts that the low-poly mesh lacks: where `front` or `back` is not "
-            "given, no measured distance is above this.",
+            "Keep rays from parts that the low-poly mesh lacks: measured distances, but not a "
+            "given `front` or `back`, are at most this.",
             metavar="D",
             above=0,
             unit="model units",

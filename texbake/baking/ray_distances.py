@@ -33,13 +33,13 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits
 
-# Points between those looked at lie a little farther than these.
+# Points between the measured ones may lie a little farther away.
 MARGIN = 1.1
 # The least distance, of the local frame's unit size, above the rounding of float32 rays (1e-7).
 LEAST_EXTENT = 1e-4
-# Triangles of the high-poly mesh whose corners are looked at, more or less.
+# About so many triangles of the high-poly mesh are measured, at their corners.
 _HIGH_TRIANGLES = 40_000
-# Share of the vertices that the least distance of all is taken from.
+# Quantile of the distances of all vertices that is the least distance of each.
 _FLOOR = 0.25
 # Cosine of the angle between faces from which on an edge is sharp: 60 degrees.
 _EDGE = 0.5

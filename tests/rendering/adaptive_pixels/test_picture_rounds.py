@@ -81,11 +81,11 @@ def test_a_picture_of_nothing_ends():
 
 def test_normals_and_what_follows_are_part_of_the_time(monkeypatch):
     """Normals are shaded before the first samples, and writing is timed with these."""
-    shaded_sums, shapes = samples.shade_to_sums, []
+    shade, shapes = samples.shade_to_sums, []
 
     def slow(*args):
         time.sleep(0.5)
-        return shaded_sums(*args)
+        return shade(*args)
 
     def finish(color):
         shapes.append(color.shape)

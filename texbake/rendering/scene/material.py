@@ -249,7 +249,7 @@ class Refraction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProjectedTexture:
-    """A picture thrown onto the surface by a slide projector.
+    """A picture projected onto the surface, as by a slide projector.
 
     `matrix` (4, 4) takes world points to homogeneous (s, t, r, q); a (3, 4) matrix has the rows s,
     t and q, as cameras in computer vision do. The picture is looked up at (s/q, t/q) inside the
