@@ -66,7 +66,7 @@ GROUPS = {
         "bench": "Compare texbake with other programs.",
     },
 }
-"""Commands by what one wants to do."""
+"""The commands, by purpose."""
 
 COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
 

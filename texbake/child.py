@@ -216,7 +216,7 @@ class _Process:
         self.popen.kill()
 
     def _ending(self) -> ChildError:
-        """How the process ended; one that has closed its pipes may take a moment for it."""
+        """Return how the process ended, which may take a moment after its pipes are closed."""
         with suppress(subprocess.TimeoutExpired):
             self.popen.wait(_PATIENCE)
         self._said.seek(max(self._said.seek(0, os.SEEK_END) - _LAST_WORDS, 0))
@@ -277,9 +277,9 @@ def _receive(file: IO[bytes]) -> bytes | None:
 
 
 def seconds_allowed(n_bytes: int) -> int:
-    """Return the computing time that files of a size may take: 10 s, and 1 s for each 4 MB.
+    """Return the computing time that files of a size may take: 10 s, and 1 s per 4 MB.
 
-    Text takes some 0.03 s for each MB.
+    Text takes about 0.03 s per MB.
     """
     return 10 + n_bytes // 4_000_000
 
@@ -287,7 +287,7 @@ def seconds_allowed(n_bytes: int) -> int:
 def memory_allowed(n_bytes: int) -> int:
     """Return the memory that reading files of a size may take: 1 GiB, or 64 times their size.
 
-    A compressed mesh takes some 40 times its size as arrays.
+    A compressed mesh takes about 40 times its size as arrays.
     """
     return max(_GIB, 64 * n_bytes)
 

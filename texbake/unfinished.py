@@ -55,9 +55,8 @@ def clear_once(folder: Path) -> None:
 def clear_unfinished(patience: float) -> None:
     """Remove all temporary files and folders of this process, which then must end at once.
 
-    For a signal that the work does not hear. Files that take their names just now are waited for.
-
-    `patience`: most seconds to wait.
+    For a signal that the work does not hear. Files that are just taking their names are waited for,
+    for at most `patience` seconds.
     """
     MOVING.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):

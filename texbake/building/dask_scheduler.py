@@ -40,10 +40,7 @@ class SchedulerLostError(FileError):
 
 
 class DaskWorkers:
-    """The workers of a Dask scheduler.
-
-    `max_memory`: bytes that each task may take.
-    """
+    """The workers of a Dask scheduler; each task may take `max_memory` bytes."""
 
     def __init__(
         self,

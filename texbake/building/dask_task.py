@@ -36,7 +36,7 @@ def sees(place: str, mark: str) -> bool:
 def run_here(values: dict[str, Any], max_memory: int | None, mark: str) -> dict[str, Any]:
     """Run a task on a worker; the outcome is `lost` if the worker is not fit for the build.
 
-    `max_memory`: bytes that the task may take.
+    The task may take `max_memory` bytes.
     """
     from distributed import get_worker
 

@@ -53,9 +53,10 @@ def _physical_memory() -> int:
 def _group_limits(
     groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
 ) -> list[int]:
-    """Return the limits of the control groups of this process, of both versions, and of theirs.
+    """Return the limits of the control groups of this process and of the groups around them.
 
-    Within a container the path of its group may lead nowhere; `root` is that group then.
+    Both versions of control groups are read. Within a container the path of its group may lead
+    nowhere; `root` is that group then.
     """
     limits = []
     with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The materials of a model, carried over onto another mesh as one set of images.
+"""The materials of a model, baked for another mesh into one set of images.
 
 Channels that are one number all over become factors, the others images. Channels that glTF reads
 from one image share one: occlusion, roughness and metallic; base color and alpha; and so on.
@@ -56,7 +56,7 @@ LAYOUTS = (
 
 
 def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, ...]:
-    """Return a sentence about images that are missing in both pictures; none for nothing."""
+    """Return a warning that names images that are missing in both pictures, if any are."""
     if materials is None or not materials.missing_images:
         return ()
     names = ", ".join(first_few(materials.missing_images))
@@ -64,7 +64,7 @@ def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, 
 
 
 def left_out(path: PathLike) -> tuple[str, ...]:
-    """Return a sentence about what of a model file is not carried over; none for nothing."""
+    """Return a warning that names what was left out of a model file, if anything was."""
     found = unread_parts(path)
     return (f"{path}: {', '.join(found)} left out",) if found else ()
 

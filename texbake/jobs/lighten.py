@@ -295,7 +295,7 @@ def _lightened(
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
         chosen = chosen if made is None else made.aimed(chosen)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        if chosen.front is None:  # else, they miss what fills the tunnels
+        if chosen.front is None:  # otherwise they miss what fills the tunnels
             baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("encode images"):

@@ -31,8 +31,8 @@ SHARE, LEAST_FACES = 0.1, 5000
 class LightenOptions(CheckedOptions):
     """How `lighten` makes a model smaller.
 
-    Its faces are neither flipped nor wrapped in a closed surface unless asked for: who made a
-    textured model has looked at it.
+    Its faces are neither flipped nor wrapped in a closed surface unless asked for: the
+    author of a textured model has seen it as it is.
     """
 
     n_faces: Annotated[

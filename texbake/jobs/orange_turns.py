@@ -106,7 +106,7 @@ def measure_turns(
 ) -> OrangeTurns:
     """Turn the light and the viewer around an orange, and measure the error of each method.
 
-    `angles`: by how many degrees each is turned, around the vertical axis.
+    Each is turned by `angles`, in degrees, around the vertical axis.
     """
     stages = Stages(progress)
     with stages.stage("bake the orange"):

@@ -177,7 +177,7 @@ def run(
     options
         None for the defaults.
     materials
-        Of the high-poly mesh, all channels of which are carried over; see `read_materials`. None
+        Of the high-poly mesh, all channels of which are baked; see `read_materials`. None
         for none: the mesh in the GLB file then has the base color of the options.
     progress
         Receives the stages.
@@ -196,7 +196,7 @@ def run(
     stages = Stages()
     rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
-        # Who gave a model images has looked at it: cards that are drawn from one side are meant so.
+        # The author of a model with images has seen it: one-sided cards are intended.
         keep_open = materials is not None and materials.has_images
         turning, threads = options.orientation, options.threads
         high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
@@ -211,7 +211,7 @@ def run(
     with stages.part("bake"):
         chosen = made.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        if made.ray_distance is None:  # else, they miss what fills the tunnels
+        if made.ray_distance is None:  # otherwise they miss what fills the tunnels
             baked = explained(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("write maps"):
