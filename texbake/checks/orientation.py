@@ -187,10 +187,8 @@ def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
     mesh, edges = checked.mesh, checked.edges
     if mesh.normals is None or mesh.normal_faces is None or not checked.has_coordinates:
         return None
-    one, other = edges.pairs()
-    places = checked.places[edges.faces].ravel()
+    one, other, along = _neighbors(checked)
     # Corners of the other face at both ends of the edge.
-    along = places[one] == places[other]
     ends = next_half_edges(one), next_half_edges(other)
     across = np.where(along, other, ends[1]), np.where(along, ends[1], other)
     uv_ids = checked.uv_ids[edges.faces].ravel()
@@ -224,11 +222,7 @@ def other_diagonals(checked: CheckedMesh) -> Finding | None:
     return make_finding("other-diagonals", checked.role, len(faces), faces)
 
 
-def _angles(
-    normals: FloatArray,
-    one: IntArray,
-    other: IntArray,
-) -> FloatArray:
+def _angles(normals: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
     """Angles between normals in radians; 0 where one of them has no direction."""
     angles = np.zeros(len(one))
     differ = np.flatnonzero(one != other)

@@ -7,7 +7,7 @@ is computed for a slot that is None.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
@@ -17,7 +17,13 @@ import numpy as np
 from texbake.errors import OptionError
 from texbake.mapping.classical.projector import whole_matrix
 from texbake.mesh.mesh import FloatArray, frozen
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, Texture
+from texbake.rendering.scene.textures import (
+    ImageTexture,
+    ProcedureTexture,
+    Slot,
+    Texture,
+    check_finite,
+)
 from texbake.rendering.scene.transforms import picture_aspect, projector_position
 from texbake.schema import Option, check_fields
 
@@ -41,11 +47,8 @@ _CONSTANT_SLOTS = ("base_color", "specular", "exponent", "gloss", "roughness", "
 
 def check_constant(name: str, slot: Slot | None) -> None:
     """Raise `OptionError` if a slot holds a number that is not finite."""
-    if slot is None or isinstance(slot, ImageTexture | ProcedureTexture):
-        return
-    numbers = slot if isinstance(slot, Iterable) else (slot,)
-    if not all(map(math.isfinite, numbers)):
-        raise OptionError(f"{name}: {slot} is not finite")
+    if slot is not None and not isinstance(slot, ImageTexture | ProcedureTexture):
+        check_finite(name, slot)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

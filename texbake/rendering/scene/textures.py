@@ -98,7 +98,7 @@ class ImageTexture:
             if word not in (None, *WRAPS):
                 raise OptionError(f"wrap: {word} is not one of {', '.join(WRAPS)}")
         for name in "border", "scale", "offset", "factor", "range":
-            _check_finite(name, getattr(self, name))
+            check_finite(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +129,7 @@ class ProcedureTexture:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in "scale", "factor":
-            _check_finite(name, getattr(self, name))
+            check_finite(name, getattr(self, name))
         check_ramp(self.colors)
 
 
@@ -157,7 +157,7 @@ class VolumeTexture(ProcedureTexture):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in "offset", "range":
-            _check_finite(name, getattr(self, name))
+            check_finite(name, getattr(self, name))
         if self.space == "uv":
             raise OptionError("space: a volume needs points in space; give object or world")
         if self.range[0] == self.range[1]:
@@ -177,10 +177,11 @@ def check_ramp(colors: tuple[Rgb, ...] | None) -> None:
     if colors is not None and not colors:
         raise OptionError("colors: a ramp needs at least one color")
     for color in colors or ():
-        _check_finite("colors", color)
+        check_finite("colors", color)
 
 
-def _check_finite(name: str, value: float | Iterable[float]) -> None:
+def check_finite(name: str, value: float | Iterable[float]) -> None:
+    """Raise `OptionError` if a number, or one of several, is not finite."""
     numbers = value if isinstance(value, Iterable) else (value,)
     if not all(map(math.isfinite, numbers)):
         raise OptionError(f"{name}: {value} is not finite")
