@@ -1,4 +1,4 @@
-"""USD files are read in this process, where a process of its own is not the point."""
+"""Read USD files in this process, except in tests of the process that reads them."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ class Here(Child):
 
 @pytest.fixture(autouse=True)
 def readers_here(request, monkeypatch):
-    """Half a second less for each reading; `monkeypatch.undo()` brings the process back."""
+    """Save half a second per file; `monkeypatch.undo()` brings the other process back."""
     if request.path.name == "test_reader_process.py":
         return
     limits = SimpleNamespace(start=lambda: None, allow=lambda n_bytes: None)

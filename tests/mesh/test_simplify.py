@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, level_surface, model, real
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes, transformed
@@ -35,18 +36,6 @@ def shift(x):
     matrix = np.eye(4)
     matrix[0, 3] = x
     return matrix
-
-
-def open_edges(mesh):
-    """Directed edges without their opposite; also checks that none is used twice."""
-    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    directed = {tuple(edge) for edge in edges.tolist()}
-    assert len(directed) == len(edges), "two faces wind the same edge the same way"
-    return {edge for edge in directed if edge[::-1] not in directed}
-
-
-def signed_volume(mesh):
-    return np.linalg.det(mesh.positions[mesh.faces]).sum() / 6.0
 
 
 def rows(array):
