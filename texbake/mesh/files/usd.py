@@ -174,7 +174,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
         n_points=len(points),
     )
     groups, holders = _groups(path, prim, len(counts))
-    own, names = _name(prim), [_name(holder) for holder in holders]
+    own, names = prim_name(prim), [prim_name(holder) for holder in holders]
     prefix = "" if is_alone else f"{own}/"
     names = [name if name == own else f"{prefix}{name}" for name in names]
     mesh = Mesh(
@@ -212,7 +212,8 @@ def _groups(
     return groups, tuple(holders)
 
 
-def _name(prim: Any) -> str:
+def prim_name(prim: Any) -> str:
+    """Return the name of a prim that programs display."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 

@@ -24,7 +24,7 @@ from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.contents import FileContents, MaterialContent
 from texbake.mesh.files.reader_process import read_in_child
-from texbake.mesh.files.usd import UsdPart, read_parts
+from texbake.mesh.files.usd import UsdPart, prim_name, read_parts
 from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
 from texbake.mesh.materials import (
     CHANNELS,
@@ -146,8 +146,7 @@ class _MaterialReader:
         """Read a material; one without channels where there is none, or no preview surface."""
         if not material:
             return MeshMaterial(name="default")
-        prim = material.GetPrim()
-        name = str(prim.GetDisplayName() or prim.GetName())
+        name = prim_name(material.GetPrim())
         surface = material.ComputeSurfaceSource()[0]
         kind = surface.GetIdAttr().Get() if surface else None
         if kind != "UsdPreviewSurface":
@@ -338,8 +337,7 @@ def contents_of_stage(path: PathLike) -> FileContents:
                     channels[channel] = None if image is None else Path(image[0]).name
                     if image is not None:
                         images[Path(image[0]).name] = image[1]
-                name = str(prim.GetDisplayName() or prim.GetName())
-                materials.append(MaterialContent(name=name, channels=channels))
+                materials.append(MaterialContent(name=prim_name(prim), channels=channels))
             elif prim.IsA(UsdGeom.Mesh):
                 primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
                 uv_sets |= {
