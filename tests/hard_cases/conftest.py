@@ -1,8 +1,8 @@
 """The catalog of hard cases, given to tests by name: `mesh_case`, `image_case` and so on.
 
-A test that names such a fixture runs once for every case of it; with the mark `pairwise` of other
-arguments, so often that every two of their values and cases meet. The cases themselves are plain
-modules in `catalog/`, which `table.py` reads as well.
+A test that names such a fixture runs once for every case of it. With the mark `pairwise`, which
+gives values of other arguments, it runs for few combinations, in which every two values meet. The
+cases themselves are plain modules in `catalog/`, which `table.py` reads as well.
 """
 
 import os

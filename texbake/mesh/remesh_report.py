@@ -1,4 +1,4 @@
-"""What a run of `remesh` did, and what the user should know of it."""
+"""What a run of `remesh` did, and what the user should know about it."""
 
 from __future__ import annotations
 

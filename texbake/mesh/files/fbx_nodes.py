@@ -21,7 +21,7 @@ from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.mesh.files.source import ByteArray, Cursor, decode_name
 
-# Nodes whose children nobody asks for: they are passed over, however many there are.
+# Nodes whose children are never used, and are skipped, however many there are.
 UNREAD_NODES = frozenset({
     "AnimationCurve", "AnimationCurveNode", "AnimationLayer", "AnimationStack", "Control",
     "CollectionExclusive", "Deformer", "Document", "Documents", "FBXHeaderExtension",
@@ -30,7 +30,7 @@ UNREAD_NODES = frozenset({
 
 
 class Array(Protocol):
-    """Numbers that stand in the file, converted when they are asked for."""
+    """Numbers in the file, converted when they are first used."""
 
     def load(self) -> npt.NDArray[Any]:
         """(n,) numbers."""
@@ -213,7 +213,7 @@ class _Reader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    """Numbers that stand one by one."""
+    """Numbers that the file stores one by one."""
 
     values: npt.NDArray[Any]
 

@@ -2,7 +2,7 @@
 
 Images are named by their index, and read by `image_bytes` only when something asks for them. What a
 texture's `KHR_texture_transform` says is kept as the file has it, for coordinates with v down.
-`GLTF_CHANNELS` says where each channel stands, for reading and for writing.
+`GLTF_CHANNELS` says where each channel is, for reading and for writing.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
 extensions KHR_materials_clearcoat, KHR_materials_emissive_strength, KHR_materials_ior,
@@ -34,7 +34,7 @@ EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 
 @dataclass(frozen=True)
 class GltfChannel:
-    """Where a channel stands in a material."""
+    """Where a channel is in a material."""
 
     name: str  # as in `CHANNELS`
     # Object in the material that holds it: an extension, `pbrMetallicRoughness`, or "" for the

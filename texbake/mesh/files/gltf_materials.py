@@ -363,7 +363,7 @@ class Slot:
     def fits(self, material: MeshMaterial) -> bool:
         """Whether glTF also shows the channels that have no image as the material does.
 
-        It would multiply them by what stands in the image.
+        It would multiply them by what the image holds.
         """
         alone = (source for _, source in self.sources(material) if source.image is None)
         has_image = self.image(material) is not None

@@ -2,7 +2,7 @@
 
 Just off its faces, the winding numbers of a body are 0 on one side and 1 on the other, but for what
 is seen through its holes; those of a flat sheet are a half, of either sign. Sheets narrower than a
-few voxels, those with edges of three faces, and those with a single side are no open surfaces.
+few voxels, those with edges of three faces, and those with a single side are not open surfaces.
 """
 
 from __future__ import annotations
