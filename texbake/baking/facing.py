@@ -33,6 +33,9 @@ def face_outwards(
     """Flip the parts of the high-poly mesh that face inwards, if `orientation` is auto.
 
     A mesh that is traced in chunks is left as it is.
+
+    Returns the inputs and scenes given, or others with the mesh flipped; the given scenes are then
+    closed.
     """
     high, options = inputs.source, inputs.options
     nothing = OrientationReport(mesh=high.name)

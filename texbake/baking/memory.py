@@ -63,13 +63,20 @@ def must_stream(most: int, whole: int, n_high_faces: int) -> bool:
 
 
 def streamed_chunk_faces(most: int, without: int) -> int:
-    """Faces that are read at a time of a high-poly mesh that stays in its file."""
+    """Faces that are read at a time of a high-poly mesh that stays in its file.
+
+    `most`, `without`: bytes that the bake may take, and that it takes without any faces.
+    """
     least, greatest = STREAMED_CHUNKS
     return min(max((most - without) // STREAMED_FACE, least), greatest)
 
 
 def chunk_faces(most: int, whole: int, n_high_faces: int) -> int | None:
-    """Faces of the high-poly mesh in one ray tree at a time; None for all of them."""
+    """Faces of the high-poly mesh in one ray tree at a time; None for all of them.
+
+    `most`, `whole`: bytes that the bake may take, and that it takes with one tree for all faces. If
+    not even `MOST_CHUNKS` chunks fit, the bake exceeds the limit.
+    """
     if whole <= most:
         return None
     n_fitting = (most - whole) // TREE_FACE + n_high_faces

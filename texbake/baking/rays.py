@@ -131,8 +131,9 @@ def _sample_uvs(corner_uvs: FloatArray, faces: IntArray, barycentrics: FloatArra
 class RayField:
     """The rays of a low-poly mesh: everything needed to turn samples into rays.
 
-    `front`, `back`: in model units; `reaches` (F, 3, 2) float64: front and back at each corner, in
-    the frame.
+    `kind`: `smooth`, `vertex` or `face`; where that direction is zero, the normal of the face is
+    used; `front`, `back`: in model units; `reaches` (F, 3, 2) float64: front and back at each
+    corner, in the frame.
     """
 
     def __init__(

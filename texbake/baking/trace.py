@@ -342,6 +342,9 @@ class SampleCaster:
 
         A ray that met a surface from behind may have started inside of a part that stands out; it
         keeps its hit where the longest ray passes a back face as well.
+
+        Returns the numbers of rays that missed, that passed back faces, and whose hits are those of
+        the longest rays.
         """
         missed, passed = found.faces == NO_HIT, found.passed_back
         rows = np.flatnonzero(missed | passed)

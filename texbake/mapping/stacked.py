@@ -49,7 +49,11 @@ class StackedIslands:
 
     @classmethod
     def of(cls, mesh: Mesh, baked: Sequence[str] = ()) -> StackedIslands:
-        """Find the islands of a mesh that coincide, and choose one of each stack."""
+        """Find the islands of a mesh that coincide, and choose one of each stack.
+
+        `baked`: numbers of faces, or names of groups, whose islands are chosen. Else it is the
+        first island in the unit square, or the first of all.
+        """
         chosen = _named_faces(mesh, baked)
         uvs = mesh.corner_uvs()
         with np.errstate(over="ignore", invalid="ignore"):  # far outside of any tile

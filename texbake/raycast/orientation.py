@@ -92,6 +92,9 @@ def oriented(
     """Flip the parts of a mesh that face inwards.
 
     A mesh of which nothing is seen from behind is returned as it is.
+
+    `keep_open`: leave shells with a boundary as they are, such as cards that are drawn from one
+    side alone.
     """
     if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
         return mesh, OrientationReport(mesh=mesh.name)

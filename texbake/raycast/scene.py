@@ -120,7 +120,13 @@ class RayScene:
         compact: bool = False,
         threads: int | None = None,
     ) -> Self:
-        """Build the ray tree over a mesh."""
+        """Build the ray tree over a mesh.
+
+        `chunk_faces`: for a mesh whose ray tree would not fit into memory, the most faces in a
+        tree; each call then rebuilds the trees of the chunks, one at a time. `compact`: for
+        hemispheres, or rays in unrelated directions; the tree takes longer to build, and these rays
+        are faster.
+        """
         return cls(mesh, frame, chunk_faces, compact, resolve_threads(threads))
 
     @property
@@ -150,6 +156,10 @@ class RayScene:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 
         With culling, rays pass through faces that face away from their origin.
+
+        `places`: for rays of samples of a texture, which are then cast in bundles of neighbors;
+        other rays are sorted first; `in_bundles`: False for rays that head everywhere, each of
+        which is then cast alone.
         """
         if places is not None:
             return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self.threads)

@@ -55,7 +55,13 @@ def fragment_rows(
     corner: tuple[int, int] = (0, 0),
     fine: int = 1,
 ) -> FragmentRows:
-    """Compute fragments of some rows (first, stop) of pixels from triangles (h, w) at samples."""
+    """Compute fragments of some rows (first, stop) of pixels from triangles (h, w) at samples.
+
+    `merges`: merge the samples of a pixel that see the same triangle into one fragment;
+    `wants_samples`: fill `of_samples`; `corner`: column and row of the first pixel, where the
+    pixels are only a part of the picture; `fine`: pixels of this part along one side of a pixel of
+    the picture.
+    """
     counts = np.zeros(world.n_objects, np.int64)
     core.count_fragments(face_ids, world.starts, side, merges, *rows, counts)
     starts = np.concatenate([[0], np.cumsum(counts)])

@@ -108,7 +108,10 @@ def project(
     *,
     threads: int | None = None,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """Snap vertices to the grid of the screen: (V, 2) int32, and their depths z / w (V,)."""
+    """Snap vertices to the grid of the screen: (V, 2) int32, and their depths z / w (V,).
+
+    The column is `OFF_GRID` for vertices behind the near plane and outside the guard band.
+    """
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
 

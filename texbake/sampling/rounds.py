@@ -171,7 +171,11 @@ class Rounds:
         )
 
     def _next(self, work: npt.NDArray[np.float64]) -> tuple[float, float, float] | None:
-        """Return the closest bound whose round is predicted to fit; None to end."""
+        """Return the closest bound whose round is predicted to fit; None to end.
+
+        `work`: by the bound, from 1 to the widest. Also returns the work and the seconds that are
+        predicted.
+        """
         if self._reached <= 1.0:
             return None
         left = _SPENT_SHARE * self.seconds - self.clock.spent - self.after

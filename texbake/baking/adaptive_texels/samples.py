@@ -49,7 +49,10 @@ def cast_adaptively(
     distances: DistanceSummary,
     clock: BudgetClock | None = None,
 ) -> tuple[BakeSampling, TimeBudget | None]:
-    """Cast all samples, give the means of texels to `sums`, and check some of them."""
+    """Cast all samples, give the means of texels to `sums`, and check some of them.
+
+    `distances` gets the hits of the first sample of each texel.
+    """
     options = inputs.options
     bounded = bounded_maps(kinds, inputs, options.error_bounds)
     with trace.casting() as caster:

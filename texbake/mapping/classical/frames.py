@@ -173,6 +173,8 @@ def wrap_angles(
     `points` (N, 3) float64; `faces` (F, 3) int32; `theta`: a and b, in degrees, not equal; if b is
     the smaller, s grows clockwise; `rounding`: points no farther than this from the axis lie on it;
     `polygons` (F,) int32: a whole polygon is on one turn, unless it surrounds the axis.
+
+    A corner on the axis gets the angle of the centroid of its face, which makes a fan at a pole.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)

@@ -50,6 +50,9 @@ def onto_sphere(
 
     `points` (N, 3) float64; `faces` (F, 3) int; `theta`: longitudes in degrees that become s = 0
     and s = 1; `polygons` (F,) int32.
+
+    A corner at a pole gets the longitude of the centroid of its face; one at the center has
+    latitude 0.
     """
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     t = latitude_coordinates(points, rounding)

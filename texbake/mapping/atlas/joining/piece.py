@@ -67,7 +67,10 @@ class ChartPiece:
 
 
 def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
-    """Flatten a piece with less distortion, starting from its coordinates if they have no flips."""
+    """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
+
+    Returns None if no layout without flips and overlaps was found.
+    """
     for keep_apart in (False, True):
         flat = flatten(
             piece.points,
