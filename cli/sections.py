@@ -11,26 +11,23 @@ import click
 _ALL = "help_all"
 _INDENT = 4
 
-# Options of sections that `--help` describes as well, because most people use them.
-_COMMON = {
-    "bake": ("front", "back", "cage", "samples", "space", "convention", "match_by_name"),
-    "unwrap": ("method", "size", "padding", "quality", "seams_at_hard_edges", "normals"),
-    "bake-texture": ("procedure", "param", "photos", "cameras"),
-}
-
 
 class SectionedCommand(click.Command):
     """A command whose options stand under headings in its help.
 
-    With sections, `--help` describes the common options and names the others; `--help-all`
-    describes all of them.
+    With sections, `--help` describes the options without a section and the `common` ones, and names
+    the others; `--help-all` describes all of them.
     """
 
     def __init__(
-        self, *args: Any, sections: Mapping[str, Sequence[str]] | None = None, **extra: Any
+        self,
+        *args: Any,
+        sections: Mapping[str, Sequence[str]],
+        common: Sequence[str],
+        **extra: Any,
     ) -> None:
         super().__init__(*args, **extra)
-        self._sections = sections or {}
+        self._sections, self._common = sections, common
         if sections:
             self.params.append(
                 click.Option(
@@ -57,7 +54,7 @@ class SectionedCommand(click.Command):
         }
         in_sections = {name for names in self._sections.values() for name in names}
         is_whole = ctx.meta.get(_ALL) or not self._sections
-        hidden = in_sections.difference(() if is_whole else _COMMON.get(str(self.name), ()))
+        hidden = in_sections.difference(() if is_whole else self._common)
         described: dict[str, Sequence[str]] = {
             "Options": [name for name in options if name not in hidden]
         }

@@ -72,6 +72,7 @@ def command_of(verb: Verb) -> click.Command:
         verb.name,
         cls=SectionedCommand,
         sections=verb.sections,
+        common=verb.common,
         epilog=f"\n    \b\n    Example:\n{examples}\n    ",
     )(add)
 

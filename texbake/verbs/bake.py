@@ -92,6 +92,7 @@ def _with_parts(values: dict[str, Any]) -> dict[str, Any]:
     ),
     PAGE,
     sections=SECTIONS,
+    common=("front", "back", "cage", "samples", "space", "convention", "match_by_name"),
     examples="""
       texbake bake scan.ply low.obj -o maps --maps normal,displacement --size 2048
       texbake bake scan.ply low.obj -o maps --maps normal --cage cage.obj --fail-on-miss 0.5

@@ -117,6 +117,7 @@ def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
     REPORT,
     THREADS,
     sections={"A solid procedure": _SOLID, "Photographs": _PHOTO},
+    common=("procedure", "param", "photos", "cameras"),
     examples="""
       texbake bake-texture bust.obj -o marble.png --procedure marble --param amount=5
       texbake bake-texture vase.obj -o wood.png --procedure wood --colors "#2b1a10,#c89a5b"

@@ -103,6 +103,7 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     REPORT,
     THREADS,
     sections=SECTIONS,
+    common=("method", "size", "padding", "quality", "seams_at_hard_edges", "normals"),
     examples="""
       texbake unwrap low.obj -o low_uv.obj --size 2048 --padding 8
       texbake unwrap low.obj -o low_uv.glb --quality best --layout layout.png --heat

@@ -123,6 +123,10 @@ class Verb:
         The public function.
     parts : tuple
         Files and options, in the order of the help page.
+    sections : mapping of str to sequence of str
+        Options by headings of the help page; all others come first.
+    common : sequence of str
+        Options of sections that `--help` describes as well, because most people use them.
     table : callable
         Makes rows of a label and a figure from the result.
     prepare : callable
@@ -134,6 +138,7 @@ class Verb:
     parts: tuple[Any, ...]
     examples: str
     sections: Mapping[str, Sequence[str]]
+    common: Sequence[str]
     table: Callable[[Any], Rows]
     prepare: Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -166,6 +171,7 @@ def verb(
     *parts: Any,
     examples: str,
     sections: Mapping[str, Sequence[str]] | None = None,
+    common: Sequence[str] = (),
     table: Callable[[Any], Rows] = _table,
     prepare: Callable[[dict[str, Any]], dict[str, Any]] = dict,
 ) -> Callable[[Function], Function]:
@@ -187,7 +193,8 @@ def verb(
 
         made = Verb(
             name=run.__module__.rpartition(".")[2].replace("_", "-"), run=whole, parts=parts,
-            examples=examples, sections=sections or {}, table=table, prepare=prepare,
+            examples=examples, sections=sections or {}, common=common, table=table,
+            prepare=prepare,
         )  # fmt: skip
         whole.verb = made  # type: ignore[attr-defined]
         return cast(Function, whole)
