@@ -55,8 +55,12 @@ def test_faces_of_joined_parts_keep_all_they_had(flags, materials):
     ]
     made = meshes(some, some[::-1], others, others)
     of_meshes = [
-        Materials(face_materials=np.arange(mesh.n_faces, dtype=np.int32) % 2, materials=pair)
-        for mesh, pair in zip(made, ((RED, GREEN), (GREEN, RED)), strict=True)
+        Materials(
+            face_materials=np.arange(mesh.n_faces, dtype=np.int32) % 2,
+            materials=pair,
+            uv_sets={} if mesh.uvs is None else {number: number + mesh.uvs},
+        )
+        for mesh, pair, number in zip(made, ((RED, GREEN), (GREEN, RED)), (1, 2), strict=True)
     ]
     known = {"none": [None, None], "first": [of_meshes[0], None], "both": of_meshes}[materials]
     joined, of_joined = HighMeshes(made, known).joined(parts)
@@ -74,6 +78,16 @@ def test_faces_of_joined_parts_keep_all_they_had(flags, materials):
         for face in np.flatnonzero(faces)
     ]
     assert (of_joined is None) == (materials == "none")
+    for number in (1, 2):
+        corners = [
+            number + mesh.uvs[mesh.uv_faces[faces]]
+            if item is not None and number in item.uv_sets
+            else np.zeros((faces.sum(), 3, 2))
+            for mesh, (_, item, faces) in zip([made[p.mesh] for p in parts], sources, strict=True)
+        ]
+        if of_joined is not None and any(corner.any() for corner in corners):
+            found_corners = of_joined.uv_sets[number][joined.uv_faces]
+            np.testing.assert_array_equal(found_corners, np.concatenate(corners))
     for channel in () if of_joined is None else CHANNELS:
         found = of_joined.sources(channel)
         assert [found[m] for m in of_joined.face_materials] == [

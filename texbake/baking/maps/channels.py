@@ -74,13 +74,7 @@ def require_channel(name: str, inputs: BakeInputs) -> None:
             f"{high.name}: its file names no {noun} to bake; give its image as `high_texture`, or "
             f"leave {name} out of `maps`"
         )
-    known_sets = {0, *(() if materials is None else materials.uv_sets)}
     images = [source.image for source in known if source.image is not None]
-    if any(image.uv_set not in known_sets for image in images):
-        raise MeshError(
-            f"{high.name}: an image of {name} lies on texture coordinates after the first, "
-            "which parts of a mesh do not keep; bake the mesh as a whole"
-        )
     if high.uvs is None and images:
         raise MeshError(
             f"{high.name}: it has no texture coordinates, which its image needs; "

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.baking.parts.matching import Matching, has_suffix, match_names, pair_names
 from texbake.baking.parts.options import PartsOptions
 from texbake.errors import OptionError
-from texbake.mesh.compose import excerpt, join_meshes
+from texbake.mesh.compose import excerpt, join_meshes, used_rows
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals
@@ -136,18 +136,15 @@ class HighMeshes:
         If only some of them have normals, texture coordinates or colors, the others get their
         shading normals, (0, 0) or white.
         """
-        meshes, face_materials = [], []
+        meshes, of_parts = [], []
         for part in parts:
             mesh, materials = self.meshes[part.mesh], self.materials[part.mesh]
             chosen = part.faces_of(mesh, self._first_groups[part.mesh])
             meshes.append(excerpt(mesh, chosen))
             if materials is not None:
-                face_materials.append(materials.face_materials[chosen])
-        known = self.materials[0]
-        if known is None:
-            return _join(meshes), None
-        ids = np.concatenate(face_materials)
-        return _join(meshes), replace(known, face_materials=ids, uv_sets={})
+                of_parts.append(materials.of_faces(chosen, _uv_rows(mesh, chosen)))
+        joined = _join(meshes)
+        return joined, _join_materials(of_parts, meshes) if of_parts else None
 
     def check_colors(self) -> None:
         """Raise `OptionError` if linear and sRGB vertex colors would be joined."""
@@ -201,8 +198,13 @@ def _with_common_names(
     ]
     has_colors = bool(of_colored) and all(of_colored)
     return [
-        Materials(face_materials=part, materials=tuple(found), has_vertex_colors=has_colors)
-        for part in ids
+        Materials(
+            face_materials=part,
+            materials=tuple(found),
+            uv_sets={} if item is None else item.uv_sets,
+            has_vertex_colors=has_colors,
+        )
+        for part, item in zip(ids, materials, strict=True)
     ]
 
 
@@ -215,6 +217,31 @@ def _of_file(material: MeshMaterial, file: str) -> MeshMaterial:
         for name, source in material.channels.items()
     }
     return replace(material, channels=channels)
+
+
+def _uv_rows(mesh: Mesh, chosen: BoolArray) -> npt.NDArray[np.intp]:
+    """(n,) indices: rows of `Mesh.uvs` that the excerpt of some faces (F,) keeps."""
+    if mesh.uvs is None or mesh.uv_faces is None:
+        return np.zeros(0, np.intp)
+    if chosen.all():
+        return np.arange(len(mesh.uvs))
+    return used_rows(mesh.uv_faces[chosen], len(mesh.uvs))[0]
+
+
+def _join_materials(parts: Sequence[Materials], meshes: Sequence[Mesh]) -> Materials:
+    """Materials of meshes put into one; (0, 0) where a part lacks a set of another."""
+    n_rows = [1 if mesh.uvs is None else len(mesh.uvs) for mesh in meshes]
+    sets = {
+        number: np.concatenate(
+            [
+                part.uv_sets.get(number, np.zeros((n, 2)))
+                for part, n in zip(parts, n_rows, strict=True)
+            ]
+        )
+        for number in dict.fromkeys(number for part in parts for number in part.uv_sets)
+    }
+    ids = np.concatenate([part.face_materials for part in parts])
+    return replace(parts[0], face_materials=ids, uv_sets=sets)
 
 
 def _join(meshes: list[Mesh]) -> Mesh:
