@@ -7,9 +7,9 @@ import pytest
 
 from texbake.errors import OptionError, UvError
 from texbake.mesh.files import write_mesh
+from texbake.mesh.files.channels import FILE_CHANNELS
 from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_document import read_document
-from texbake.mesh.files.gltf_material_read import GLTF_CHANNELS
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import (
     CHANNELS,
@@ -36,8 +36,8 @@ TURNED = ((2 * COS, -0.5 * SIN, 0.25), (2 * SIN, 0.5 * COS, -0.5))
 def full_material(name: str, **image: object) -> MeshMaterial:
     """Every channel of glTF, each with a factor of its own and an image."""
     channels = {}
-    textures = {where.texture: png(10 + i) for i, where in enumerate(GLTF_CHANNELS)}
-    for where in GLTF_CHANNELS:
+    textures = {where.texture: png(10 + i) for i, where in enumerate(FILE_CHANNELS.values())}
+    for where in FILE_CHANNELS.values():
         source = ChannelImage(data=textures[where.texture], components=where.components, **image)
         factor = SIX[: len(CHANNELS[where.name].default)]
         channels[where.name] = ChannelSource(factor, source)

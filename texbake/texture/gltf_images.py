@@ -14,7 +14,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError
-from texbake.mesh.files.gltf_material_read import GltfChannel
+from texbake.mesh.files.channels import FileChannel
 from texbake.mesh.files.gltf_materials import SLOTS, Slot, is_scale, same_place
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.texture.channel_codes import components_of, image_codes
@@ -130,7 +130,7 @@ class _Arranger:
                 channels[where.name] = replace(source, image=image)
         return replace(material, channels=channels)
 
-    def _pixels(self, image: ChannelImage, where: GltfChannel) -> tuple[FloatImage, int] | str:
+    def _pixels(self, image: ChannelImage, where: FileChannel) -> tuple[FloatImage, int] | str:
         """(H, W, C) float32 codes of an image in [0, 1], and their bits; or why there are none."""
         if image.name not in self._decoded:
             try:
@@ -147,7 +147,7 @@ def _shares(image: ChannelImage, first: ChannelImage) -> bool:
     return same_place(replace(image, data=b""), replace(first, data=b""))
 
 
-def _scaled(codes: FloatImage, where: GltfChannel, source: ChannelSource) -> FloatImage:
+def _scaled(codes: FloatImage, where: FileChannel, source: ChannelSource) -> FloatImage:
     """Codes of normals with their factor applied, where glTF has no factor like it."""
     if where.name != "normal" or is_scale(source.factor):
         return codes

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,16 +16,16 @@ from typing import Any
 from texbake.errors import FileError, TexbakeError
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
+from texbake.mesh.files.channels import CHANNEL_OF_FBX, FILE_CHANNELS
 from texbake.mesh.files.fbx_materials import base_layer, first_image
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
-    GLTF_CHANNELS,
     image_bytes,
     image_source,
     read_texture,
 )
-from texbake.mesh.files.mtl import library_names, library_statements, map_name
+from texbake.mesh.files.mtl import IMAGES, VALUES, library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
 from texbake.mesh.files.reader_process import read_in_child
@@ -111,7 +111,7 @@ def _of_gltf(document: Document) -> FileContents:
 
 
 _OWN_CHANNELS = [
-    where for where in GLTF_CHANNELS if not where.is_extension and where.name != "alpha"
+    where for where in FILE_CHANNELS.values() if not where.is_extension and where.name != "alpha"
 ]
 
 
@@ -133,15 +133,16 @@ def _gltf_channels(
     return channels
 
 
-# Channels by statements of .mtl files.
-_MTL_CHANNELS = {
-    "kd": "base-color", "map_kd": "base-color", "ks": "specular", "map_ks": "specular",
-    "ke": "emissive", "map_ke": "emissive", "d": "opacity", "tr": "opacity", "map_d": "opacity",
-    "ns": "roughness", "map_ns": "roughness", "pr": "roughness", "map_pr": "roughness",
-    "pm": "metallic", "map_pm": "metallic", "bump": "bump", "map_bump": "bump", "norm": "normal",
+def _titles(channels: Mapping[str, str]) -> dict[str, str]:
+    return {key: "opacity" if name == "alpha" else name for key, name in channels.items()}
+
+
+# Channels by statements of .mtl files, with those that materials do not have.
+_MTL_VALUES = _titles({**VALUES, "ks": "specular", "tr": "alpha", "ns": "roughness"})
+_MTL_IMAGES = _titles({
+    **IMAGES, "map_ks": "specular", "map_ns": "roughness", "bump": "bump", "map_bump": "bump",
     "disp": "displacement",
-}  # fmt: skip
-_VALUES = ("kd", "ks", "ke", "d", "tr", "ns", "pr", "pm")
+})  # fmt: skip
 
 
 def _of_obj(path: Path) -> FileContents:
@@ -170,11 +171,14 @@ def _add_statement(
     """Add what a statement of a .mtl file says, to the material that it belongs to."""
     if statement == "newmtl":
         materials.append(MaterialContent(name=words, channels={}))
-    elif statement in _MTL_CHANNELS and materials:
-        channels, channel = materials[-1].channels, _MTL_CHANNELS[statement]
-        if statement in _VALUES:
-            channels.setdefault(channel, None)
-            return
+        return
+    channel = {**_MTL_VALUES, **_MTL_IMAGES}.get(statement)
+    if channel is None or not materials:
+        return
+    channels = materials[-1].channels
+    if statement in _MTL_VALUES:
+        channels.setdefault(channel, None)
+    else:
         name = map_name(words)[0]
         channels[channel] = label = Path(name).name
         if images.setdefault(label, None) is None:
@@ -189,13 +193,11 @@ def _allowed(path: Path, names: Iterable[str]) -> Iterator[Path]:
             yield file_beside(path, name)
 
 
-# Channels of FBX, by the properties that textures are connected to.
-_FBX_CHANNELS = {
-    "DiffuseColor": "base-color", "SpecularColor": "specular", "EmissiveColor": "emissive",
-    "TransparentColor": "opacity", "TransparencyFactor": "opacity",
-    "NormalMap": "normal", "Bump": "bump", "ShininessExponent": "roughness",
-    "ReflectionFactor": "metallic", "DisplacementColor": "displacement",
-}  # fmt: skip
+# Channels by properties, with those that materials do not have.
+_FBX_CHANNELS = _titles({
+    **CHANNEL_OF_FBX, "SpecularColor": "specular", "Bump": "bump",
+    "DisplacementColor": "displacement",
+})  # fmt: skip
 _AXES = "XYZ"
 
 

@@ -32,6 +32,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import quoted, shortened
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside, real_path
+from texbake.mesh.files.channels import CHANNEL_OF_FBX
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
 from texbake.mesh.materials import (
@@ -138,15 +139,6 @@ def _without_shear(
     )
 
 
-# Channels by the properties that textures are connected to.
-_TEXTURED = {
-    "DiffuseColor": "base-color", "EmissiveColor": "emissive", "NormalMap": "normal",
-    "ShininessExponent": "roughness", "ReflectionFactor": "metallic",
-    "TransparentColor": "alpha", "TransparencyFactor": "alpha", "Opacity": "alpha",
-    "Maya|TEX_color_map": "base-color", "Maya|TEX_normal_map": "normal",
-    "Maya|TEX_roughness_map": "roughness", "Maya|TEX_metallic_map": "metallic",
-    "Maya|TEX_emissive_map": "emissive", "Maya|TEX_ao_map": "occlusion",
-}  # fmt: skip
 _RED, _ALPHA = (0,), (3,)
 
 
@@ -170,7 +162,7 @@ class _MaterialReader:
         if alpha < 1.0:
             channels["alpha"] = ChannelSource((alpha,))
         for name, texture in self.scene.textures_of(material.key).items():
-            channel = _TEXTURED.get(name)
+            channel = CHANNEL_OF_FBX.get(name)
             if channel is None:
                 continue
             image = self._image(material, channel, texture)

@@ -2,7 +2,7 @@
 
 Images are named by their index, and read by `image_bytes` only when something asks for them. What a
 texture's `KHR_texture_transform` says is kept as the file has it, for coordinates with v down.
-`GLTF_CHANNELS` says where each channel is, for reading and for writing.
+`channels` says where each channel is, for reading and for writing.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
 extensions KHR_materials_clearcoat, KHR_materials_emissive_strength, KHR_materials_ior,
@@ -22,81 +22,11 @@ from urllib.parse import unquote
 from texbake.errors import FileError, FileFormatError, quoted
 from texbake.files import read_bytes
 from texbake.limits import file_beside, real_path
+from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
 from texbake.mesh.files.gltf_document import Document
 
-_SURFACE = "pbrMetallicRoughness"
-_CLEARCOAT = "KHR_materials_clearcoat"
-_TRANSMISSION = "KHR_materials_transmission"
-_SHEEN = "KHR_materials_sheen"
-_SPECULAR = "KHR_materials_specular"
 EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 
-
-@dataclass(frozen=True)
-class GltfChannel:
-    """Where a channel is in a material."""
-
-    name: str  # as in `CHANNELS`
-    # Object in the material that holds it: an extension, `pbrMetallicRoughness`, or "" for the
-    # material itself.
-    owner: str
-    texture: str  # property of its texture
-    components: tuple[int, ...]  # components of a texel, counted from red
-    factor: str = ""  # property of its factor; "" if it has none, or one that means something else
-    defaults: tuple[float, ...] = (1.0,)  # the factor where it is not given
-    # Which numbers of the factor are those of the channel.
-    factor_components: tuple[int, ...] = (0,)
-
-    @property
-    def is_extension(self) -> bool:
-        """Whether an extension holds it."""
-        return self.owner.startswith("KHR_")
-
-
-_RGB = (0, 1, 2)
-_WHITE = (1.0, 1.0, 1.0)
-_BLACK = (0.0, 0.0, 0.0)
-_NONE = (0.0,)
-
-GLTF_CHANNELS = (
-    GltfChannel(
-        "base-color", _SURFACE, "baseColorTexture", _RGB, "baseColorFactor", (*_WHITE, 1.0), _RGB
-    ),
-    GltfChannel(
-        "alpha", _SURFACE, "baseColorTexture", (3,), "baseColorFactor", (*_WHITE, 1.0), (3,)
-    ),
-    GltfChannel("roughness", _SURFACE, "metallicRoughnessTexture", (1,), "roughnessFactor"),
-    GltfChannel("metallic", _SURFACE, "metallicRoughnessTexture", (2,), "metallicFactor"),
-    GltfChannel("normal", "", "normalTexture", _RGB),
-    GltfChannel("occlusion", "", "occlusionTexture", (0,)),
-    GltfChannel("emissive", "", "emissiveTexture", _RGB, "emissiveFactor", _BLACK, _RGB),
-    GltfChannel("clearcoat", _CLEARCOAT, "clearcoatTexture", (0,), "clearcoatFactor", _NONE),
-    GltfChannel(
-        "clearcoat-roughness",
-        _CLEARCOAT,
-        "clearcoatRoughnessTexture",
-        (1,),
-        "clearcoatRoughnessFactor",
-        _NONE,
-    ),
-    GltfChannel(
-        "transmission", _TRANSMISSION, "transmissionTexture", (0,), "transmissionFactor", _NONE
-    ),
-    GltfChannel("sheen-color", _SHEEN, "sheenColorTexture", _RGB, "sheenColorFactor", _BLACK, _RGB),
-    GltfChannel(
-        "sheen-roughness", _SHEEN, "sheenRoughnessTexture", (3,), "sheenRoughnessFactor", _NONE
-    ),
-    GltfChannel("specular", _SPECULAR, "specularTexture", (3,), "specularFactor"),
-    GltfChannel(
-        "specular-color",
-        _SPECULAR,
-        "specularColorTexture",
-        _RGB,
-        "specularColorFactor",
-        _WHITE,
-        _RGB,
-    ),
-)
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST = 9728
@@ -107,7 +37,7 @@ _NO_IMAGE = "a texture has no image in a supported format"
 _EXTENSIONS = {
     EMISSIVE_STRENGTH,
     "KHR_materials_unlit",
-    *(where.owner for where in GLTF_CHANNELS if where.is_extension),
+    *(where.owner for where in FILE_CHANNELS.values() if where.is_extension),
 }
 _LEFT_OUT = {("KHR_materials_clearcoat", "clearcoatNormalTexture")}
 # Channels whose textureInfo holds a number of their own, and its name.
@@ -147,7 +77,7 @@ class GltfMaterial:
     """A material."""
 
     name: str  # `material` and its index, where it has no name of its own
-    # All of `GLTF_CHANNELS` but those of extensions that the material does not use.
+    # All of `FILE_CHANNELS` but those of extensions that the material does not use.
     channels: Mapping[str, GltfSource]
     alpha_mode: str = "opaque"  # `opaque`, `mask` or `blend`
     alpha_cutoff: float = 0.5
@@ -177,7 +107,7 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
         name=name,
         channels={
             where.name: _source(document, where, source, extensions)
-            for where in GLTF_CHANNELS
+            for where in FILE_CHANNELS.values()
             if not where.is_extension or where.owner in extensions
         },
         alpha_mode=_ALPHA_MODES[mode],
@@ -204,7 +134,7 @@ def unread_extensions(document: Document, index: int | None) -> tuple[str, ...]:
 
 
 def _source(
-    document: Document, where: GltfChannel, source: dict[str, Any], extensions: dict[str, Any]
+    document: Document, where: FileChannel, source: dict[str, Any], extensions: dict[str, Any]
 ) -> GltfSource:
     """Read the factor and the texture of a channel."""
     owner = extensions if where.is_extension else source
@@ -223,7 +153,7 @@ def _source(
     return GltfSource(factor, texture)
 
 
-def _factor(document: Document, where: GltfChannel, holder: dict[str, Any]) -> tuple[float, ...]:
+def _factor(document: Document, where: FileChannel, holder: dict[str, Any]) -> tuple[float, ...]:
     """Those numbers of a factor that are the channel's."""
     if len(where.defaults) == 1:
         return (document.number(holder, where.factor, where.defaults[0]),)

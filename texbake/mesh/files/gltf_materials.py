@@ -24,13 +24,12 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, shortened
 from texbake.files import PathLike
+from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
 from texbake.mesh.files.conversion import as_text, media_type
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import (
     EMISSIVE_STRENGTH,
-    GLTF_CHANNELS,
-    GltfChannel,
     GltfSource,
     GltfTexture,
     image_or_reason,
@@ -110,7 +109,7 @@ class _MaterialReader:
         """Read the material with an index; None means glTF's default material."""
         material = read_material(self.document, index)
         channels = {}
-        for where in GLTF_CHANNELS:
+        for where in FILE_CHANNELS.values():
             if where.name == "alpha" and material.alpha_mode == "opaque":
                 continue
             if where.name in material.channels:
@@ -158,7 +157,7 @@ class _MaterialReader:
         return sets
 
     def _source(
-        self, where: GltfChannel, source: GltfSource, material: str
+        self, where: FileChannel, source: GltfSource, material: str
     ) -> ChannelSource | None:
         """Return where a channel comes from; None where it changes nothing."""
         image = None
@@ -176,7 +175,7 @@ class _MaterialReader:
         return ChannelSource(source.factor, image)
 
     def _image(
-        self, where: GltfChannel, texture: GltfTexture, material: str
+        self, where: FileChannel, texture: GltfTexture, material: str
     ) -> ChannelImage | None:
         """Read the image of a texture; None, and a note, where it is missing."""
         index = texture.image
@@ -265,7 +264,7 @@ def _add_factors(
     content: dict[str, Any], extensions: dict[str, Any], material: MeshMaterial
 ) -> None:
     """Set the factors that differ from those that glTF assumes."""
-    for where in GLTF_CHANNELS:
+    for where in FILE_CHANNELS.values():
         owners = extensions if where.is_extension else content
         if not where.factor or (where.is_extension and where.owner not in extensions):
             continue
@@ -337,9 +336,9 @@ class Slot:
 
     owner: str
     texture: str
-    channels: tuple[GltfChannel, ...]
+    channels: tuple[FileChannel, ...]
 
-    def sources(self, material: MeshMaterial) -> Iterator[tuple[GltfChannel, ChannelSource]]:
+    def sources(self, material: MeshMaterial) -> Iterator[tuple[FileChannel, ChannelSource]]:
         """Yield where each channel of it comes from; the default, where the material is silent."""
         for where in self.channels:
             if where.name == "alpha" and material.alpha_mode == "opaque":
@@ -370,7 +369,7 @@ class Slot:
         return self.holds(material) and not (has_image and any(any(s.factor) for s in alone))
 
 
-def _is_read(where: GltfChannel, source: ChannelSource, first: ChannelImage) -> bool:
+def _is_read(where: FileChannel, source: ChannelSource, first: ChannelImage) -> bool:
     """Whether glTF reads the image of a channel, if it has one, as the material does."""
     if source.image is None:
         return True
@@ -393,6 +392,6 @@ def same_place(a: ChannelImage, b: ChannelImage) -> bool:
 SLOTS = tuple(
     Slot(owner, texture, tuple(channels))
     for (owner, texture), channels in groupby(
-        GLTF_CHANNELS, key=lambda channel: (channel.owner, channel.texture)
+        FILE_CHANNELS.values(), key=lambda channel: (channel.owner, channel.texture)
     )
 )

@@ -25,6 +25,7 @@ import numpy as np
 from texbake.errors import FileError, FileFormatError, quoted, shortened, warn_of
 from texbake.files import PathLike, appearing_together, is_file, read_bytes, replacing
 from texbake.limits import file_beside, real_path
+from texbake.mesh.files.channels import FILE_CHANNELS
 from texbake.mesh.files.obj import MARK, F, find_lines, polygon_sizes, read_obj_text
 from texbake.mesh.files.obj_write import plain_name, write_obj
 from texbake.mesh.files.source import BYTE_ORDER_MARK, decode_name
@@ -42,14 +43,11 @@ from texbake.mesh.polygons import polygon_of_triangles
 _USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
-# Channels by the statements of their values, and by those of their images.
-VALUES = {
-    "kd": "base-color", "ke": "emissive", "d": "alpha", "pr": "roughness", "pm": "metallic",
-}  # fmt: skip
+# Channels by the statements of their values, and by those of their images, in lower case.
+VALUES = {where.mtl.lower(): where.name for where in FILE_CHANNELS.values() if where.mtl}
 IMAGES = {
-    "map_kd": "base-color", "map_ke": "emissive", "map_d": "alpha", "map_pr": "roughness",
-    "map_pm": "metallic", "norm": "normal",
-}  # fmt: skip
+    where.mtl_image.lower(): where.name for where in FILE_CHANNELS.values() if where.mtl_image
+}
 # Statements of images that change what is seen and are left out, by the channels nearest to them.
 _LEFT_OUT = {
     "map_bump": "normal", "bump": "normal", "map_ks": "specular", "map_ns": "roughness",
@@ -246,13 +244,8 @@ def _is_number(word: str) -> bool:
     return True
 
 
-MTL_CHANNELS = tuple(dict.fromkeys([*VALUES.values(), *IMAGES.values()]))
-"""Channels that .mtl files have."""
-# As programs write them; `mtl` reads them in any case.
-_SPELLINGS = {
-    "kd": "Kd", "ke": "Ke", "d": "d", "pr": "Pr", "pm": "Pm", "map_kd": "map_Kd",
-    "map_ke": "map_Ke", "map_d": "map_d", "map_pr": "map_Pr", "map_pm": "map_Pm", "norm": "norm",
-}  # fmt: skip
+MTL_CHANNELS = ("base-color", "emissive", "alpha", "roughness", "metallic", "normal")
+"""Channels that .mtl files have, in the order in which they are written."""
 
 
 @appearing_together()
@@ -319,12 +312,12 @@ def _image(material: MeshMaterial, channel: str) -> ChannelImage | None:
 
 def _statements(material: MeshMaterial, images: dict[bytes, str]) -> Iterator[str]:
     """Yield the statements of a material."""
-    for statement, channel in VALUES.items():
+    for channel in MTL_CHANNELS:
         source = material.channels.get(channel)
-        if source is not None and source.image is None:
-            yield " ".join([_SPELLINGS[statement], *map(repr, source.factor)])
-    for statement, channel in IMAGES.items():
+        if source is not None and source.image is None and FILE_CHANNELS[channel].mtl:
+            yield " ".join([FILE_CHANNELS[channel].mtl, *map(repr, source.factor)])
+    for channel in MTL_CHANNELS:
         image = _image(material, channel)
         if image is not None:
             clamp = ["-clamp", "on"] if image.wraps == ("clamp", "clamp") else []
-            yield " ".join([_SPELLINGS[statement], *clamp, images[image.data]])
+            yield " ".join([FILE_CHANNELS[channel].mtl_image, *clamp, images[image.data]])

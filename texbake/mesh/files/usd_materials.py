@@ -22,6 +22,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import quoted
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside
+from texbake.mesh.files.channels import FILE_CHANNELS
 from texbake.mesh.files.contents import FileContents, MaterialContent
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.usd import UsdPart, prim_name, read_parts
@@ -38,18 +39,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import Mesh
 
-# Inputs of the surface by channels, and their defaults.
-_INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
-    "base-color": ("diffuseColor", (0.18, 0.18, 0.18)),
-    "alpha": ("opacity", (1.0,)),
-    "metallic": ("metallic", (0.0,)),
-    "roughness": ("roughness", (0.5,)),
-    "occlusion": ("occlusion", (1.0,)),
-    "emissive": ("emissiveColor", (0.0, 0.0, 0.0)),
-    "normal": ("normal", (0.0, 0.0, 1.0)),
-    "clearcoat": ("clearcoat", (0.0,)),
-    "clearcoat-roughness": ("clearcoatRoughness", (0.01,)),
-}
+_INPUTS = [where for where in FILE_CHANNELS.values() if where.usd]
 # Channels that another default of a mesh's material makes necessary.
 _ALWAYS = ("base-color", "metallic", "roughness")
 _COMPONENTS = {"r": (0,), "g": (1,), "b": (2,), "a": (3,), "rgb": (0, 1, 2)}
@@ -154,8 +144,9 @@ class _MaterialReader:
             self.missing.add("", f"{name}: {shader} read")
             return MeshMaterial(name=name)
         channels = {}
-        for channel, (input_name, default) in _INPUTS.items():
-            source = self._source(name, channel, surface.GetInput(input_name), default)
+        for where in _INPUTS:
+            channel = where.name
+            source = self._source(name, channel, surface.GetInput(where.usd), where.usd_default)
             is_set = source.image is not None or source.factor != CHANNELS[channel].default
             if channel in _ALWAYS or is_set:
                 channels[channel] = source
@@ -310,14 +301,14 @@ def usd_channels(material: Any) -> dict[str, tuple[str, bytes | None] | None]:
     """
     surface = material.ComputeSurfaceSource()[0]
     channels: dict[str, tuple[str, bytes | None] | None] = {}
-    for channel, (name, _) in _INPUTS.items():
-        source = surface.GetInput(name) if surface else None
+    for where in _INPUTS:
+        source = surface.GetInput(where.usd) if surface else None
         shader, _ = _producer(source)
         if shader is not None:
             path, _, data = _image_file(shader)
-            channels[channel] = (path, data)
+            channels[where.name] = (path, data)
         elif _value(source) is not None:
-            channels[channel] = None
+            channels[where.name] = None
     return channels
 
 

@@ -28,6 +28,7 @@ import numpy.typing as npt
 from texbake.errors import UvError
 from texbake.files import PathLike, replacing, scratch_folder
 from texbake.mesh.compose import excerpt
+from texbake.mesh.files.channels import FILE_CHANNELS
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
@@ -277,22 +278,23 @@ def _add_material(
         places = coordinates.CreateOutput("result", types.Float2)
         for slot, file in textures.items():
             texture = _texture(stage, slot, file, places)
-            for input_name, kind, channel in _INPUTS[slot]:
-                value = texture.CreateOutput(
-                    channel, types.Float3 if channel == "rgb" else types.Float
-                )
-                surface.CreateInput(input_name, getattr(types, kind)).ConnectToSource(value)
+            for where in map(FILE_CHANNELS.__getitem__, _SLOTS[slot]):
+                is_vector = len(where.components) == 3
+                kind = "Float" if not is_vector else "Normal3f" if slot == "normal" else "Color3f"
+                output = "rgb" if is_vector else "rgba"[where.components[0]]
+                value = texture.CreateOutput(output, types.Float3 if is_vector else types.Float)
+                surface.CreateInput(where.usd, getattr(types, kind)).ConnectToSource(value)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
     for usd_mesh in usd_meshes:
         UsdShade.MaterialBindingAPI.Apply(usd_mesh.GetPrim()).Bind(material)
 
 
-# Inputs of the surface that each texture goes to: name, type, and channels.
-_INPUTS = {
-    "normal": (("normal", "Normal3f", "rgb"),),
-    "base_color": (("diffuseColor", "Color3f", "rgb"),),
-    "orm": (("occlusion", "Float", "r"), ("roughness", "Float", "g"), ("metallic", "Float", "b")),
-    "emissive": (("emissiveColor", "Color3f", "rgb"),),
+# Channels that are read of each texture.
+_SLOTS = {
+    "normal": ("normal",),
+    "base_color": ("base-color",),
+    "orm": ("occlusion", "roughness", "metallic"),
+    "emissive": ("emissive",),
 }
 
 

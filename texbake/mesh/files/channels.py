@@ -1,0 +1,119 @@
+"""Where each format has the channels of a material: the one table for reading and for writing.
+
+`CHANNELS` in `texbake.mesh.materials` has their defaults and color spaces, which hold for all
+formats. An FBX material is read by `fbx_materials`, a USD one by `usd_materials`, one of OBJ by
+`mtl`, and one of glTF by `gltf_material_read`.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and its
+extensions KHR_materials_clearcoat, KHR_materials_sheen, KHR_materials_specular and
+KHR_materials_transmission; Pixar, "UsdPreviewSurface Specification", version 2.6; Wavefront
+Technologies, "MTL material format", 1995; Dirk Guenther, "MTL extension for physically based
+rendering", Clara.io, 2015.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+_RGB = (0, 1, 2)
+_RED, _GREEN, _BLUE, _ALPHA = (0,), (1,), (2,), (3,)
+_WHITE, _BLACK, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.0,)
+_SURFACE = "pbrMetallicRoughness"
+_CLEARCOAT = "KHR_materials_clearcoat"
+_TRANSMISSION = "KHR_materials_transmission"
+_SHEEN = "KHR_materials_sheen"
+_SPECULAR = "KHR_materials_specular"
+
+
+@dataclass(frozen=True)
+class FileChannel:
+    """Where formats have a channel; what a format has no place for is empty."""
+
+    name: str  # as in `CHANNELS`
+    # Object in a glTF material that holds it: an extension, `pbrMetallicRoughness`, or "" for the
+    # material itself.
+    owner: str
+    texture: str  # glTF's property of its texture
+    components: tuple[int, ...]  # components of a texel of glTF, counted from red
+    # glTF's property of its factor; "" if it has none, or one that means something else.
+    factor: str = ""
+    defaults: tuple[float, ...] = (1.0,)  # the factor of glTF where it is not given
+    # Which numbers of the factor are those of the channel.
+    factor_components: tuple[int, ...] = (0,)
+    usd: str = ""  # input of UsdPreviewSurface
+    usd_default: tuple[float, ...] = ()
+    mtl: str = ""  # statement of .mtl files for its value
+    mtl_image: str = ""  # and for its image
+    fbx: tuple[str, ...] = ()  # properties of FBX materials with textures
+
+    @property
+    def is_extension(self) -> bool:
+        """Whether an extension of glTF holds it."""
+        return self.owner.startswith("KHR_")
+
+
+_ALL = (
+    FileChannel(
+        "base-color", _SURFACE, "baseColorTexture", _RGB, "baseColorFactor", (*_WHITE, 1.0), _RGB,
+        usd="diffuseColor", usd_default=(0.18, 0.18, 0.18), mtl="Kd", mtl_image="map_Kd",
+        fbx=("DiffuseColor", "Maya|TEX_color_map"),
+    ),
+    FileChannel(
+        "alpha", _SURFACE, "baseColorTexture", _ALPHA, "baseColorFactor", (*_WHITE, 1.0), _ALPHA,
+        usd="opacity", usd_default=(1.0,), mtl="d", mtl_image="map_d",
+        fbx=("TransparentColor", "TransparencyFactor", "Opacity"),
+    ),
+    FileChannel(
+        "roughness", _SURFACE, "metallicRoughnessTexture", _GREEN, "roughnessFactor",
+        usd="roughness", usd_default=(0.5,), mtl="Pr", mtl_image="map_Pr",
+        fbx=("ShininessExponent", "Maya|TEX_roughness_map"),
+    ),
+    FileChannel(
+        "metallic", _SURFACE, "metallicRoughnessTexture", _BLUE, "metallicFactor",
+        usd="metallic", usd_default=_NONE, mtl="Pm", mtl_image="map_Pm",
+        fbx=("ReflectionFactor", "Maya|TEX_metallic_map"),
+    ),
+    FileChannel(
+        "normal", "", "normalTexture", _RGB, usd="normal", usd_default=(0.0, 0.0, 1.0),
+        mtl_image="norm", fbx=("NormalMap", "Maya|TEX_normal_map"),
+    ),
+    FileChannel(
+        "occlusion", "", "occlusionTexture", _RED, usd="occlusion", usd_default=(1.0,),
+        fbx=("Maya|TEX_ao_map",),
+    ),
+    FileChannel(
+        "emissive", "", "emissiveTexture", _RGB, "emissiveFactor", _BLACK, _RGB,
+        usd="emissiveColor", usd_default=_BLACK, mtl="Ke", mtl_image="map_Ke",
+        fbx=("EmissiveColor", "Maya|TEX_emissive_map"),
+    ),
+    FileChannel(
+        "clearcoat", _CLEARCOAT, "clearcoatTexture", _RED, "clearcoatFactor", _NONE,
+        usd="clearcoat", usd_default=_NONE,
+    ),
+    FileChannel(
+        "clearcoat-roughness", _CLEARCOAT, "clearcoatRoughnessTexture", _GREEN,
+        "clearcoatRoughnessFactor", _NONE, usd="clearcoatRoughness", usd_default=(0.01,),
+    ),
+    FileChannel(
+        "transmission", _TRANSMISSION, "transmissionTexture", _RED, "transmissionFactor", _NONE
+    ),
+    FileChannel(
+        "sheen-color", _SHEEN, "sheenColorTexture", _RGB, "sheenColorFactor", _BLACK, _RGB
+    ),
+    FileChannel(
+        "sheen-roughness", _SHEEN, "sheenRoughnessTexture", _ALPHA, "sheenRoughnessFactor", _NONE
+    ),
+    FileChannel("specular", _SPECULAR, "specularTexture", _ALPHA, "specularFactor"),
+    FileChannel(
+        "specular-color", _SPECULAR, "specularColorTexture", _RGB, "specularColorFactor", _WHITE,
+        _RGB,
+    ),
+)  # fmt: skip
+FILE_CHANNELS: Mapping[str, FileChannel] = MappingProxyType({where.name: where for where in _ALL})
+"""By their names, in the order in which glTF files have them."""
+CHANNEL_OF_FBX: Mapping[str, str] = MappingProxyType(
+    {name: where.name for where in _ALL for name in where.fbx}
+)
+"""Channels by the properties that textures are connected to."""
