@@ -269,10 +269,8 @@ def test_arrays_that_unpack_to_other_than_they_say(read):
         read(bomb(30, bytes(8 * 29)))
     with pytest.raises(FileFormatError, match="an array of 30 numbers is damaged"):
         read(bomb(30, bytes(80_000_000)))
-    with pytest.raises(FileFormatError, match=r"more than \d+ bytes can hold"):
-        read(bomb(400_000_000, bytes(240)))
     with pytest.raises(FileFormatError, match="unpack to far more than its size"):
-        read(bomb(50_000_000, bytes(400_000_000)))
+        read(bomb(50_000_000, b""))
 
 
 @pytest.mark.parametrize("length", [24, 100, 1000])

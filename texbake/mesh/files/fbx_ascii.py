@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
 
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_nodes import UNREAD_NODES, Budget, Node
+from texbake.mesh.files.decimals import parse_numbers
+from texbake.mesh.files.fbx_nodes import UNREAD_NODES, Budget, LazyNumbers, Node
 from texbake.mesh.files.source import ByteArray, line_number, text_of
 from texbake.mesh.mesh import FloatArray
 
@@ -38,22 +38,18 @@ _INT64 = 1 << 63
 _LONG = 256  # bytes from which on numbers are kept as text
 
 
-def read_ascii(path: PathLike, data: ByteArray) -> Node:
-    """Nodes of an FBX text file, as children of a node without a name."""
+def read_ascii(path: PathLike, data: ByteArray) -> tuple[Node, int]:
+    """Nodes of an FBX text file, as children of a node without a name, and a version like 7400.
+
+    The version is 0 where the file does not say it.
+    """
     data = text_of(path, data, "an FBX file")
-    if b"FBX" not in data[:4096].tobytes().upper():
-        raise FileFormatError(f"{path}: it is not an FBX file; neither binary nor text")
-    return _Reader(path, data).read()
-
-
-def ascii_version(data: ByteArray) -> int:
-    """Return the version in the header of an FBX text file, such as 7400; 0 if it has none."""
     head = data[:4096].tobytes()
-    number = _VERSION_NUMBER.search(head)
-    if number is not None:
-        return int(number[1])
-    words = _VERSION_WORDS.search(head)
-    return 0 if words is None else 1000 * int(words[1]) + 100 * int(words[2])
+    if b"FBX" not in head.upper():
+        raise FileFormatError(f"{path}: it is not an FBX file; neither binary nor text")
+    number, words = _VERSION_NUMBER.search(head), _VERSION_WORDS.search(head)
+    version = 1000 * int(words[1]) + 100 * int(words[2]) if words else 0
+    return _Reader(path, data).read(), int(number[1]) if number else version
 
 
 class _Reader:
@@ -145,11 +141,22 @@ class _Reader:
     def _numbers(self, words: bytes) -> list[Any]:
         """Numbers of a text with commas and blanks."""
         if len(words) > _LONG:
-            return [_Text(self, words, self.at)]
+            stop = self.at
+            return [LazyNumbers(lambda: self._long_list(stop - len(words), stop))]
         try:
             return [_number(word) for word in words.replace(b",", b" ").split()]
         except ValueError:
             self.fail(f"{quoted(words[:20].decode('latin-1').splitlines()[0])} is not a number")
+
+    def _long_list(self, start: int, stop: int) -> FloatArray:
+        """(n,) numbers of the text between two places."""
+        self.budget.take(4 * (stop - start))
+        return parse_numbers(self.path, self._spaced, start, stop).values
+
+    @cached_property
+    def _spaced(self) -> ByteArray:
+        """The text with blanks for commas."""
+        return np.where(self.data == ord(","), np.uint8(ord(" ")), self.data)
 
     def _skip_node(self) -> None:
         """Skip to behind the brace that closes the one before."""
@@ -174,26 +181,3 @@ def _number(word: bytes) -> int | float:
     except ValueError:
         return float(word)
     return whole if -_INT64 <= whole < _INT64 else float(word)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Text:
-    """Numbers as text, up to a place of the file."""
-
-    reader: _Reader
-    words: bytes
-    end: int
-
-    def load(self) -> FloatArray:
-        """(n,) numbers."""
-        self.reader.budget.take(4 * len(self.words))
-        words = self.words.decode("ascii").rstrip(", \t\r\n")
-        with warnings.catch_warnings():
-            # What numpy cannot read to its end it warns of.
-            warnings.simplefilter("error")
-            try:
-                values: FloatArray = np.fromstring(words, dtype=np.float64, sep=",")
-            except (DeprecationWarning, ValueError):
-                self.reader.at = self.end - len(self.words)
-                self.reader.fail("a list of numbers holds what is none")
-        return values

@@ -11,8 +11,10 @@ Based on: A. Gessler and C. Kerl, "FBX binary file format specification", Blende
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NoReturn, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +31,11 @@ UNREAD_NODES = frozenset({
 })  # fmt: skip
 
 
-class Array(Protocol):
-    """Numbers in the file, converted when they are first used."""
+@dataclass(frozen=True, slots=True, eq=False)
+class LazyNumbers:
+    """Numbers in the file, (n,) once `load` converts them."""
 
-    def load(self) -> npt.NDArray[Any]:
-        """(n,) numbers."""
+    load: Callable[[], npt.NDArray[Any]]
 
 
 @dataclass(slots=True)
@@ -41,7 +43,7 @@ class Node:
     """A node of the file."""
 
     name: str
-    # Int, float, bytes (text as it stands in the file) or `Array`.
+    # Int, float, bytes (text as it stands in the file) or `LazyNumbers`.
     values: list[Any] = field(default_factory=list)
     children: list[Node] = field(default_factory=list)
 
@@ -70,7 +72,7 @@ class Node:
             return np.zeros(0)
         inner = child.child("a")
         parts = [
-            value.load() if hasattr(value, "load") else np.array([value])
+            value.load() if isinstance(value, LazyNumbers) else np.array([value])
             for value in (child if inner is None else inner).values
             if not isinstance(value, bytes)
         ]
@@ -93,47 +95,34 @@ class Budget:
         """Count bytes, and raise `FileFormatError` where the file asks for too many."""
         self.left -= n_bytes
         if self.left < 0:
-            self.fail("its arrays unpack to far more than its size; export it again")
-
-    def fail(self, what: str) -> NoReturn:
-        """Raise `FileFormatError`."""
-        raise FileFormatError(f"{self.path}: {what}")
+            raise FileFormatError(
+                f"{self.path}: its arrays unpack to far more than its size; export it again"
+            )
 
 
 MAGIC = b"Kaydara FBX Binary  \0\x1a"
 # Kinds of single values, and of arrays, by their codes.
 _SINGLE = {"C": "i1", "B": "i1", "Z": "i1", "Y": "i2", "I": "i4", "F": "f4", "D": "f8", "L": "i8"}
 _MANY = {"f": "f4", "d": "f8", "i": "i4", "l": "i8", "b": "i1", "c": "i1"}
-_DEFLATE_RATIO = 1100  # deflate packs no better than 1,032 to 1
 _LONG_LIST = 8  # from this many values on, a list of one kind is read as an array
 
 
-def read_binary(path: PathLike, data: ByteArray) -> Node:
-    """Nodes of a binary FBX file, as children of a node without a name."""
-    return _Reader(path, data).read()
-
-
-def binary_version(path: PathLike, data: ByteArray) -> int:
-    """Return the version in the header of a binary FBX file, such as 7400."""
-    return _header(path, data)[1]
-
-
-def _header(path: PathLike, data: ByteArray) -> tuple[Cursor, int]:
-    """Return the place behind the header, and the version."""
-    cursor = Cursor(path, data)
-    if cursor.take(len(MAGIC) + 1)[-1] == 1:
-        cursor.order = ">"
-    (version,) = cursor.unpack("I")
-    return cursor, version
+def read_binary(path: PathLike, data: ByteArray) -> tuple[Node, int]:
+    """Nodes of a binary FBX file, as children of a node without a name, and a version like 7400."""
+    reader = _Reader(path, data)
+    return reader.read(), reader.version
 
 
 class _Reader:
     """Bytes of a file and how to read them."""
 
     def __init__(self, path: PathLike, data: ByteArray) -> None:
-        self.cursor, version = _header(path, data)
+        self.cursor = Cursor(path, data)
+        if self.cursor.take(len(MAGIC) + 1)[-1] == 1:
+            self.cursor.order = ">"
+        (self.version,) = self.cursor.unpack("I")
         # End, number of values, bytes of values, length of the name.
-        self.header = "QQQB" if version >= 7500 else "IIIB"
+        self.header = "QQQB" if self.version >= 7500 else "IIIB"
         self.budget = Budget(path, len(data))
 
     def read(self) -> Node:
@@ -181,7 +170,7 @@ class _Reader:
             return [run]
         return [self._value() for _ in range(n_values)]
 
-    def _run(self, n_values: int) -> _Run | None:
+    def _run(self, n_values: int) -> LazyNumbers | None:
         """Return a long list of numbers of one kind, as files before version 7 have it."""
         rest = self.cursor.data[self.cursor.at : self.cursor.stop]
         kind = _SINGLE.get(chr(rest[0])) if len(rest) else None
@@ -191,7 +180,9 @@ class _Reader:
         if n_values * rows.itemsize != len(rest):
             return None
         values = rest.view(rows)
-        return _Run(values["value"]) if (values["code"] == rest[0]).all() else None
+        if (values["code"] != rest[0]).any():
+            return None
+        return LazyNumbers(partial(_native, values["value"]))
 
     def _value(self) -> Any:
         cursor = self.cursor
@@ -204,49 +195,26 @@ class _Reader:
             cursor.fail(f"a value has the unknown kind {quoted(code)}")
         count, is_packed, n_bytes = cursor.unpack("III")
         dtype = np.dtype(f"{cursor.order}{_MANY[code]}")
+        content = cursor.take(n_bytes if is_packed else count * dtype.itemsize)
+        return LazyNumbers(partial(self._array, content, count, dtype, bool(is_packed)))
+
+    def _array(
+        self, content: ByteArray, count: int, dtype: np.dtype[Any], is_packed: bool
+    ) -> npt.NDArray[Any]:
+        """(count,) numbers of bytes that may be deflated."""
         wanted = count * dtype.itemsize
-        content = cursor.take(n_bytes if is_packed else wanted)
-        if is_packed and wanted > _DEFLATE_RATIO * n_bytes:
-            cursor.fail(f"an array claims {count} numbers, more than {n_bytes} bytes can hold")
-        return _Packed(self.budget, content, count, dtype, bool(is_packed))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """Numbers that the file stores one by one."""
-
-    values: npt.NDArray[Any]
-
-    def load(self) -> npt.NDArray[Any]:
-        """(n,) numbers."""
-        return self.values.astype(self.values.dtype.newbyteorder("="))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Packed:
-    """An array as bytes of the file, perhaps deflated."""
-
-    budget: Budget
-    content: ByteArray
-    count: int
-    dtype: np.dtype[Any]
-    is_packed: bool
-
-    def load(self) -> npt.NDArray[Any]:
-        """(n,) numbers."""
-        wanted = self.count * self.dtype.itemsize
         self.budget.take(wanted)
-        content = self.content
-        if self.is_packed:
-            content = np.frombuffer(self._inflated(wanted), np.uint8)
-        return content.view(self.dtype).astype(self.dtype.newbyteorder("="), copy=False)
+        if is_packed:
+            try:
+                # One byte more, so that an array that is too long shows.
+                found = zlib.decompressobj().decompress(content.tobytes(), wanted + 1)
+            except zlib.error:
+                found = b""
+            if len(found) != wanted:
+                raise FileFormatError(f"{self.cursor.path}: an array of {count} numbers is damaged")
+            content = np.frombuffer(found, np.uint8)
+        return _native(content.view(dtype))
 
-    def _inflated(self, wanted: int) -> bytes:
-        try:
-            # One byte more, so that an array that is too long shows.
-            found = zlib.decompressobj().decompress(self.content.tobytes(), wanted + 1)
-        except zlib.error:
-            found = b""
-        if len(found) != wanted:
-            self.budget.fail(f"an array of {self.count} numbers is damaged; export it again")
-        return found
+
+def _native(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return values.astype(values.dtype.newbyteorder("="), copy=False)

@@ -27,8 +27,8 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_ascii import ascii_version, read_ascii
-from texbake.mesh.files.fbx_nodes import MAGIC, Node, binary_version, read_binary
+from texbake.mesh.files.fbx_ascii import read_ascii
+from texbake.mesh.files.fbx_nodes import MAGIC, LazyNumbers, Node, read_binary
 from texbake.mesh.files.source import decode_name, parsed, read_array, short_name
 from texbake.mesh.mesh import FloatArray
 
@@ -111,7 +111,7 @@ def read_scene(path: PathLike) -> FbxScene:
 def _read_scene(path: PathLike) -> FbxScene:
     data = read_array(path)
     is_binary = data[: len(MAGIC)].tobytes() == MAGIC
-    root = (read_binary if is_binary else read_ascii)(path, data)
+    root, version = (read_binary if is_binary else read_ascii)(path, data)
     objects_node = root.child("Objects") or Node("")
     objects: dict[Id, FbxObject] = {}
     for node in objects_node.children:
@@ -125,7 +125,7 @@ def _read_scene(path: PathLike) -> FbxScene:
         settings=read_properties(settings),
         defaults={kind: _defaults(root, kind) for kind in ("Model", "Material")},
         n_bytes=len(data),
-        version=binary_version(path, data) if is_binary else ascii_version(data),
+        version=version,
         creator=root.child_text("Creator"),
     )
 
@@ -176,7 +176,7 @@ def read_properties(node: Node) -> dict[str, list[Any]]:
         for entry in (node.child(list_name) or Node("")).named(name):
             values: list[Any] = []
             for value in entry.values[first:]:
-                values += value.load().tolist() if hasattr(value, "load") else [value]
+                values += value.load().tolist() if isinstance(value, LazyNumbers) else [value]
             found[entry.text()] = values
     return found
 
