@@ -15,7 +15,7 @@ from rich.text import Text
 from .printable import printable
 
 if TYPE_CHECKING:
-    from texbake import BuildEvent
+    from texbake.building.progress import BuildEvent
 
 
 class BuildTable:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from .terminal import Terminal, complain
 
 if TYPE_CHECKING:
-    from texbake import BuildEvent, BuildListener, BuildResult
+    from texbake.building.progress import BuildEvent, BuildListener
+    from texbake.building.report import BuildResult
 
 _MOST_SHOWN = 20  # failures; of further ones only the number is printed
 

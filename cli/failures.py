@@ -19,7 +19,8 @@ from typing import IO, Any
 
 import click
 
-from texbake import FileError, OptionError, TexbakeError, is_out_of_memory
+from texbake import FileError, OptionError, TexbakeError
+from texbake.errors import is_out_of_memory
 
 from .flags import with_flags
 from .printable import printable

@@ -6,7 +6,9 @@ import sys
 
 import click
 
-from texbake import __version__, heard_warnings, raised_limits
+from texbake import __version__
+from texbake.errors import heard_warnings
+from texbake.limits import raised_limits
 
 from .lazy import LazyGroup
 from .signals import end_cleanly_on_signals

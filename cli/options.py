@@ -17,17 +17,13 @@ from typing import Any, TypeVar, get_args, get_origin
 import click
 from click.core import ParameterSource
 
-from texbake import (
+from texbake import BakeOptions, BuildOptions, RenderOptions
+from texbake.limits import whole_number
+from texbake.mesh.files import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     WRITABLE_MESH_SUFFIXES as WRITABLE_MESH_SUFFIXES,
-    BakeOptions,
-    BuildOptions,
-    OptionField,
-    RenderOptions,
-    option_field,
-    option_fields,
-    whole_number,
 )
+from texbake.schema import OptionField, option_field, option_fields
 from texbake.verbs.verb import PAGE, REPORT
 
 from .types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam

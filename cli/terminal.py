@@ -22,7 +22,8 @@ from .printable import in_line, printable
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from texbake import BudgetClock, ProgressSink
+    from texbake.progress import ProgressSink
+    from texbake.sampling.time_budget import BudgetClock
 
 _HEADING = {"bold": True}
 PROGRESS = ("auto", "json", "none")
@@ -69,7 +70,7 @@ class Terminal:
 
     def clock(self) -> BudgetClock:
         """Return the clock of a time budget, which began with the process."""
-        from texbake import BudgetClock
+        from texbake.sampling.time_budget import BudgetClock
 
         return BudgetClock.of_process(self.warn)
 

@@ -11,7 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from texbake import whole_number
+from texbake.limits import whole_number
 
 
 class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none

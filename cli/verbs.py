@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from texbake import option_fields
+from texbake.schema import option_fields
 from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes
 
 from .html import command_line

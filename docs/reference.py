@@ -274,25 +274,36 @@ def _range(said: Mapping[str, Any]) -> str:
 
 
 _ROOM_TITLES = {
-    "": "Errors and schema",
-    "core": "Signals",
+    "": "Errors",
     "mesh": "Meshes",
     "mapping": "Texture coordinates",
     "texture": "Textures and images",
-    "sampling": "Adaptive samples",
     "baking": "Baking",
     "rendering": "Pictures",
     "checks": "Checks",
-    "pages": "Pages",
-    "jobs": "Jobs: from files to files",
-    "verbs": "Verbs: from files to files",
+    "jobs": "Whole jobs",
     "building": "Builds",
-    "study": "The study and the bench",
 }
+_FURTHER = (
+    ("texbake.errors", "what else can be raised, all of it a `TexbakeError`: `UvError`, ..."),
+    ("texbake.limits", "`raised_limits`"),
+    ("texbake.verbs", "each command as a function, from files to files: `simplify.simplify_file`"),
+    ("texbake.jobs", "the others: `maps.bake_files`, `preview.preview_files`, `demo.demo`, ..."),
+    (
+        "texbake.mesh",
+        "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",
+    ),
+    ("texbake.mapping", "`unwrap.unwrap_with_report`, `layout_svg.layout_svg`, ..."),
+    ("texbake.texture", "`mipmaps.mip_chain`, `sample.sample_texture`, `pack`, `cube_map`, ..."),
+    ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),
+    ("texbake.rendering", "`scene.lights.Shadow`, `scene.material`, `compare_models`, ..."),
+    ("texbake.pages", "`asset_page.write_bake_page`, `slider_page.write_slider_page`"),
+    ("texbake.study", "`study.run_study`, `bench.run.run_bench`"),
+)
 
 
 def python_page() -> str:
-    """Write a page that lists every public name; mkdocstrings fills in the docstrings."""
+    """Write a page that lists the public names; mkdocstrings fills in the docstrings."""
     stub = ast.parse((Path(texbake_package.__file__).parent / "__init__.pyi").read_text("utf-8"))
     names: dict[str, list[str]] = {}
     for node in stub.body:
@@ -309,6 +320,11 @@ def python_page() -> str:
         if room in names:
             parts += [f"## {title}", *(f"::: texbake.{name}" for name in sorted(names[room]))]
     assert set(names) <= set(_ROOM_TITLES), set(names) - set(_ROOM_TITLES)
+    parts += [
+        "## Further names",
+        "These names are imported from their modules: `from texbake.limits import raised_limits`.",
+        table(("package", "names"), ((f"`{package}`", text) for package, text in _FURTHER)),
+    ]
     return _page(parts)
 
 

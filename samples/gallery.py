@@ -15,6 +15,7 @@ from PIL import Image
 import texbake
 from texbake.jobs.preview_scene import open_preview
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
+from texbake.rendering.render import plan_scene
 
 HERE = Path(__file__).parent
 SCENES, PICTURES, PAGE = HERE / "scenes", HERE / "gallery", HERE / "gallery.md"
@@ -148,7 +149,7 @@ def opened(shot: Shot, **changes: object) -> tuple[texbake.Scene, list]:
 def passes(shot: Shot) -> list[str]:
     """Names of the passes that `--explain` lists, of all pictures in the row."""
     scene, ways = opened(shot)
-    names = [item.name for _, options in ways for item in texbake.plan_scene(scene, options).passes]
+    names = [item.name for _, options in ways for item in plan_scene(scene, options).passes]
     return list(dict.fromkeys(names))
 
 

@@ -17,8 +17,10 @@ from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.light_maps import bake_light_maps
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import cube
+from texbake.texture.cube_lookup import from_latitude_longitude
 from texbake.texture.height_options import HeightToNormalOptions
 from texbake.texture.heights_and_normals import height_to_normal
+from texbake.texture.lookup import ramp_lookup
 from texbake.texture.procedures import evaluate
 
 SCENES = Path(__file__).parent / "scenes"
@@ -292,7 +294,7 @@ def write_sky(folder: Path, width: int = 1024) -> None:
     # The mean of 2 x 2 samples.
     color = np.clip(color, 0, 1).reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
     save(folder / "sky.png", color)
-    cube = texbake.from_latitude_longitude(color.astype(np.float32), size=128)
+    cube = from_latitude_longitude(color.astype(np.float32), size=128)
     for name, face in zip(
         ("right", "left", "up", "down", "back", "front"), cube.faces, strict=True
     ):
@@ -463,7 +465,7 @@ def tiling(size: int, frequency: float, *, seed: int, stretch: float = 1.0) -> n
 def ramp(stops: tuple, values: np.ndarray) -> np.ndarray:
     """(..., 3) colors between stops, at values from 0 to 1."""
     values = np.asarray(values, np.float32)
-    colors = texbake.ramp_lookup(np.array(stops, np.float32), values.ravel())
+    colors = ramp_lookup(np.array(stops, np.float32), values.ravel())
     return colors.reshape(*values.shape, 3).astype(np.float64)
 
 

@@ -8,6 +8,7 @@ from models import bracket, creature, joined, moved, sponge
 
 import texbake
 from texbake.mesh.frame import UnitGrid
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.shapes import icosphere, orange, uv_sphere
 
 # None is a power of two, so each rounds every coordinate.
@@ -170,5 +171,5 @@ def test_points_on_the_grid_are_equal(factor):
 def test_sides_of_a_prism_are_smooth_up_to_their_angle():
     mesh = texbake.make("cylinder", resolution=(6, 1))
     for factor in FACTORS:
-        low = texbake.with_normals(scaled(mesh, factor), "angle", angle=60.0)
+        low = with_normals(scaled(mesh, factor), "angle", angle=60.0)
         assert len(low.normals) == len(np.unique(low.positions, axis=0))

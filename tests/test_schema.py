@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import numpy as np
 import pytest
 
-from texbake import OptionError, option_field, option_fields
-from texbake.schema import CheckedOptions, Option
+from texbake import OptionError
+from texbake.schema import CheckedOptions, Option, option_field, option_fields
 
 
 @dataclass(frozen=True, kw_only=True)

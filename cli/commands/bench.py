@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-import texbake
-from texbake import BenchOptions
+from texbake.study.bench.options import BenchOptions
 
 from ..options import MESH_SUFFIXES, options_of, output_folder
 from ..terminal import Terminal, columns, terminal_options
@@ -65,10 +64,12 @@ def bench(
         timeout=timeout,
         quick=quick,
     )
+    from texbake.study.bench.job import bench_files, bench_rows
+
     with terminal.progress() as progress:
-        done = texbake.bench_files(output, options, high=high, low=low, progress=progress)
+        done = bench_files(output, options, high=high, low=low, progress=progress)
     for warning in done.warnings:
         terminal.warn(warning)
     if not terminal.quiet:
-        columns(texbake.bench_rows(done.report), numbers=2)
+        columns(bench_rows(done.report), numbers=2)
     terminal.wrote(done.files[:1])

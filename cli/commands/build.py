@@ -17,7 +17,7 @@ from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake import PlannedStep
+    from texbake.building.build import PlannedStep
 
 
 @click.command(
@@ -57,7 +57,9 @@ def build(
     folder says how each one ended. Exits with 1 if any failed.
     """
     if plan:
-        _print_plan(texbake.plan_build(pipeline, options), terminal)
+        from texbake.building.build import plan_build
+
+        _print_plan(plan_build(pipeline, options), terminal)
         return
     with shown(terminal) as listener:
         result = texbake.build(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-import texbake
-from texbake import SEVERITIES, CheckOptions
+from texbake import CheckOptions
+from texbake.checks.options import SEVERITIES
 
 from ..options import (
     MESH_SUFFIXES,
@@ -25,7 +25,8 @@ from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
-    from texbake import CheckReport, Finding
+    from texbake.checks.finding import Finding
+    from texbake.checks.report import CheckReport
 
 _NEVER = "never"
 _WORST_SHOWN = 5
@@ -91,8 +92,10 @@ def check(
         allow=allow,
         threads=threads,
     )
+    from texbake.jobs.check_meshes import check_mesh_files
+
     with terminal.progress() as progress:
-        done = texbake.check_mesh_files(
+        done = check_mesh_files(
             mesh, low, options, layout=layout, sides=sides, report=report, progress=progress
         )
     checked = done.report

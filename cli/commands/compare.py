@@ -64,8 +64,10 @@ def compare(
     SSIM of the pictures, for LOW with its maps and without them. Writes HIGH, LOW without maps, LOW
     with its maps, and the difference, side by side.
     """
+    from texbake.jobs.comparison import compare_files, comparison_table
+
     with terminal.progress() as progress:
-        done = texbake.compare_files(
+        done = compare_files(
             high,
             low,
             output,
@@ -79,5 +81,5 @@ def compare(
             threads=threads,
             progress=progress,
         )
-    table(texbake.comparison_table(done.report))
+    table(comparison_table(done.report))
     terminal.wrote(done.files)

@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-import texbake
-from texbake import DEMO_FOLDER, DemoOptions
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions
 
 from ..html import command_line
 from ..options import html_option, options_of, output_folder
@@ -38,8 +37,10 @@ def demo(output: Path, html: Path | None, terminal: Terminal, **choices: Any) ->
     while the light and the viewer turn.
     """
     options = DemoOptions(**choices)
+    from texbake.jobs.demo import demo as run_demo
+
     with terminal.progress() as progress:
-        result = texbake.demo(output, options, html=html, command=command_line(), progress=progress)
+        result = run_demo(output, options, html=html, command=command_line(), progress=progress)
     for warning in result.warnings:
         terminal.warn(warning)
     terminal.summary(result.table())

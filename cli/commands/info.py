@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-import texbake
 from texbake import OptionError, UnwrapOptions
 
 from ..options import mesh_argument
@@ -17,7 +16,9 @@ from ..types import Size
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from texbake import Distortion, MeshFileInfo, MeshInfo
+    from texbake.jobs.meshes import MeshFileInfo
+    from texbake.mapping.distortion import Distortion
+    from texbake.mesh.info import MeshInfo
 
 _GROUPS_SHOWN = 12
 _CHARTS_SHOWN = 10
@@ -55,8 +56,10 @@ def info(
         raise OptionError("size: it is for measuring texture coordinates; give --uv as well")
     options = UnwrapOptions() if size is None else UnwrapOptions(size=size)
     uv_size = options.size if uv else None
+    from texbake.jobs.meshes import info_file
+
     with terminal.progress() as progress:
-        found = texbake.info_file(mesh, uv_size=uv_size, progress=progress)
+        found = info_file(mesh, uv_size=uv_size, progress=progress)
     if as_json:
         say(found.to_json())
         return

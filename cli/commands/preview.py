@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-import texbake
-from texbake import RenderOptions, option_field
+from texbake import RenderOptions
+from texbake.schema import option_field
 
 from ..html import command_line
 from ..options import (
@@ -26,6 +26,9 @@ from ..options import (
 )
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf, Names, Turntable
+
+if TYPE_CHECKING:
+    from texbake.jobs.preview import PreviewFiles
 
 _SIDE_BY_SIDE = ("filters", "interpolations", "buffers", "mapping_orders")
 _TARGETS = ("max_error", "time_budget")
@@ -135,8 +138,10 @@ def preview(
     if output is None and not choices["plan_only"]:
         raise click.UsageError("Missing option '-o' / '--output'.")
     _take_targets(picture, choices, n_views)
+    from texbake.jobs.preview import preview_files
+
     with terminal.progress() as progress:
-        done = texbake.preview_files(
+        done = preview_files(
             input,
             None if choices["plan_only"] else output,
             picture,
@@ -209,7 +214,7 @@ def _interpolations(choices: dict[str, Any]) -> tuple[str, ...]:
     return _AFFINE_VS_PERSPECTIVE
 
 
-def _print_plan(done: texbake.PreviewFiles, form: str) -> None:
+def _print_plan(done: PreviewFiles, form: str) -> None:
     """Print which passes were chosen, and what was left out; or what each changes."""
     if form == "changes":
         columns(done.contributions_table(), numbers=5)

@@ -7,7 +7,6 @@ from typing import Any
 
 import click
 
-import texbake
 from texbake import RunOptions
 
 from ..html import command_line
@@ -41,8 +40,10 @@ def run(high: Path, output: Path, html: Path | None, terminal: Terminal, **choic
     texbake bake casts a sixteenth as many by default, which is enough to try options.
     """
     options = RunOptions(**choices)
+    from texbake.jobs.run import run_files
+
     with terminal.progress() as progress:
-        result = texbake.run_files(
+        result = run_files(
             high, output, options, html=html, command=command_line(), progress=progress
         )
     for warning in result.warnings:

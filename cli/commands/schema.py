@@ -7,8 +7,6 @@ from pathlib import Path
 
 import click
 
-import texbake
-
 from ..options import output_option
 from ..terminal import Terminal, say, terminal_options
 from ..types import FileOf
@@ -34,8 +32,11 @@ def schema(file: str, output: Path | None, terminal: Terminal) -> None:
     extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene
     file.
     """
+    from texbake.building.schema import pipeline_schema, schema_file
+    from texbake.rendering.scene.file.schema import scene_schema
+
     if output is None:
-        contents = texbake.pipeline_schema() if file == "pipeline" else texbake.scene_schema()
+        contents = pipeline_schema() if file == "pipeline" else scene_schema()
         say(json.dumps(contents, indent=2))
     else:
-        terminal.wrote(texbake.schema_file(file, output).files)
+        terminal.wrote(schema_file(file, output).files)

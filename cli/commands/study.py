@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-import texbake
-from texbake import StudyOptions
+from texbake.study.options import StudyOptions
 
 from ..options import MESH_SUFFIXES, SCENE_SUFFIXES, options_of, output_folder
 from ..terminal import Terminal, columns, terminal_options
@@ -60,12 +59,12 @@ def study(
         quick=quick,
         threads=threads,
     )
+    from texbake.study.job import study_files, study_rows
+
     with terminal.progress() as progress:
-        done = texbake.study_files(
-            output, options, high=high, low=low, scene=scene, progress=progress
-        )
+        done = study_files(output, options, high=high, low=low, scene=scene, progress=progress)
     for warning in done.warnings:
         terminal.warn(warning)
     if not terminal.quiet:
-        columns(texbake.study_rows(done.report), numbers=2)
+        columns(study_rows(done.report), numbers=2)
     terminal.wrote(done.files[:1])

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-import texbake
-from texbake import BuildOptions
+from texbake import BuildOptions, TexbakeError
 
 from ..building import print_result, shown
 from ..options import build_options
 from ..terminal import Terminal, complain, say, terminal_options
 from ..types import FileOf
+
+if TYPE_CHECKING:
+    from texbake.building.report import BuildResult
 
 
 @click.command(
@@ -31,9 +34,10 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
 
     Checks the pipeline file, and every file that it reads, twice a second.
     """
+    from texbake.building.watch import watch as watch_pipeline
 
-    def built(result: texbake.BuildResult | texbake.TexbakeError) -> None:
-        if isinstance(result, texbake.TexbakeError):
+    def built(result: BuildResult | TexbakeError) -> None:
+        if isinstance(result, TexbakeError):
             complain(str(result))
         else:
             print_result(result, terminal)
@@ -41,4 +45,4 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
             say("watching ...")
 
     with shown(terminal) as listener:
-        texbake.watch(pipeline, options, listener=listener, built=built)
+        watch_pipeline(pipeline, options, listener=listener, built=built)

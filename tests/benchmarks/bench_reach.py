@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 import texbake
+from texbake.baking.report import BakeReport
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 
@@ -41,9 +42,7 @@ def meshes(name: str) -> tuple[Mesh, Mesh]:
     return texbake.read_mesh(folder / "high.obj"), texbake.read_mesh(folder / "low_uv.obj")
 
 
-def timed(
-    pair: tuple[Mesh, Mesh], options: texbake.BakeOptions
-) -> tuple[float, texbake.BakeReport]:
+def timed(pair: tuple[Mesh, Mesh], options: texbake.BakeOptions) -> tuple[float, BakeReport]:
     """Processor seconds of a bake, of all threads, and its report."""
     start = time.process_time()
     result = texbake.bake(*pair, options)

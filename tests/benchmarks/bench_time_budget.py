@@ -31,6 +31,9 @@ from pathlib import Path
 import numpy as np
 
 import texbake
+from texbake.jobs.maps import bake_files
+from texbake.jobs.preview import preview_files
+from texbake.sampling.time_budget import BudgetClock
 from texbake.texture.encoding import decode_normals
 
 DATA = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -68,18 +71,18 @@ def run(kind, name, size, folder, **options):
 def run_here(kind, name, size, output, report, options):
     """Do what `run` asks for, in this process; print its processor seconds."""
     options, size = json.loads(options), int(size)
-    same = {"report": report, "clock": texbake.BudgetClock.of_process()}
+    same = {"report": report, "clock": BudgetClock.of_process()}
     threads = None
     if options.pop("busy", False):
-        same["clock"], threads = texbake.BudgetClock(start=0.0, now=time.process_time), 1
+        same["clock"], threads = BudgetClock(start=0.0, now=time.process_time), 1
     if kind == "bake":
         meshes = [DATA / "pairs" / name / file for file in ("high.obj", "low_uv.obj")]
         # Without padding, texels that are not covered are flat.
         options = texbake.BakeOptions(size=size, threads=threads, padding=0, **options)
-        texbake.bake_files(*meshes, {"normal": output}, options, **same)
+        bake_files(*meshes, {"normal": output}, options, **same)
     else:
         options |= {"width": size, "height": size * 5 // 8}
-        texbake.preview_files(SCENES / f"{name}.toml", output, options, threads=threads, **same)
+        preview_files(SCENES / f"{name}.toml", output, options, threads=threads, **same)
     print(time.process_time())
 
 

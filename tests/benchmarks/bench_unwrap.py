@@ -32,6 +32,7 @@ import numpy as np
 
 import texbake
 from texbake.mapping.corner_uvs import with_coordinates
+from texbake.mapping.distortion import Distortion
 from texbake.mesh.shapes import icosphere
 
 HERE = Path(__file__).parent
@@ -128,7 +129,7 @@ class Measured:
     n_faces: int
     program: str
     seconds: float
-    found: texbake.Distortion
+    found: Distortion
 
     def row(self):
         found, stretch = self.found, self.found.turned_stretch  # about half of xatlas' are mirrored

@@ -15,6 +15,7 @@ import texbake
 from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.building.build import build
 from texbake.building.companions import companions, is_followed
+from texbake.limits import raised_limits
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.uv_sets import UvSet
@@ -118,7 +119,7 @@ def test_a_name_that_readers_do_not_follow_is_not_read(
         return any(secret.encode() in file.read_bytes() for file in files)
 
     assert not is_in_build()
-    with texbake.raised_limits(allow_outside=True):
+    with raised_limits(allow_outside=True):
         assert is_in_build()
         (tmp_path / "secret.mtl").write_text("newmtl a\nKd 1 0 0\n")
         assert run(path)[1] == ["a.r"]
@@ -138,7 +139,7 @@ def test_no_other_machine_is_asked_for_a_file(
     named: str, is_read: bool, is_read_if_allowed: bool
 ) -> None:
     assert is_followed("https://here/in/a.gltf", named) == is_read
-    with texbake.raised_limits(allow_outside=True):
+    with raised_limits(allow_outside=True):
         assert is_followed("https://here/in/a.gltf", named) == is_read_if_allowed
 
 

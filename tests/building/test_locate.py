@@ -5,10 +5,10 @@ import tomllib
 import pytest
 from hypothesis import given, strategies as st
 
-import texbake
 from texbake.building import locate
 from texbake.building.file import read_pipeline
 from texbake.building.locate import line_of
+from texbake.errors import FileFormatError
 
 TEXT = '''# a comment = 1
 folder = "a\\nb"   # with = signs, and [brackets]
@@ -93,7 +93,7 @@ def test_the_line_after_a_list_of_thousands_of_lines_is_found(tmp_path):
     path = tmp_path / "a.toml"
     high = "".join(f'  "high_{i}.ply",\n' for i in range(3000))
     path.write_text(f"[[assets]]\ninputs.high = [\n{high}]\n[steps.low]\ndo = 'dig'\n")
-    with pytest.raises(texbake.FileFormatError, match=r"a\.toml:3005: steps\.low\.do: "):
+    with pytest.raises(FileFormatError, match=r"a\.toml:3005: steps\.low\.do: "):
         read_pipeline(path)
 
 

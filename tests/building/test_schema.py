@@ -8,8 +8,9 @@ from typing import Any
 import jsonschema
 import pytest
 
-from texbake import pipeline_schema, scene_schema, schema_file
+from texbake.building.schema import pipeline_schema, schema_file
 from texbake.building.steps import STEP_KINDS
+from texbake.rendering.scene.file.schema import scene_schema
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 SCENES = sorted((SAMPLES / "scenes").glob("*.toml"))

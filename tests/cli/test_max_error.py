@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from texbake import BudgetClock, write_mesh
+from texbake import write_mesh
 from texbake.mesh.shapes import plane
+from texbake.sampling.time_budget import BudgetClock
 
 
 @pytest.fixture

@@ -9,17 +9,10 @@ import pytest
 from texbake_cli.main import texbake
 from texbake_cli.options import IMAGE_SUFFIXES
 
-from texbake import (
-    BakeOptions,
-    DemoOptions,
-    FileFormatError,
-    RenderOptions,
-    RunOptions,
-    UnwrapOptions,
-    read_mesh,
-    write_mesh,
-)
+from texbake import BakeOptions, RenderOptions, RunOptions, UnwrapOptions, read_mesh, write_mesh
 from texbake.baking.options import SecondaryOptions
+from texbake.errors import FileFormatError
+from texbake.jobs.options import DemoOptions
 from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format

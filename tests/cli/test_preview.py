@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from texbake import plan_scene, read_image, read_scene, render_scene, write_image, write_mesh
+from texbake import read_image, read_scene, render_scene, write_image, write_mesh
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.rendering.render import plan_scene
 
 SCENE = """
 [render]

@@ -15,8 +15,9 @@ Reader = Callable[[Path], Any]
 
 
 def _mesh_seed(path: Path) -> None:
-    from texbake import corner_tangents, write_mesh
+    from texbake import write_mesh
     from texbake.mesh.shapes import uv_sphere
+    from texbake.mesh.tangents import corner_tangents
 
     ball = uv_sphere(4, 6)
     ball = ball.replace(normals=ball.positions, normal_faces=ball.faces)

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake.errors import MeshError
 from texbake.study.case import Case as StudyCase
 from texbake.study.knobs import knob_named
+from texbake.study.options import StudyOptions
+from texbake.study.study import run_study
 
 # What the checks must report, at least, for the case of this name.
 SAID = {
@@ -99,8 +102,6 @@ def test_every_scene_is_studied(scene_case):
 def test_a_mesh_that_does_not_show_is_one_clear_error(case_named, in_cells):
     """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
     mesh = in_cells(case_named("strip of 1 by 1e6"))
-    options = texbake.StudyOptions(
-        knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1
-    )
-    with pytest.raises(texbake.MeshError, match=r"nothing of .* shows"):
-        texbake.run_study(mesh, mesh, options=options)
+    options = StudyOptions(knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1)
+    with pytest.raises(MeshError, match=r"nothing of .* shows"):
+        run_study(mesh, mesh, options=options)

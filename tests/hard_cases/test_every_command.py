@@ -26,7 +26,9 @@ from invariance.quantities import LENGTH, POINT, Quantity, Side, compared, sides
 
 import texbake
 from texbake import Mesh
+from texbake.jobs.lighten_options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
+from texbake.verbs.lighten import lighten_file
 
 # Each xatlas is a process of its own, and these take a second for some meshes.
 SLOW = {
@@ -133,12 +135,10 @@ def test_a_lightened_model_has_the_same_images_at_another_size(tmp_path):
     for name, size in ("one", 1.0), ("two", scale):
         model, lighter = tmp_path / f"{name}.glb", tmp_path / f"{name}_lighter.glb"
         texbake.write_mesh(mesh.replace(positions=mesh.positions * size), model)
-        texbake.lighten_file(
+        lighten_file(
             model,
             lighter,
-            texbake.LightenOptions(
-                n_faces=100, size=32, padding=1, quality="fast", samples=1, threads=1
-            ),
+            LightenOptions(n_faces=100, size=32, padding=1, quality="fast", samples=1, threads=1),
         )
         mesh_read = texbake.read_mesh(lighter)
         materials = texbake.read_materials(lighter, mesh_read)

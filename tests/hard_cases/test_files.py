@@ -14,6 +14,7 @@ import pytest
 from fuzz_formats import FORMATS
 
 import texbake
+from texbake.errors import FileFormatError
 
 # Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
 N_BYTES = 100_000
@@ -46,7 +47,7 @@ def test_an_image_whose_complaint_is_no_text_is_refused(tmp_path):
     path = tmp_path / "image.exr"
     texbake.write_image(np.ones((4, 4, 3), np.float32), path, bits=16)
     path.write_bytes(path.read_bytes().replace(b"chlist", b"chl\xffst"))
-    with pytest.raises(texbake.FileFormatError):
+    with pytest.raises(FileFormatError):
         texbake.read_image(path, color=False)
 
 

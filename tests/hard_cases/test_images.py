@@ -11,6 +11,8 @@ from texbake.texture.cube_files import (
     in_convention,
     read_faces,
 )
+from texbake.texture.cube_lookup import from_latitude_longitude, to_latitude_longitude
+from texbake.texture.cube_map import CubeMap
 from texbake.texture.encoding import (
     decode_heights,
     decode_normals,
@@ -18,8 +20,11 @@ from texbake.texture.encoding import (
     encode_normals,
     quantize_unsigned,
 )
-from texbake.texture.options import CONVENTIONS
+from texbake.texture.mipmaps import mip_chain
+from texbake.texture.options import CONVENTIONS, PackOptions
+from texbake.texture.pack import pack_textures
 from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.sample import sample_texture
 from texbake.texture.value_range import height_range
 
 # Coordinates at the ends of the range of floats.
@@ -40,7 +45,7 @@ def decoded(normals):
 @pytest.mark.pairwise(wrap=WRAPS, kind=("color", "data", "normal"), mip_filter=("box", "kaiser"))
 def test_mip_levels_go_down_to_one_texel(image_case, kind, mip_filter, wrap):
     image = image_case.make()
-    chain = texbake.mip_chain(image, kind=kind, wrap=wrap, filter=mip_filter)
+    chain = mip_chain(image, kind=kind, wrap=wrap, filter=mip_filter)
     assert chain.sizes[0].tolist() == list(image.shape[:2])
     assert chain.sizes[-1].tolist() == [1, 1]
     if kind == "normal":
@@ -62,10 +67,8 @@ def test_lookups_read_nothing_outside_the_image(image_case, image_filter, wrap):
     changes = np.resize(CHANGES, (len(UVS), 4))
     if image_filter == "supersampled":
         changes = np.nan_to_num(changes, posinf=1.0)
-    chain = texbake.mip_chain(image)
-    values = texbake.sample_texture(
-        chain, UVS, changes, filter=image_filter, wrap=wrap, border=0.25
-    )
+    chain = mip_chain(image)
+    values = sample_texture(chain, UVS, changes, filter=image_filter, wrap=wrap, border=0.25)
     if "finite" not in image_case.traits:
         return
     assert np.isfinite(values).all()
@@ -224,7 +227,7 @@ def test_padding_keeps_owned_texels_and_invents_none(image_case, share):
 
 def test_images_are_packed_as_they_are(image_case):
     image = image_case.make()
-    packed = texbake.pack_textures([image, image[::-1]], texbake.PackOptions(padding=1))
+    packed = pack_textures([image, image[::-1]], PackOptions(padding=1))
     assert packed.pixels.shape[2] == 3
 
 
@@ -232,9 +235,7 @@ def test_images_are_packed_as_they_are(image_case):
 def test_cube_files_come_back_bit_for_bit(image_case, layout, convention, tmp_path):
     """Six different squares of the image's values, through float files of either form."""
     image = image_case.make()
-    cube = texbake.CubeMap(
-        np.stack([np.resize(np.roll(image, i, axis=0), (4, 4, 3)) for i in range(6)])
-    )
+    cube = CubeMap(np.stack([np.resize(np.roll(image, i, axis=0), (4, 4, 3)) for i in range(6)]))
     if layout == "cross":
         path = tmp_path / "cube.exr"
         texbake.write_image(cross_picture(cube, convention=convention), path, bits=32)
@@ -250,8 +251,8 @@ def test_cube_files_come_back_bit_for_bit(image_case, layout, convention, tmp_pa
 
 
 def test_cube_maps_of_panoramas_are_finite(image_case):
-    cube = texbake.from_latitude_longitude(image_case.make(), size=4)
-    back = texbake.to_latitude_longitude(cube, height=8)
+    cube = from_latitude_longitude(image_case.make(), size=4)
+    back = to_latitude_longitude(cube, height=8)
     assert np.isfinite(back).all()
     if "constant" in image_case.traits:
         np.testing.assert_allclose(

@@ -3,6 +3,7 @@
 import numpy as np
 
 import texbake
+from texbake.errors import UvError
 
 OPTIONS = texbake.BakeOptions(size=16, threads=1)
 
@@ -11,7 +12,7 @@ def test_light_is_finite_not_negative_and_shown_again(scene_case):
     made = scene_case.make()
     try:
         baked = texbake.bake_light_maps(made, OPTIONS)
-    except texbake.UvError as error:
+    except UvError as error:
         assert "\n" not in str(error)
         return  # there are no coordinates to bake to
     for item in baked.maps:
@@ -28,7 +29,7 @@ def test_threads_change_no_byte_of_a_light_map(scene_case):
         one, three = (
             texbake.bake_light_maps(made, texbake.BakeOptions(size=8, threads=n)) for n in (1, 3)
         )
-    except texbake.UvError:
+    except UvError:
         return
     for ours, theirs in zip(one.maps, three.maps, strict=True):
         np.testing.assert_array_equal(ours.values, theirs.values)

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.normals import face_normals, shading_normals, smooth_normals, vertex_normals
+from texbake.mesh.simplify import simplify_with_report
+from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.topology import degenerate_faces, find_edges
 from texbake.mesh.weld import weld_rows
 
@@ -100,7 +103,7 @@ def test_positions_that_are_equal_get_one_smooth_normal(mesh_case):
 
 
 def test_tangents_are_unit_and_signed(textured_case):
-    tangents = texbake.corner_tangents(textured_case.make())
+    tangents = corner_tangents(textured_case.make())
     assert_unit(tangents[..., :3])
     assert np.isin(tangents[..., 3], (-1.0, 1.0)).all()
 
@@ -128,7 +131,7 @@ def test_simplified_meshes_are_meshes(mesh_case, quality, attempt):
     result = attempt(
         mesh_case,
         "simplify",
-        lambda: texbake.simplify_with_report(mesh, n_faces, quality=quality),
+        lambda: simplify_with_report(mesh, n_faces, quality=quality),
     )
     if result is None:
         return
@@ -202,7 +205,7 @@ def test_coordinates_are_measured_and_drawn(textured_case, attempt):
         assert measured.n_measured + measured.n_degenerate + measured.n_collapsed == mesh.n_faces
         assert measured.stretch.l2 >= 1.0 - 1e-9 or measured.n_mirrored
     assert len(chart_ids(mesh)) == mesh.n_faces
-    for draw in texbake.layout_svg, lambda m: texbake.draw_layout(m, 64):
+    for draw in layout_svg, lambda m: texbake.draw_layout(m, 64):
         drawn = attempt(textured_case, "layout", lambda draw=draw: draw(mesh))
         if drawn is not None and not isinstance(drawn, str):
             assert np.isfinite(drawn).all() and drawn.min() >= 0.0 and drawn.max() <= 1.0

@@ -8,18 +8,13 @@ from catalog.scenes import SMALL, checker, floor, looking, scene
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import texbake
-from texbake import (
-    AmbientOcclusion,
-    Environment,
-    Fog,
-    Light,
-    Material,
-    ProcedureTexture,
-    RenderOptions,
-    SceneObject,
-    Shadow,
-)
+from texbake import Light, Material, RenderOptions, SceneObject
+from texbake.errors import UvError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.rendering.render import plan_scene
+from texbake.rendering.scene.lights import AmbientOcclusion, Environment, Fog, Shadow
+from texbake.rendering.scene.material import NormalMap
+from texbake.rendering.scene.textures import ProcedureTexture
 
 EXAMPLES = 30 if "TEXBAKE_FUZZ" not in os.environ else 3000
 BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
@@ -45,7 +40,7 @@ def test_buffers_are_finite_too(scene_case, buffer):
     options = RenderOptions(width=24, height=16, buffer=buffer)
     try:
         frame = texbake.render_scene(scene_case.make(), options, threads=1)
-    except texbake.UvError:
+    except UvError:
         return  # there are no coordinates to show
     assert_sound(frame)
 
@@ -58,7 +53,7 @@ def test_threads_change_no_byte_of_a_picture(scene_case):
 
 
 def test_the_plan_is_made_without_drawing(scene_case):
-    assert texbake.plan_scene(scene_case.make(), SMALL).passes
+    assert plan_scene(scene_case.make(), SMALL).passes
 
 
 def test_of_coplanar_faces_one_object_is_seen_everywhere():
@@ -120,7 +115,7 @@ def test_normal_maps_without_directions_leave_the_surface_as_it_is(value):
     options = RenderOptions(width=48, height=32, buffer="normals")
     bare, mapped = (
         texbake.render_scene(scene(SceneObject(mesh=uv_sphere(8, 16), material=material)), options)
-        for material in (Material(), Material(normal_map=texbake.NormalMap(texture=nothing)))
+        for material in (Material(), Material(normal_map=NormalMap(texture=nothing)))
     )
     np.testing.assert_allclose(mapped.color, bare.color, atol=1e-6)
 

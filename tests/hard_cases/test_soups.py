@@ -8,8 +8,11 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from hypothesis.extra import numpy as arrays
 
 import texbake
+from texbake.errors import MeshError, UnwrapError, UvError
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh.normals import face_normals, smooth_normals
+from texbake.mesh.tangents import corner_tangents
 
 EXAMPLES = 20 if "TEXBAKE_FUZZ" not in os.environ else 2500
 # An example of many stages takes some tenths of a second on a machine that does other things.
@@ -76,9 +79,7 @@ def test_files_of_soups(mesh, suffix, tmp_path):
 @SOUPS
 @given(mesh=soups(), n_faces=st.integers(4, 8), quality=st.sampled_from(["fast"]))
 def test_simplified_soups(mesh, n_faces, quality):
-    simplified = attempted(
-        lambda: texbake.simplify(mesh, n_faces, quality=quality), texbake.MeshError
-    )
+    simplified = attempted(lambda: texbake.simplify(mesh, n_faces, quality=quality), MeshError)
     if simplified is not None:
         assert np.isfinite(simplified.positions).all() and simplified.n_faces <= mesh.n_faces
 
@@ -106,7 +107,7 @@ def thinnest_widths(mesh):
 @given(mesh=soups())
 def test_atlases_of_soups(mesh):
     mapped = attempted(
-        lambda: texbake.unwrap(mesh, size=256, padding=1, quality="fast"), texbake.UnwrapError
+        lambda: texbake.unwrap(mesh, size=256, padding=1, quality="fast"), UnwrapError
     )
     if mapped is None:
         # Charts are made on a grid of 2^-20 of the mesh's size: what is thinner has no area there.
@@ -119,11 +120,11 @@ def test_atlases_of_soups(mesh):
 @SOUPS
 @given(high=soups(), low=soups(with_uvs=True), rays=st.sampled_from(["smooth", "vertex", "face"]))
 def test_baked_soups(high, low, rays):
-    tangents = texbake.corner_tangents(low)
+    tangents = corner_tangents(low)
     np.testing.assert_allclose(np.linalg.norm(tangents[..., :3], axis=2), 1.0, atol=2e-7)
     maps = ("normal", "displacement", "vector-displacement")
     options = texbake.BakeOptions(size=16, maps=maps, rays=rays, fill="push-pull")
-    result = attempted(lambda: texbake.bake(high, low, options), texbake.UvError)
+    result = attempted(lambda: texbake.bake(high, low, options), UvError)
     if result is None:
         return
     for baked in result.maps.values():
@@ -135,8 +136,8 @@ def test_baked_soups(high, low, rays):
 @SOUPS
 @given(mesh=soups(with_uvs=True))
 def test_measured_and_drawn_soups(mesh):
-    attempted(lambda: texbake.distortion(mesh, 64), texbake.UvError)
-    assert "<svg" in texbake.layout_svg(mesh)
+    attempted(lambda: texbake.distortion(mesh, 64), UvError)
+    assert "<svg" in layout_svg(mesh)
 
 
 @SOUPS
@@ -176,10 +177,10 @@ def test_numbers_that_are_not_finite_are_refused_where_they_enter(bad, field):
     texbake.Mesh(faces=corners, **fields)
     fields[field] = np.array(fields[field], float)
     fields[field].flat[1] = bad
-    with pytest.raises(texbake.MeshError, match="not finite"):
+    with pytest.raises(MeshError, match="not finite"):
         texbake.Mesh(faces=corners, **fields)
 
 
 def test_a_color_beyond_float32_is_refused_too():
-    with pytest.raises(texbake.MeshError, match="a vertex color is not finite"):
+    with pytest.raises(MeshError, match="a vertex color is not finite"):
         texbake.Mesh(positions=np.eye(3), faces=[[0, 1, 2]], colors=np.full((3, 3), 1e300))

@@ -6,15 +6,18 @@ import pytest
 import texbake
 from texbake.baking import texels
 from texbake.core import core
+from texbake.errors import MeshError
 from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.remesh import remesh_with_report
 from texbake.mesh.remeshing import band
 from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.shapes import icosphere, uv_sphere
+from texbake.mesh.simplify import simplify_with_report
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.vertex_stream import weld_corners
 from texbake.mesh.weld import later_copies, without_copies
@@ -228,7 +231,7 @@ def test_triangles_that_fill_the_voxels_many_times_are_refused_at_once(monkeypat
     for name_of, value in few.items():
         monkeypatch.setattr(band, name_of, value)
     monkeypatch.setattr(core, "mark_band_blocks", None)  # it would begin the work
-    with pytest.raises(texbake.MeshError, match=r"use a `resolution` of [0-9]+,") as raised:
+    with pytest.raises(MeshError, match=r"use a `resolution` of [0-9]+,") as raised:
         texbake.remesh(mesh, texbake.RemeshOptions(resolution=128))
     monkeypatch.undo()
     for name_of, value in few.items():
@@ -268,8 +271,8 @@ def test_distances_at_fewer_points_are_told_in_reports(monkeypatch):
     mesh = crossing(300)
     monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1000.0)
     monkeypatch.setattr(distance, "_BOXES_AT_A_POINT", 0.0)
-    _, simplified = texbake.simplify_with_report(mesh, 100)
-    _, wrapped = texbake.remesh_with_report(mesh, texbake.RemeshOptions(resolution=16))
+    _, simplified = simplify_with_report(mesh, 100)
+    _, wrapped = remesh_with_report(mesh, texbake.RemeshOptions(resolution=16))
     for report in (simplified, wrapped):
         assert sum("points of the surface instead of 100,000" in note for note in report.notes) == 1
     assert simplified.to_json()["distance"]["a_to_b"]["n_left_out"] > 0
@@ -284,11 +287,11 @@ def test_rooms_that_are_not_tested_are_counted_and_told(monkeypatch):
         faces=np.concatenate([ball.faces + i * 162 for i, ball in enumerate(balls)]),
     )
     options = texbake.RemeshOptions(resolution=48, keep_interior=True)
-    _, report = texbake.remesh_with_report(mesh, options)
+    _, report = remesh_with_report(mesh, options)
     assert (report.n_cavities_kept, report.n_rooms_untested, report.notes) == (3, 0, ())
     # The room between the balls is the largest, then their insides from large to small.
     monkeypatch.setattr(remesh_module, "_MOST_FACES_SUMMED", 2000.0)
-    _, report = texbake.remesh_with_report(mesh, options)
+    _, report = remesh_with_report(mesh, options)
     assert (report.n_cavities_kept, report.n_rooms_untested) == (1, 2)
     assert "count as solid: 2;" in report.notes[0]
     assert report.to_json()["n_rooms_untested"] == 2

@@ -5,7 +5,9 @@ import pytest
 
 import texbake
 from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, rasterize_uv, snap_uvs
+from texbake.errors import UvError
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.tangents import corner_tangents
 
 
 def covers(corners, points):
@@ -37,7 +39,7 @@ def test_each_sample_has_the_owner_of_exact_integer_arithmetic(
     grid = SampleGrid(width, height, per_side)
     try:
         snapped = snap_uvs(mesh, grid)
-    except texbake.UvError:
+    except UvError:
         # Then no face may cover a sample: refused, never an empty map.
         corners = np.rint(mesh.corner_uvs() * [grid.n_columns, grid.n_rows] * UNIT)
         y, x = np.mgrid[: grid.n_rows, : grid.n_columns].reshape(2, -1) * UNIT + UNIT // 2
@@ -80,7 +82,7 @@ def test_a_needle_owns_its_share_where_samples_are_dense(case_named):
 def test_mirrored_halves_keep_opposite_signs_and_one_tangent_each():
     strip = plane(4, 1)
     mesh = strip.replace(uvs=np.column_stack([np.abs(strip.uvs[:, 0] - 0.5), strip.uvs[:, 1]]))
-    tangents = texbake.corner_tangents(mesh)
+    tangents = corner_tangents(mesh)
     left = mesh.positions[mesh.faces].mean(axis=1)[:, 0] < 0.5
     np.testing.assert_allclose(tangents[left][..., 0], -1.0, atol=1e-6)
     np.testing.assert_allclose(tangents[~left][..., 0], 1.0, atol=1e-6)

@@ -7,8 +7,19 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake import BakeOptions, FileFormatError, MeshError, OptionError
+from texbake import BakeOptions, OptionError
+from texbake.errors import FileFormatError, MeshError
+from texbake.jobs.check_meshes import check_mesh_files
+from texbake.jobs.comparison import compare_files
+from texbake.jobs.maps import bake_files
+from texbake.jobs.meshes import info_file
+from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import uv_sphere
+from texbake.verbs.make import make_file
+from texbake.verbs.remap import remap_files
+from texbake.verbs.repair import repair_file
+from texbake.verbs.simplify import simplify_file, simplify_levels
+from texbake.verbs.unwrap import unwrap_files
 
 SIXTY = texbake.SimplifyOptions(n_faces=60)
 OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, samples=1)
@@ -24,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
-    done = texbake.bake_files("ball.obj", "ball.obj", "maps", OPTIONS, report="bake.json")
+    done = bake_files("ball.obj", "ball.obj", "maps", OPTIONS, report="bake.json")
     assert done.files == (Path("maps/normal.png"), Path("maps/displacement.png"), Path("bake.json"))
     assert all(path.is_file() for path in done.files)
     mesh = texbake.read_mesh("ball.obj")
@@ -35,39 +46,39 @@ def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
 
 
 def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) -> None:
-    done = texbake.bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, hits="h.npz")
+    done = bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, hits="h.npz")
     assert set(done.maps) == {"normal"} and done.files == (Path("n.tga"), Path("h.npz"))
-    again = texbake.remap_files("h.npz", "again", format="tga")
+    again = remap_files("h.npz", "again", format="tga")
     assert Path("again/normal.tga").read_bytes() == Path("n.tga").read_bytes()
     assert again.files == (Path("again/normal.tga"),)
 
 
 def test_meshes_one_after_another(folder: Path) -> None:
-    low = texbake.simplify_file("bare.ply", "low.obj", SIXTY, report="low.json")
+    low = simplify_file("bare.ply", "low.obj", SIXTY, report="low.json")
     assert low.report.n_faces <= 60 and low.files == (Path("low.obj"), Path("low.json"))
-    fine, coarse = texbake.simplify_levels("bare.ply", [(100, "a.obj"), (60, "b.obj")])
+    fine, coarse = simplify_levels("bare.ply", [(100, "a.obj"), (60, "b.obj")])
     assert fine.report.n_faces > coarse.report.n_faces
     assert Path("b.obj").read_bytes() == Path("low.obj").read_bytes()
-    mapped = texbake.unwrap_files("low.obj", "mapped.obj", layout="layout.svg")
+    mapped = unwrap_files("low.obj", "mapped.obj", layout="layout.svg")
     assert mapped.files == (Path("mapped.obj"), Path("layout.svg"))
-    assert texbake.info_file("mapped.obj", uv_size=64).distortion is not None
-    assert texbake.info_file("low.obj").distortion is None
+    assert info_file("mapped.obj", uv_size=64).distortion is not None
+    assert info_file("low.obj").distortion is None
 
 
 @pytest.mark.parametrize("name", ["mapped.stl", "mapped.OFF"])
 def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str) -> None:
     with pytest.raises(FileFormatError, match=f"{name}: .* hold no texture coordinates"):
-        texbake.unwrap_files("no such file.ply", name)  # before anything is read
+        unwrap_files("no such file.ply", name)  # before anything is read
     with pytest.raises(FileFormatError, match="hold no texture coordinates"):
-        texbake.unwrap_files([name, "bare.ply"], "folder")
-    assert not texbake.unwrap_files("bare.ply", "mapped.ply").warnings
+        unwrap_files([name, "bare.ply"], "folder")
+    assert not unwrap_files("bare.ply", "mapped.ply").warnings
 
 
 def test_a_repair_counts_its_changes(folder: Path) -> None:
     ball = uv_sphere(4, 8)
     twice = texbake.Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
     texbake.write_mesh(twice, "twice.ply")
-    done = texbake.repair_file("twice.ply", "once.ply")
+    done = repair_file("twice.ply", "once.ply")
     assert done.report.counts["duplicate faces"] == ball.n_faces
     assert texbake.read_mesh("once.ply").n_faces == done.report.n_faces == ball.n_faces
 
@@ -75,11 +86,11 @@ def test_a_repair_counts_its_changes(folder: Path) -> None:
 @pytest.mark.parametrize(
     "job",
     [
-        lambda: texbake.bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
-        lambda: texbake.bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
-        lambda: texbake.compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
-        lambda: texbake.preview_files("ball.obj", "p.png", report="ball.obj"),
-        lambda: texbake.check_mesh_files("ball.obj", sides="s.png", layout="s.png"),
+        lambda: bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
+        lambda: bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
+        lambda: compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
+        lambda: preview_files("ball.obj", "p.png", report="ball.obj"),
+        lambda: check_mesh_files("ball.obj", sides="s.png", layout="s.png"),
     ],
 )
 def test_no_output_replaces_an_input_or_another_output(
@@ -96,5 +107,5 @@ def test_no_output_replaces_an_input_or_another_output(
 def test_a_shape_that_cannot_be_measured_is_not_written(folder: Path, radius: float) -> None:
     output = folder / "ball.ply"
     with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
-        texbake.make_file("sphere", output, texbake.MakeOptions(radius=radius))
+        make_file("sphere", output, texbake.MakeOptions(radius=radius))
     assert not output.exists()

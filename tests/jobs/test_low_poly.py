@@ -12,6 +12,7 @@ from texbake.jobs.options import RunOptions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.topology import find_edges, genus
+from texbake.verbs.simplify import simplify_file
 
 
 @pytest.fixture
@@ -34,12 +35,12 @@ def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> Non
         MeshError,
         match=r"200 triangles cannot be reached, because .* need [3-9]\d\d; request more",
     ):
-        texbake.simplify_file("sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200))
+        simplify_file("sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200))
     assert not Path("low.ply").exists()
 
 
 def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
-    done = texbake.simplify_file(
+    done = simplify_file(
         "sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200, topology="simplify")
     )
     low = texbake.read_mesh("low.ply")
@@ -56,7 +57,7 @@ def test_no_way_out_is_named_that_was_taken(tmp_path: Path) -> None:
     texbake.write_mesh(torus, tmp_path / "torus.ply")
     options = texbake.SimplifyOptions(n_faces=12, topology="simplify")
     with pytest.raises(MeshError, match=r"12 triangles cannot be reached, .*; request more$"):
-        texbake.simplify_file(tmp_path / "torus.ply", tmp_path / "low.ply", options)
+        simplify_file(tmp_path / "torus.ply", tmp_path / "low.ply", options)
     with pytest.raises(MeshError, match=r"12 triangles cannot be reached, .*; request more$"):
         texbake.run(torus, tmp_path / "asset", RunOptions(n_faces=12, size=64))
 
@@ -68,7 +69,7 @@ def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mes
     halves = mesh.replace(colors=colors, face_groups=right, group_names=("left", "right"))
     texbake.write_mesh(halves, "halves.obj")
     options = texbake.SimplifyOptions(n_faces=200, topology="simplify")
-    texbake.simplify_file("halves.obj", "low.obj", options)
+    simplify_file("halves.obj", "low.obj", options)
     low = texbake.read_mesh("low.obj")
     assert low.group_names == ("left", "right") and low.colors is not None
     expected = (low.positions - mesh.positions.min(axis=0)) / size
@@ -78,7 +79,7 @@ def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mes
 def test_seams_cannot_be_kept_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
     options = texbake.SimplifyOptions(n_faces=200, topology="simplify", seams="keep")
     with pytest.raises(OptionError, match=r"topology, seams: .* leave one of them out"):
-        texbake.simplify_file("sponge.ply", "low.ply", options)
+        simplify_file("sponge.ply", "low.ply", options)
 
 
 @pytest.mark.parametrize("n_faces", [200, 3_000])

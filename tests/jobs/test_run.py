@@ -10,20 +10,20 @@ import pytest
 
 import texbake.jobs.run as run_module
 from texbake import (
-    DemoOptions,
     FileError,
     Mesh,
     OptionError,
     RunOptions,
-    RunResult,
     TexbakeError,
-    UvError,
     check,
-    demo,
     read_image,
     read_mesh,
     run,
 )
+from texbake.errors import UvError
+from texbake.jobs.demo import demo
+from texbake.jobs.options import DemoOptions
+from texbake.jobs.run import RunResult
 from texbake.mapping.options.atlas import fitting_padding
 from texbake.mesh.compose import turned_over
 from texbake.mesh.normals import angles_between, face_normals, smooth_normals

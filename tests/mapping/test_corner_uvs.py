@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from texbake import unwrap, unwrap_with_report
+from texbake import unwrap
 from texbake.errors import OptionError
 from texbake.mapping.corner_uvs import faces_of_group, joined_corners, selected, with_coordinates
+from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 

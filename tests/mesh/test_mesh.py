@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake import FileFormatError, Mesh, MeshError
+from texbake import Mesh
+from texbake.errors import FileFormatError, MeshError
 from texbake.mesh import mesh as mesh_module
 from texbake.mesh.mesh import MAX_FACES, check_face_count
 from texbake.mesh.shapes import uv_sphere

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake import MeshError, OptionError, make
+from texbake import OptionError, make
+from texbake.errors import MeshError
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import find_edges, genus
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from texbake import MeshError, OptionError, make
+from texbake import OptionError, make
+from texbake.errors import MeshError
 from texbake.mesh.normals import face_normals
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake import FileError, FileFormatError, OptionError, make
+from texbake import FileError, OptionError, make
+from texbake.errors import FileFormatError
 from texbake.mesh.parametric.sources import read_patches, read_profile
 
 

@@ -10,25 +10,20 @@ from catalog.geometry import mesh_of, moved
 
 from texbake import (
     Ambient,
-    BumpMap,
     CameraView,
-    Environment,
-    Fog,
     ImageTexture,
     Light,
     Lighting,
     Material,
     Mesh,
-    NormalMap,
-    ProcedureTexture,
-    Reflection,
-    Refraction,
     RenderOptions,
     Scene,
     SceneObject,
-    Shadow,
 )
 from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.rendering.scene.lights import Environment, Fog, Shadow
+from texbake.rendering.scene.material import BumpMap, NormalMap, Reflection, Refraction
+from texbake.rendering.scene.textures import ProcedureTexture
 
 SMALL = RenderOptions(width=48, height=32)
 SUN = Light(direction=(-1.0, -2.0, -1.5), shadow=Shadow(size=64))

@@ -12,8 +12,11 @@ import texbake
 from texbake import Mesh
 from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.tangents import corner_tangents
 from texbake.texture.encoding import decode_normals, encode_normals, quantize_unsigned
+from texbake.texture.mipmaps import mip_chain
 from texbake.texture.padding import push_pull
+from texbake.texture.sample import sample_texture
 
 SIZE = 64
 
@@ -76,7 +79,7 @@ def _mean_tangents(mesh: Mesh) -> Any:
 
 
 def _corner_tangents(mesh: Mesh) -> Any:
-    return texbake.corner_tangents(mesh)[..., :3].reshape(-1, 3)
+    return corner_tangents(mesh)[..., :3].reshape(-1, 3)
 
 
 def _tangent_error(mesh: Mesh, tangents: Any) -> float:
@@ -194,7 +197,7 @@ def _last_of_blocks(image: Any) -> Any:
 
 
 def _last_level(image: Any) -> Any:
-    chain = texbake.mip_chain(image)
+    chain = mip_chain(image)
     return chain.level(len(chain.sizes) - 1)[0, 0]
 
 
@@ -237,7 +240,7 @@ TEXTURE_CONTRASTS = (
     Contrast(name="coordinates of 1, -1e-20 and NaN",
              wrong="u - floor(u) is 1, the column after the last one",
              unit="reads outside the image", prepare=_edge_coordinates,
-             naive=_columns_by_floor, ours=lambda data: texbake.sample_texture(*data,
+             naive=_columns_by_floor, ours=lambda data: sample_texture(*data,
                                                                               filter="nearest"),
              error=not_finite, bound=0.0, why="exact"),
     Contrast(name="mirrored halves that share vertices",

@@ -37,8 +37,10 @@ from invariance.quantities import (
 )
 
 import texbake
+from texbake.checks.report import CheckReport
 from texbake.jobs.export.levels import share_elsewhere
-from texbake.mesh.normals import face_normals, smooth_normals
+from texbake.mesh.normals import face_normals, smooth_normals, vertex_curvatures
+from texbake.mesh.tangents import corner_tangents
 from texbake.raycast.orientation import oriented
 
 Result = Mapping[str, Quantity]
@@ -79,13 +81,13 @@ def normals(side: Side) -> Result:
             values=smooth_normals(mesh), unit=DIRECTION, per=VERTEX,
             bounds={**within(ROUNDING), **exact}, amplified=32.0),
         "curvature": Quantity(
-            values=texbake.vertex_curvatures(mesh), unit=CURVATURE, per=VERTEX, bounds=curvature),
+            values=vertex_curvatures(mesh), unit=CURVATURE, per=VERTEX, bounds=curvature),
     }  # fmt: skip
 
 
 def tangents(side: Side) -> Result:
     # Directions are float32, and MikkTSpace divides by areas in the texture.
-    found = texbake.corner_tangents(side.mesh)[..., :3]
+    found = corner_tangents(side.mesh)[..., :3]
     bounds = within(1e-5, mirror=None)
     return {
         "tangents": Quantity(
@@ -93,7 +95,7 @@ def tangents(side: Side) -> Result:
     }  # fmt: skip
 
 
-def _findings(report: texbake.CheckReport, bounds: Bounds = SAME) -> Result:
+def _findings(report: CheckReport, bounds: Bounds = SAME) -> Result:
     found = sorted(
         f"{finding.mesh} {finding.kind.name} {finding.severity} {finding.count}"
         for finding in report.findings

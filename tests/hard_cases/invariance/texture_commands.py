@@ -37,6 +37,13 @@ from invariance.quantities import (
 )
 
 import texbake
+from texbake.baking.result import BakedMap
+from texbake.baking.texture.options import PhotoOptions, SolidOptions
+from texbake.baking.texture.photo import Photo, PhotoCamera
+from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.solid import bake_solid
+from texbake.jobs.uv_pictures import render_checker
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.overlap import find_overlaps
 from texbake.rendering.camera import Camera
 
@@ -100,7 +107,7 @@ OCCLUDED = within(
 MEAN_OCCLUDED = within(0.02, mirror=0.05)
 
 
-def _maps(maps: dict[str, texbake.BakedMap]) -> Result:
+def _maps(maps: dict[str, BakedMap]) -> Result:
     found = {}
     for name, item in maps.items():
         if name.endswith("position"):
@@ -164,8 +171,8 @@ def solid(procedure: str) -> Command:
     bounds = {SCALE: 0.0, VERTICES: 0.0, FACES: 0.0, CORNERS: 0.01}
 
     def bake_texture(side: Side) -> Result:
-        options = texbake.SolidOptions(procedure=procedure, size=32, threads=1)
-        values = texbake.bake_solid(side.mesh, options).values
+        options = SolidOptions(procedure=procedure, size=32, threads=1)
+        values = bake_solid(side.mesh, options).values
         return {"values": Quantity(values=values, unit=PICTURE, bounds=bounds)}
 
     return bake_texture
@@ -173,13 +180,13 @@ def solid(procedure: str) -> Command:
 
 def photographed(side: Side) -> Result:
     image = np.random.default_rng(3).random((16, 16, 3)).astype(np.float32)
-    camera = texbake.PhotoCamera(
+    camera = PhotoCamera(
         position=side.beside((0.5, 1.0, 3.0)),
         target=side.middle,
         up=side.direction((0.0, 1.0, 0.0)),
     )
-    options = texbake.PhotoOptions(size=32, threads=1)
-    result = texbake.bake_photos(side.mesh, [texbake.Photo(image=image, camera=camera)], options)
+    options = PhotoOptions(size=32, threads=1)
+    result = bake_photos(side.mesh, [Photo(image=image, camera=camera)], options)
     return {
         "values": Quantity(values=result.values, unit=PICTURE, bounds=FEW_TEXELS),
         "seen": Quantity(values=result.has_color, unit=PICTURE, bounds=FEW_TEXELS),
@@ -231,14 +238,14 @@ def picture(**more: object) -> Command:
 
 def checker(side: Side) -> Result:
     options = texbake.RenderOptions(width=24, height=18)
-    values = texbake.render_checker(side.mesh, options, threads=1)
+    values = render_checker(side.mesh, options, threads=1)
     bounds = {SCALE: 0.0, PLACE: UNSEEN, **dict.fromkeys(ORDERS, 0.05)}
     return {"color": Quantity(values=values, unit=PICTURE, bounds=bounds)}
 
 
 def layout(side: Side) -> Result:
     pixels = texbake.draw_layout(side.mesh, 64, heat=True, threads=1)
-    svg = texbake.layout_svg(side.mesh, 64, heat=True)
+    svg = layout_svg(side.mesh, 64, heat=True)
     return {
         # Lines that lie on one another are drawn in the order of the faces.
         "pixels": Quantity(values=pixels, unit=PICTURE, bounds=within(0.1, mirror=None)),
