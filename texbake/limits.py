@@ -41,19 +41,7 @@ def raised_limits(
 ) -> Iterator[None]:
     """Raise limits for the block, in this process and in those that it starts.
 
-    Parameters
-    ----------
-    max_image
-        Greatest side of an image in pixels; None leaves the limit.
-    max_triangles
-        How many triangles a file may have once its meshes are repeated; None leaves the limit.
-    allow_outside
-        Whether files may name files outside their own folders; False leaves the limit.
-
-    Raises
-    ------
-    OptionError
-        An environment variable has a value of the wrong kind.
+    `max_image`: greatest side of an image in pixels.
     """
     allows_outside()
     if max_image is None:

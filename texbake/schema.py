@@ -101,7 +101,6 @@ class OptionField:
 
     Attributes
     ----------
-    name : str
     kinds : tuple
         Types of its values, without None.
     optional : bool

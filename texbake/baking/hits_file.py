@@ -45,23 +45,7 @@ _IMAGE_FIELDS = ("name", "components", "wraps", "placing", "uv_set", "is_nearest
 
 
 def write_hits(result: BakeResult, path: PathLike) -> None:
-    """Write the hits of a bake to a file, completely or not at all.
-
-    Parameters
-    ----------
-    result
-        The result of a bake with `BakeOptions.keep_hits`.
-    path
-        A .npz file. The same result gives the same bytes. The files of two equal bakes differ only
-        in the times in their reports.
-
-    Raises
-    ------
-    OptionError
-        The bake kept no hits.
-    FileError
-        The file cannot be written.
-    """
+    """Write the hits of a bake to a file, completely or not at all."""
     if result.hits is None or result.inputs is None:
         raise OptionError("hits: the bake kept none; bake with `keep_hits=True`")
     hits, high = _reduced_to_hit_faces(result.hits, result.inputs)
@@ -93,20 +77,7 @@ def write_hits(result: BakeResult, path: PathLike) -> None:
 
 
 def read_hits(path: PathLike) -> BakeResult:
-    """Read a file of `write_hits`, as the result of a bake without maps.
-
-    Returns
-    -------
-    BakeResult
-        For `remap`; the high-poly mesh of its `inputs` has only the faces that were hit.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not a file of hits, has another version, or is damaged.
-    """
+    """Read a file of `write_hits`, as the result of a bake without maps."""
     require_file(path)
     try:
         arrays = read_arrays(path)

@@ -65,11 +65,6 @@ class RayMaps:
         """Check the images, (H, W) or (H, W, C), of which the first channel is used.
 
         Returns None if there are none.
-
-        Raises
-        ------
-        OptionError
-            An image has another shape, or values out of range.
         """
         if skew_mask is None and offset_map is None:
             return None

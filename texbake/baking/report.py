@@ -79,7 +79,6 @@ class BakeReport:
     ----------
     high, low, cage : str or None
         Names of the meshes.
-    n_high_faces, n_low_faces : int
     options : BakeOptions
         As given.
     front, back : float or None
@@ -97,11 +96,8 @@ class BakeReport:
         area, or outside the unit square. Those of stacked islands that share texels do not count.
     padding_meets : int
         Texels where the padding of two charts meets.
-    counts : TraceCounts
     distance_percentiles : dict
         Percent to distance between the low-poly and the high-poly surface.
-    stages : list of StageRecord
-    versions : dict
     orientation : OrientationReport or None
         What was flipped of the high-poly mesh.
     sampling : SamplingReport or None

@@ -38,7 +38,6 @@ class WrittenMap:
 
     Attributes
     ----------
-    path : Path
     bits : int
         Bits per channel.
     metadata : dict
@@ -59,7 +58,6 @@ class BakedMap:
 
     Attributes
     ----------
-    kind : MapKind
     values : (H, W, C) float32
         Unit vectors, lengths in model units, colors or ids, depending on the kind; the neutral
         value where nothing was baked.
@@ -89,25 +87,7 @@ class BakedMap:
         mid: float | None = None,
         scale: float | None = None,
     ) -> WrittenMap:
-        """Write the map in the format of the file's suffix.
-
-        Parameters
-        ----------
-        path
-            A png, exr, tif or tga file.
-        bits
-            8, 16 or 32 bits per channel. None: those of the options, or the default of `file_bits`.
-        convention
-            `opengl` or `directx`. None: that of the options.
-        mid, scale
-            Encode lengths as d = (h - mid) * scale. None: those of the options. If these are None
-            too, integer files use a range measured so that every height fits, and float files
-            hold plain lengths.
-
-        Raises
-        ------
-        OptionError, FileError
-        """
+        """Write the map in the format of the file's suffix."""
         bits = file_bits(self.kind, path, bits or self.options.bits, len(self.legend))
         code_bits = FLOAT if holds_floats(path, bits) else bits
         coded = encode_map(self, FileEncoding(code_bits, convention, mid, scale))
@@ -130,7 +110,6 @@ class BakeResult:
     ----------
     maps : dict of str to BakedMap
         By the names in `BakeOptions.maps`.
-    report : BakeReport
     hits : Hits or None
         If the bake ran with `BakeOptions.keep_hits`; `remap` makes other maps from them.
     texel_faces : (H, W) int32
@@ -159,19 +138,7 @@ class BakeResult:
         return _MISS_COLORS[classes]
 
     def write(self, path: PathLike, *, suffix: str = ".png") -> list[Path]:
-        """Write one map to a file, or all maps into a folder as NAME + suffix.
-
-        Parameters
-        ----------
-        path
-            A file if it has a suffix, for a result with exactly one map; otherwise a folder,
-            which is created if it is missing.
-
-        Returns
-        -------
-        list of Path
-            The files written.
-        """
+        """Write one map to a file, or all maps into a folder as NAME + suffix."""
         target = Path(path)
         if target.suffix and not target.is_dir():
             if len(self.maps) != 1:

@@ -49,10 +49,8 @@ class PlannedStep:
 
     Attributes
     ----------
-    asset, step, kind : str
     state : str
         `current`, `runs`, `may run` (a step before it runs) or `fails`.
-    why : str
     """
 
     asset: str
@@ -122,13 +120,7 @@ def build(
 
 
 def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[PlannedStep]:
-    """Return what `build` would do, and why; nothing is written.
-
-    Raises
-    ------
-    FileFormatError
-        Something in the pipeline file is wrong.
-    """
+    """Return what `build` would do, and why; nothing is written."""
     options = options or BuildOptions()
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)

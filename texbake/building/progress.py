@@ -23,7 +23,6 @@ class BuildEvent:
     ----------
     event : str
         `began`, `step` (a step has reached `state`), `note` or `ended`.
-    asset, step : str or None
     state : str or None
         `running`, `current` (nothing to do), `built`, `failed` or `blocked` (by one that failed).
     message : str or None

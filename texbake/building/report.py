@@ -100,14 +100,10 @@ class BuildResult:
     ----------
     pipeline : str
         Path of its file.
-    folder : Path
     state : str
         `finished`, or `interrupted`.
     started : str
         ISO 8601, UTC.
-    seconds : float
-    options : dict
-    assets : tuple of AssetResult
     is_written : bool
         Whether `build.json` was written; False if there was nothing to do in a read-only folder.
     """

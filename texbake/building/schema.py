@@ -19,13 +19,7 @@ from texbake.schema import JsonSchema
 
 
 def pipeline_schema() -> JsonSchema:
-    """JSON Schema of pipeline files, draft 2020-12, for editors to complete and check them by.
-
-    Returns
-    -------
-    dict
-        Plain values, for `json.dumps`.
-    """
+    """JSON Schema of pipeline files, draft 2020-12, for editors to complete and check them by."""
     schema = file_schema(PipelineTable, "texbake pipeline")
     kinds = []
     for kind in STEP_KINDS.values():
@@ -39,15 +33,7 @@ def pipeline_schema() -> JsonSchema:
 
 
 def schema_file(file: str, output: PathLike) -> JobResult[JsonSchema]:
-    """Write the JSON Schema of `pipeline` or `scene` files.
-
-    Raises
-    ------
-    OptionError
-        There is no schema of that name.
-    FileError
-        The file cannot be written.
-    """
+    """Write the JSON Schema of `pipeline` or `scene` files."""
     if file not in ("pipeline", "scene"):
         raise OptionError(f"file: {file} is not one of pipeline, scene")
     check_writable(output)

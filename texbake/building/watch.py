@@ -39,18 +39,6 @@ def watch(
 
     A build starts once nothing changes any more, for programs that save in several steps, and at
     the latest 40 polls after the first change. Workers stay warm between builds.
-
-    Parameters
-    ----------
-    path, options, listener
-        As for `build`.
-    built
-        Called after each build with its result, or with the error in the pipeline file; the next
-        save of the file starts another build.
-    until
-        Called between polls; true ends the watch.
-    poll_seconds
-        Time between polls.
     """
     options = options or BuildOptions()
     workers = None if options.scheduler is not None else local_workers(options)

@@ -89,18 +89,7 @@ def check_files(
     *,
     progress: ProgressSink | None = None,
 ) -> CheckReport:
-    """Read and check one mesh or two. A file that does not hold a mesh is a finding.
-
-    Parameters
-    ----------
-    mesh, low, options, progress
-        As for `check`, but paths.
-
-    Raises
-    ------
-    FileError
-        A file is missing or cannot be read.
-    """
+    """Read and check one mesh or two. A file that does not hold a mesh is a finding."""
     options = options or CheckOptions()
     paths = [mesh] if low is None else [mesh, low]
     roles = ["low"] if low is None else ["high", "low"]

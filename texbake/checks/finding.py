@@ -46,7 +46,6 @@ class Finding:
 
     Attributes
     ----------
-    kind : Kind
     severity : str
         `error`, `warning` or `note`.
     mesh : str

@@ -24,10 +24,8 @@ class CheckReport:
     ----------
     low, high : Mesh or None
         The meshes that were checked.
-    options : CheckOptions
     findings : tuple of Finding
         The most severe first, then those that are allowed.
-    stages : list of StageRecord
     """
 
     low: Mesh | None
@@ -48,13 +46,7 @@ class CheckReport:
         return sum(finding.allowed for finding in self.findings)
 
     def fails(self, severity: str = "error") -> bool:
-        """Whether any finding that is not allowed is as severe as this, or more severe.
-
-        Raises
-        ------
-        OptionError
-            There is no such severity.
-        """
+        """Whether any finding that is not allowed is as severe as this, or more severe."""
         if severity not in SEVERITIES:
             raise OptionError(f"severity: {severity} is not one of {', '.join(SEVERITIES)}")
         return any(self.count(known) for known in SEVERITIES[: SEVERITIES.index(severity) + 1])
@@ -93,21 +85,8 @@ class CheckReport:
     def picture(self, size: int = 640) -> npt.NDArray[np.float32]:
         """Draw where in the texture the findings are: one UV layout for each.
 
-        Parameters
-        ----------
-        size
-            Pixels along the longer side of one layout.
-
-        Returns
-        -------
-        (H, W, 3) float32
-            Linear. Faces are colored by severity, red, amber or blue; the worst have a ring.
-
-        Raises
-        ------
-        UvError
-            The low-poly mesh is missing, or its texture coordinates are, or they lie too far away
-            to be drawn.
+        `size`: pixels along the longer side of one layout. Returns (H, W, 3) float32, linear. Faces
+        are colored by severity, red, amber or blue; the worst have a ring.
         """
         from texbake.checks.picture import draw_findings
 

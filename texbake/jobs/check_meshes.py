@@ -61,25 +61,7 @@ def check_mesh_files(
     report: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[CheckReport]:
-    """Check one mesh file, or a pair, and draw where the findings are.
-
-    Parameters
-    ----------
-    mesh, low, options
-        As for `texbake.check`, but paths. A file that holds no mesh is a finding.
-    layout, sides
-        Picture files: the findings in the texture, and on the meshes from four sides. A picture
-        without anything to show is not written, and a warning says so.
-    report
-        File for the findings as JSON.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    FileError
-        A file is missing or cannot be read.
-    """
+    """Check one mesh file, or a pair, and draw where the findings are."""
     check_distinct([layout, sides, report], [mesh, low])
     check_picture(layout)
     check_picture(sides)
@@ -112,27 +94,7 @@ def render_findings(
 ) -> npt.NDArray[np.float32]:
     """Render the meshes of a check with the faces of each finding in color, from four sides.
 
-    Parameters
-    ----------
-    report : CheckReport
-    options : RenderOptions, optional
-        Of each picture; `view` is the first, and the others are 90 degrees apart. None for
-        `FINDINGS_PICTURE`.
-    threads
-        None for every processor.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    (H, W, 3) float32
-        Linear: a row for each finding at some face, in the order of the report. The worst faces are
-        ringed on the side that they face, even if something hides them.
-
-    Raises
-    ------
-    OptionError
-        No finding is at any face.
+    Returns (H, W, 3) float32.
     """
     options = options or FINDINGS_PICTURE
     shown = [finding for finding in report.findings if len(finding.faces)]

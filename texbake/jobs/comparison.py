@@ -47,28 +47,7 @@ def compare_files(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[Comparison]:
-    """Compare two mesh files from six sides, and write the pictures side by side.
-
-    Parameters
-    ----------
-    high, low
-        Mesh files.
-    output
-        The pictures. None for the low-poly mesh's name and `_compare.png`, in the current folder.
-    options
-        Of the pictures; None for the defaults.
-    normal_map, displacement, albedo
-        Maps of the low-poly mesh.
-    report, html, command, progress
-        As for `bake_files`.
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    TexbakeError
-        As `read_mesh` and `compare` do.
-    """
+    """Compare two mesh files from six sides, and write the pictures side by side."""
     output = Path(f"{Path(low).stem}_compare.png" if output is None else output)
     maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
     check_distinct([output, report, html], [high, low, *maps.values()])

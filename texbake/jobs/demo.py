@@ -33,29 +33,7 @@ def demo(
     command: str = "",
     progress: ProgressSink | None = None,
 ) -> RunResult:
-    """Make an orange as a high-poly mesh, and do the whole job on it.
-
-    Parameters
-    ----------
-    folder
-        For the files; made if it is missing. The high-poly mesh is written as well, as
-        `orange_high.ply`, the file `high` of the result.
-    options
-        None for the defaults.
-    html
-        File for a page to look at, which the result then has as `html` among its files. It also
-        shows how right a photograph, a bump map, a normal map and a displacement map of the orange
-        stay while the light and the viewer turn, which takes some seconds more.
-    command
-        What the page shows as the command that made it.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    FileError
-        The folder cannot be made or written to.
-    """
+    """Make an orange as a high-poly mesh, and do the whole job on it."""
     options = options or DemoOptions()
     check_folder(folder)
     high_file = make_folder(folder) / "orange_high.ply"

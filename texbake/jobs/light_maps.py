@@ -77,7 +77,6 @@ class LightMaps:
         In the order of the objects.
     warnings : tuple of str
         What is missing from them, or may look unexpected.
-    stages : list of StageRecord
     """
 
     maps: tuple[LightMap, ...]
@@ -94,13 +93,7 @@ class LightMaps:
         return rows
 
     def shown_in(self, scene: Scene) -> Scene:
-        """Return the scene with its maps in place of the lights that they hold.
-
-        Raises
-        ------
-        OptionError
-            A lit object has no map, and would turn dark.
-        """
+        """Return the scene with its maps in place of the lights that they hold."""
         by_index = {item.index: item for item in self.maps}
         objects = []
         for index, item in enumerate(scene.objects):
@@ -129,29 +122,7 @@ def bake_light_map_files(
     uv_set: str | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[LightMaps]:
-    """Bake the light maps of a scene file, and write one image for each object.
-
-    Parameters
-    ----------
-    scene
-        A `.toml` scene or a glTF file.
-    folder
-        For the maps, which are named after the objects; made if it is missing.
-    options
-        Only `size`, `samples`, `bits`, `padding`, `fill` and `threads` are used. None for the
-        defaults.
-    format
-        exr, tif, png or tga.
-    uv_set
-        As for `bake_light_maps`.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    TexbakeError
-        As `read_scene` and `bake_light_maps` do.
-    """
+    """Bake the light maps of a scene file, and write one image for each object."""
     options = options or BakeOptions()
     folder = Path(folder)
     check_image_format(folder / f"map.{format}", options.bits, color=True, channels=3)

@@ -63,16 +63,12 @@ class LightenReport:
         Triangles.
     n_bytes_before, n_bytes : int
         Of the files: of the model with its buffers and images, and of the result.
-    n_materials_before, n_materials : int
     size : (int, int), optional
         Width and height of the images; None without any.
     images : tuple of str
         Names of the images in the result.
     simplified : SimplifyReport, optional
         None if the model had no more triangles than were asked for.
-    unwrapped : UnwrapReport, optional
-    baked : BakeReport, optional
-    stages : tuple of StageRecord
     comparison : ModelComparison, optional
         In pictures; None without views.
     missing_images : tuple of str

@@ -91,45 +91,7 @@ def bake_files(
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
 ) -> MapFiles:
-    """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them.
-
-    Parameters
-    ----------
-    high, low
-        Mesh files; the low-poly mesh has texture coordinates.
-    output
-        A folder for the maps of `options`, made if it is missing; or a file for each map by its
-        name, which then takes the place of `options.maps`.
-    options
-        None for the defaults.
-    format, name_pattern
-        How files in a folder are named: png, exr, tif or tga (None for png), and a pattern of
-        `{asset}`, `{map}` and `{ext}`.
-    cage
-        A mesh file with the faces of the low-poly mesh, on which rays start.
-    high_texture
-        Image of the high-poly mesh for the one channel of materials among the maps, such as
-        base-color or roughness, in place of those that its file names.
-    skew_mask, offset_map
-        Images over the low-poly mesh that change its rays; see `texbake.bake`.
-    join_objects
-        Whether objects of a mesh that touch share normals and ray distances.
-    miss_map, hits, report, html
-        Further files to write: a picture of the rays that missed, the hits for `remap_files`, the
-        figures as JSON, and a page to look at.
-    command
-        What the page shows as the command that made it.
-    progress
-        Receives the stages.
-    clock
-        When the time of `BakeOptions.time_budget` began; None: now. It ends when the maps are
-        written.
-
-    Raises
-    ------
-    TexbakeError
-        As `read_mesh` and `bake` do. Unwritable outputs are found before the work begins.
-    """
+    """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them."""
     clock = clock or BudgetClock()
     options = options or BakeOptions()
     folder = None if isinstance(output, Mapping) else Path(output)

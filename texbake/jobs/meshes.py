@@ -23,7 +23,6 @@ class MeshFileInfo:
 
     Attributes
     ----------
-    mesh : MeshInfo
     distortion : Distortion, optional
         Of the texture coordinates, where it was to be measured.
     contents : FileContents, optional
@@ -60,24 +59,7 @@ def info_file(
     uv_size: int | tuple[int, int] | None = None,
     progress: ProgressSink | None = None,
 ) -> MeshFileInfo:
-    """Count and measure what is in a mesh file.
-
-    Parameters
-    ----------
-    mesh
-    uv_size
-        Texels of the texture for which the texture coordinates are measured as well. None leaves
-        them out.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    TexbakeError
-        As `read_mesh` does.
-    UvError
-        `uv_size` is given, and the mesh has no texture coordinates.
-    """
+    """Count and measure what is in a mesh file."""
     size = None if uv_size is None else UnwrapOptions(size=uv_size).size
     with parsed_once():
         read = read_mesh(mesh, progress=progress)

@@ -56,7 +56,6 @@ class PartsFiles(JobResult[PartsReport]):
     ----------
     maps : tuple of WrittenMap
         The files of all sets of maps, and how values are coded in them.
-    options : BakeOptions
     """
 
     maps: tuple[WrittenMap, ...]
@@ -111,31 +110,7 @@ def bake_parts_files(
     report: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> PartsFiles:
-    """Bake the maps of an asset of several mesh files, and write them.
-
-    Parameters
-    ----------
-    high, low
-        Mesh files of the high-poly and the low-poly side.
-    folder
-        For the maps; made if it is missing.
-    options, parts
-        None for the defaults.
-    name
-        Of the asset; None for that of the first low-poly mesh.
-    format, name_pattern
-        As for `bake_files`; a pattern may have `{set}` and `{udim}` as well, and so may the names
-        of `skew_mask` and `offset_map`.
-    cage, high_texture, skew_mask, offset_map, miss_map, report, progress
-        As for `bake_files`. Several sets of maps have several miss maps, named after each set.
-
-    Raises
-    ------
-    OptionError
-        Two sets of maps would be written to the same file.
-    TexbakeError
-        As `read_mesh` and `bake_parts` do.
-    """
+    """Bake the maps of an asset of several mesh files, and write them."""
     options, parts = options or BakeOptions(), parts or PartsOptions()
     asset = name or Path(low[0]).stem
     name_pattern = _pattern_of_sets(name_pattern, parts)
@@ -203,15 +178,7 @@ def match_parts_files(
     report: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[Matching]:
-    """Find out which parts `bake_parts_files` would bake from which, without baking.
-
-    Parameters
-    ----------
-    high, low, parts, progress
-        As for `bake_parts_files`.
-    report
-        File for the matching as JSON.
-    """
+    """Find out which parts `bake_parts_files` would bake from which, without baking."""
     parts = parts or PartsOptions()
     check_distinct([report], [*high, *low])
     check_report(report)

@@ -118,41 +118,7 @@ def preview_files(
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
 ) -> PreviewFiles:
-    """Draw a mesh file with its maps, or a scene file.
-
-    Parameters
-    ----------
-    path, options, normal_map, displacement, albedo, space, as_mesh
-        As for `open_preview`.
-    output
-        The picture; with `n_views` a folder. None to plan the passes and draw nothing.
-    filters, interpolations, buffers, mapping_orders
-        Draw all combinations of these, side by side.
-    n_views
-        Draw a turntable of as many pictures.
-    contributions
-        Whether to draw the picture again without each effect, to tell what it changes.
-    report
-        File for the plan, its costs, and what samples have reached, as JSON.
-    html
-        Page with the picture and the contributions of its effects, which are then found as well.
-    command
-        Command line to show on the page.
-    threads
-        None for every processor.
-    progress
-        Receives the stages.
-    clock
-        When the time of `RenderOptions.time_budget` began; None: now. It ends when the picture is
-        written.
-
-    Raises
-    ------
-    OptionError
-        A turntable has several filters, interpolations, buffers or mapping orders.
-    TexbakeError
-        As `open_preview` and `render_scene` do.
-    """
+    """Draw a mesh file with its maps, or a scene file."""
     clock = clock or BudgetClock()
     several = (filters, interpolations, buffers, mapping_orders)
     if n_views is not None and max(map(len, several)) > 1:

@@ -92,9 +92,6 @@ class RunResult:
     why_closed : tuple of str
         Why the low-poly mesh was made from a closed surface around the high-poly one, if no option
         asked for it, and which gaps were closed.
-    simplified : SimplifyReport
-    unwrapped : UnwrapReport
-    baked : BakeResult
     comparison : Comparison, optional
         None if nothing was compared.
     stages : list of StageRecord
@@ -346,19 +343,7 @@ def run_files(
     command: str = "",
     progress: ProgressSink | None = None,
 ) -> RunResult:
-    """Do the whole job on a mesh file; see `run`.
-
-    Parameters
-    ----------
-    high
-        The high-poly mesh.
-    folder, options, progress
-        As for `run`.
-    html
-        File for a page to look at, which the result then has as `html` among its files.
-    command
-        What the page shows as the command that made it.
-    """
+    """Do the whole job on a mesh file; see `run`."""
     options = options or RunOptions()
     check_page(html)
     check_folder(folder)

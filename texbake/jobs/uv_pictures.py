@@ -52,31 +52,7 @@ def render_checker(
 ) -> npt.NDArray[np.float32]:
     """Render a mesh with a numbered checker for its texture, from four sides in a row.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates. Outside the unit square the checker repeats.
-    options : RenderOptions, optional
-        Of each picture; `view` is the first, and the others are 90 degrees apart. None for
-        `CHECKER_PICTURE`.
-    n_cells : int
-        Cells of the checker along each side of the texture, up to 26.
-    threads
-        None for every processor.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    (H, W, 3) float32
-        Linear light, cropped to what is seen from any side.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
-    OptionError
-        There are no cells or too many.
+    Returns (H, W, 3) float32, linear light, cropped to what is seen from any side.
     """
     mesh = as_mesh(mesh)
     options = options or CHECKER_PICTURE
@@ -126,27 +102,7 @@ def write_layout(
 ) -> None:
     """Draw the texture coordinates of a mesh into a PNG or SVG file, by its suffix.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    path
-        The file appears whole or not at all.
-    size : int or (int, int)
-        Pixels a side, or (width, height), of one tile.
-    heat
-        Color faces by their stretch, with a scale; see `draw_layout`.
-    threads
-        None for every processor.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
-    FileFormatError
-        The suffix is neither .png nor .svg.
-    FileError
-        The file cannot be written.
+    `size`: pixels a side, or (width, height), of one tile.
     """
     mesh = as_mesh(mesh)
     check_layout(path)

@@ -53,23 +53,7 @@ _FAINTEST = 0.03  # edges below this darkness would be invisible and are left ou
 
 
 def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool = False) -> str:
-    """Draw the texture coordinates of a mesh as an SVG document.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        With texture coordinates.
-    size : int or (int, int)
-        Width and height at which one tile is shown, as for `draw_layout`.
-    heat
-        Color faces by L2 stretch, as `draw_layout` does. Otherwise each chart is a path of its own,
-        with the id `chart-` and its number in `chart_ids`.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or some are too far out to be measured.
-    """
+    """Draw the texture coordinates of a mesh as an SVG document."""
     mesh = as_mesh(mesh)
     uvs = measurable_uvs(mesh)
     window = LayoutWindow.around(uvs, size)

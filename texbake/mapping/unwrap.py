@@ -112,24 +112,8 @@ def unwrap_together(
 ) -> list[tuple[Mesh, UnwrapReport]]:
     """Give several meshes texture coordinates in one shared texture, at one texel density.
 
-    Parameters
-    ----------
-    meshes : sequence of Mesh
-        Each is measured in its own model units.
-    options, threads, progress, **changes
-        As for `unwrap`. Several meshes need the method `atlas`, which keeps the faces of all
-        meshes from overlapping.
-
-    Returns
-    -------
-    list of (Mesh, UnwrapReport)
-        In the order of the meshes. The stages cover all meshes together; the figures are those of
-        each mesh alone.
-
-    Raises
-    ------
-    UnwrapError, UvError, OptionError
-        As for `unwrap`.
+    Returns the meshes and their reports in the order of `meshes`. The stages cover all meshes
+    together; the figures are those of each mesh alone.
     """
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
@@ -280,7 +264,6 @@ class UnwrapReport:
         Steps that failed and what was done instead; charts that miss a bound, and why.
     distortion : Distortion or None
         None if no face has an area in the texture.
-    stages : list of StageRecord
     """
 
     mesh: str

@@ -67,7 +67,6 @@ class SurfaceDistance:
 
     Attributes
     ----------
-    a_to_b, b_to_a : OneSidedDistance
     diagonal : float
         Of the joint bounding box; what the `_relative` figures are relative to.
     """

@@ -44,26 +44,7 @@ _ANGLE_ROUNDING = 1e-3
 def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAULT_ANGLE) -> Mesh:
     """Return a mesh with other normals.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    normals : {"smooth", "angle", "uv", "keep"}
-        Smooth everywhere; hard where faces meet at more than `angle`; hard where texture
-        coordinates are split; or as they are.
-    angle : float
-        In degrees.
-
-    Returns
-    -------
-    Mesh
-        Without tangents, if its normals are others.
-
-    Raises
-    ------
-    OptionError
-        `normals` is none of the four.
-    UvError
-        Normals are split where texture coordinates are, and there are none.
+    `angle`, in degrees.
 
     Examples
     --------

@@ -65,7 +65,6 @@ class MeshInfo:
         Of the bounding box, and of all faces together; in model units and their squares.
     n_normals : int or None
         None where the mesh has none; the same for uvs, tangents and colors.
-    groups : tuple of GroupInfo
     n_components : int
         Shells of the mesh: connected pieces that share no vertex.
     n_boundary_edges, n_non_manifold_edges, n_misoriented_edges : int

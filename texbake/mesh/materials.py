@@ -45,7 +45,6 @@ class Channel:
 
     Attributes
     ----------
-    name : str
     default : tuple of float
         Of a material that does not set it: one number, or three.
     is_color : bool
@@ -139,13 +138,10 @@ class MeshMaterial:
 
     Attributes
     ----------
-    name : str
     channels : mapping of str to ChannelSource
         By names of `CHANNELS`; those that the file does not set are missing.
     alpha_mode : str
         `opaque`, `mask` (opaque where alpha is at least `alpha_cutoff`, else not there) or `blend`.
-    alpha_cutoff : float
-    is_double_sided : bool
     is_unlit : bool
         Shown in its base color, whatever the light.
     """
@@ -179,7 +175,6 @@ class Materials:
     ----------
     face_materials : (F,) int32
         Index into `materials`.
-    materials : tuple of MeshMaterial
     uv_sets : mapping of int to (T, 2) float64
         Further sets of texture coordinates, in the rows of `Mesh.uvs`.
     has_vertex_colors : bool
@@ -189,11 +184,6 @@ class Materials:
         that says so.
     missing_images : tuple of str
         Names of the images among that, as the file has them.
-
-    Raises
-    ------
-    MeshError
-        An index is out of range.
     """
 
     face_materials: IntArray
@@ -257,11 +247,7 @@ class Materials:
     ) -> Materials:
         """Return the materials of some faces, whose mesh keeps some rows of `uvs`.
 
-        Parameters
-        ----------
-        chosen : (F,) bool, or indices of faces
-        uv_rows
-            Indices into `Mesh.uvs`.
+        `chosen` (F,) bool, or indices of faces.
         """
         sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}
         return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)
@@ -271,11 +257,6 @@ class Materials:
         """One material for all faces of a mesh, with an image file for one of its channels.
 
         A channel of one number is the first of the image's.
-
-        Raises
-        ------
-        FileError
-            The file is missing or cannot be read.
         """
         from texbake.files import read_bytes
 

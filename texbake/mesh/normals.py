@@ -216,22 +216,6 @@ def vertex_curvatures(
 ) -> FloatArray:
     """Mean curvature at each vertex, in units of one over the model unit.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    normals : (V, 3) float64, optional
-        Its `smooth_normals`, where they are known.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (V,) float64
-        Positive where the surface is convex, negative where it is hollow; half the sum of the
-        curvatures along and across, so 1 / r on a sphere, 1 / (2 r) on a cylinder. Equal for
-        vertices at one position. 0 for a vertex that no face with area uses; infinite where float64
-        does not hold it, on meshes smaller than 1e-308.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import plane

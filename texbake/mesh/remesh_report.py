@@ -16,7 +16,6 @@ class RemeshReport:
 
     Attributes
     ----------
-    n_faces_before, n_faces, n_vertices : int
     n_components, n_dropped : int
         Separate parts of the result, and those that `components` left out.
     n_crumbs : int

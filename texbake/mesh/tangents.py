@@ -76,24 +76,7 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     power of two not even that. Corners are one vertex where their positions are equal, and their
     normals and texture coordinates are equal in float32.
 
-    Returns
-    -------
-    (F, 3, 4) float32
-        x, y, z: unit, never NaN. w: 1, or -1 where the mapping is mirrored.
-
-        Corners for which the rules give no tangent get one all the same:
-
-        - A corner whose face has no area in texture space and touches no mapped face there, or
-          has two equal positions and no vertex in common with other faces: (1, 0, 0) and -1,
-          which are the reference's; where the normal lies along x, a unit vector perpendicular to
-          it and 1.
-        - A corner around which the directions of growing u cancel (in the reference a tangent
-          of length 0): a unit vector perpendicular to its normal, and the w of the mapping.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates.
+    Returns (F, 3, 4) float32; x, y, z have unit length and are never NaN.
 
     Examples
     --------

@@ -145,37 +145,7 @@ def write_bake_page(
 ) -> Comparison | None:
     """Write the page of a bake, a single file that works offline.
 
-    Parameters
-    ----------
-    path
-        Output file; an existing file is replaced.
-    high, low
-        The meshes of the bake.
-    baked
-        Result of a bake with `page_options`, which has normals for the 3D view and heights for the
-        histogram, whatever maps were requested.
-    asked
-        Names of the requested maps. The page notes that the others were made only for it. None: all
-        were requested.
-    stages, warnings
-        None: those of the bake's report.
-    command
-        The command of the bake, for a shell.
-    up
-        World axis that points up in the pictures: `y` or `z`.
-    progress
-        Receives the stages of the comparison.
-
-    Returns
-    -------
-    Comparison or None
-        Comparison of the low-poly mesh and its normal map with the high-poly mesh. None if no
-        normal map was baked.
-
-    Raises
-    ------
-    FileError
-        As for `write_asset_page`.
+    `up`: world axis that points up in the pictures: `y` or `z`.
     """
     high, low = as_mesh(high), as_mesh(low)
     report = baked.report

@@ -34,28 +34,7 @@ def write_slider_page(
     warnings: Sequence[str] = (),
     command: str = "",
 ) -> None:
-    """Write a page with two versions of a model, a single file that works offline.
-
-    Parameters
-    ----------
-    path
-        An existing file is replaced.
-    comparison
-        As from `compare_models`. The view with the lowest PSNR is shown first.
-    n_bytes
-        Sizes of the files before and after.
-    figures
-        Rows of a label and a figure.
-    warnings
-        Sentences that the page shows at its top.
-    command
-        The command that made the model, for a shell; "" for none.
-
-    Raises
-    ------
-    FileError
-        The page cannot be written.
-    """
+    """Write a page with two versions of a model, a single file that works offline."""
     views = [
         _View(_jpeg(before), _jpeg(after), decibels(error), i == comparison.worst_view)
         for i, (before, after, error) in enumerate(

@@ -64,18 +64,6 @@ class Camera:
 
         The sphere is centered on the joint bounding box. A mesh without any extent is framed as if
         its radius were 1.
-
-        Parameters
-        ----------
-        meshes
-            At least one. Frame all meshes of pictures that are to be compared together.
-        options
-            Gives `view`, `up`, `fov` and the picture's shape.
-
-        Raises
-        ------
-        MeshError
-            The size of the meshes is beyond what float64 can square.
         """
         options = options or RenderOptions()
         center, radius = cls.sphere_around(*meshes)
@@ -102,22 +90,8 @@ class Camera:
     ) -> Camera:
         """Return a camera at a position that looks at a target.
 
-        Parameters
-        ----------
-        eye, target : (x, y, z)
-            In world space. They must differ by more than their own rounding.
-        up : (x, y, z)
-            Direction that is up in the picture, of any length, and not along the view.
-        fov : float
-            Vertical field of view in radians, above 0 and below π.
-        near : float
-            Distance of the near plane in model units, above 0.
-
-        Raises
-        ------
-        OptionError
-            The camera is at its target or looks along `up`, `fov` or `near` is out of range, or a
-            number is not finite.
+        `eye`, `target` (x, y, z), in world space; `up` (x, y, z); `fov`: vertical field of view in
+        radians, above 0 and below π; `near`: distance of the near plane in model units, above 0.
         """
         if not 0.0 < fov < math.pi:
             raise OptionError(
@@ -133,11 +107,6 @@ class Camera:
         """Center of the joint bounding box, and radius of the sphere about it around all faces.
 
         The radius of a mesh without extent is 1.
-
-        Raises
-        ------
-        MeshError
-            The size of the meshes is beyond what float64 can square.
         """
         return _bounding_sphere(meshes)
 

@@ -100,7 +100,6 @@ class Comparison:
         Views, in degrees, in which angles and silhouettes were measured.
     high_frame, bare_frame, mapped_frame : Frame
         Pictures from the view in the options, with one exposure; errors are measured before it.
-    displaced_frame : Frame, optional
     angles_deg : (H, W) float32
         Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
         not show the same part.

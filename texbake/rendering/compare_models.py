@@ -93,29 +93,7 @@ def compare_models(
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> ModelComparison:
-    """Draw two versions of a model from all around, and measure how much the pictures differ.
-
-    Parameters
-    ----------
-    before, after
-        Model files, in the same coordinate system: glTF with its materials, others with those that
-        `read_materials` finds.
-    n_views
-        Number of views, at least 1.
-    options
-        Size of the pictures, background and samples; None for 512 x 512 pixels.
-    threads
-        None for every processor. The result does not depend on it.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    OptionError
-        `n_views` is below 1.
-    FileError, FileFormatError
-        A model cannot be read, or its pictures need an extension that is not supported.
-    """
+    """Draw two versions of a model from all around, and measure how much the pictures differ."""
     if n_views < 1:
         raise OptionError(f"n_views: {n_views} is below 1; give at least one view")
     options = options or RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)

@@ -115,11 +115,6 @@ class Frame:
         """(H, W, 3) float32: mean of the unit shading normals in world space, normalized.
 
         0 where there is no surface.
-
-        Raises
-        ------
-        OptionError
-            The picture was drawn without `keep=("normals",)`.
         """
         if self._normals is None:
             raise OptionError('frame: it has no normals; draw it with keep=("normals",)')

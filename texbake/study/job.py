@@ -27,28 +27,7 @@ def study_files(
     scene: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[StudyResult]:
-    """Measure what each setting gains and costs, and write pages, plots and figures.
-
-    Parameters
-    ----------
-    folder
-        For the results; made if it is missing.
-    options
-        None for the defaults.
-    high, low
-        A pair of mesh files; None for a made pair whose true maps are known.
-    scene
-        A scene file; None for a made one.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    OptionError
-        Only one mesh of the pair is given.
-    DependencyError
-        matplotlib is not installed.
-    """
+    """Measure what each setting gains and costs, and write pages, plots and figures."""
     check_folder(folder)
     check_matplotlib()
     result = run_study(

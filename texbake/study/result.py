@@ -232,12 +232,10 @@ class StudyResult:
 
     Attributes
     ----------
-    options : StudyOptions
     inputs : dict of str to str
         Names of the meshes and the scene that were given.
     machine : dict of str to str or int
         What it ran on.
-    knobs : tuple of KnobResult
     seconds : float
         Time of the whole study.
     skipped : dict of str to str

@@ -48,30 +48,7 @@ def run_bench(
     advance: Callable[[int], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Trial]:
-    """Try all settings of a bench.
-
-    Parameters
-    ----------
-    bench
-        What to run.
-    repeats
-        Timed runs of each setting.
-    seconds
-        A setting that has been timed twice is not run again once its timed runs add up to this. A
-        first run that takes longer than this counts as a timed one: what it may still have had to
-        compile is little beside it.
-    seed
-        Seed of the random orders.
-    advance
-        Called with 1 after each run.
-    clock
-        Returns seconds.
-
-    Returns
-    -------
-    list of Trial
-        In the order of the settings.
-    """
+    """Try all settings of a bench."""
     trials = [_first_run(bench, setting, seconds, clock, advance) for setting in bench.settings]
     least = min(repeats, LEAST_RUNS)
     for number in range(repeats):

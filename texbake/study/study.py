@@ -31,37 +31,7 @@ def run_study(
     options: StudyOptions | None = None,
     progress: ProgressSink | None = None,
 ) -> StudyResult:
-    """Measure how accurate settings are, and how much time and memory they cost.
-
-    Parameters
-    ----------
-    high, low
-        A pair to bake. The low-poly mesh is unwrapped if it has no texture coordinates. None for a
-        generated orange of known shape.
-    scene
-        Drawn by the knobs that can use one, under studio lighting if it has no lights. None for
-        scenes whose pictures have a closed form.
-    options
-        None for `StudyOptions()`.
-    progress
-        Gets the progress of each knob, run by run.
-
-    Returns
-    -------
-    StudyResult
-        Errors are the same in every run of a study, except those of settings with a time budget;
-        times depend on the machine.
-
-    Raises
-    ------
-    OptionError
-        One mesh of the pair is missing.
-    MeshError
-        None of the knobs can be studied on what is given. If only some cannot, they are left out
-        and the result says why.
-    TexbakeError
-        As the work itself does.
-    """
+    """Measure how accurate settings are, and how much time and memory they cost."""
     high = None if high is None else as_mesh(high)
     low = None if low is None else as_mesh(low)
     options = options or StudyOptions()

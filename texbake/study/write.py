@@ -27,28 +27,7 @@ CONTACT_SHEET, ALL_PLOT = "contact_sheet.png", "all.png"
 def write_study(
     result: StudyResult, folder: PathLike, *, progress: ProgressSink | None = None
 ) -> list[Path]:
-    """Write everything that a study measured.
-
-    Parameters
-    ----------
-    result
-        By `run_study`.
-    folder
-        Made if it does not exist. It gets `study.html`, which needs none of the other files,
-        `study.json`, `study.csv`, `contact_sheet.png`, `all.png` and a `NAME.png` for each knob.
-
-    Returns
-    -------
-    list of Path
-        The page first.
-
-    Raises
-    ------
-    DependencyError
-        matplotlib is not installed.
-    FileError
-        A file cannot be written.
-    """
+    """Write everything that a study measured."""
     check_matplotlib()
     stages = Stages(progress)
     with stages.stage("draw plots", total=len(result.knobs) + 1, unit="plots") as advance:

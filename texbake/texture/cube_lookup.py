@@ -51,27 +51,8 @@ def sample_cube(
 ) -> npt.NDArray[np.float32]:
     """Sample a cube map by direction, without seams between its faces.
 
-    Parameters
-    ----------
-    cube : CubeMap or CubeChain
-    directions : (n, 3) float32
-        In world space, of any length. Directions that are zero or not finite give 0 in every
-        channel.
-    levels : (n,) float32, optional
-        Mip level, 0 for the finest, clamped to the levels of the chain. None and NaN read level 0.
-    filter
-        `nearest` and `bilinear` read the nearest level, `trilinear` interpolates between two.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n, C) float32
-
-    Raises
-    ------
-    OptionError
-        The filter is unknown, or an array has the wrong shape.
+    `directions` (n, 3) float32, in world space, of any length; `levels` (n,) float32. Returns (n,
+    C) float32.
 
     Examples
     --------
@@ -125,23 +106,7 @@ def from_latitude_longitude(
 ) -> CubeMap:
     """Convert a latitude-longitude image to a cube map.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        Linear, row 0 at the top; usually twice as wide as high. Values that are not finite
-        count as 0.
-    size
-        Side of a face in texels. None: a quarter of the width, which keeps about the same number of
-        texels per degree along the horizon.
-
-    Returns
-    -------
-    CubeMap
-
-    Raises
-    ------
-    OptionError
-        The size is below 1, or the image has no texels.
+    `image` (H, W, C) float32, linear, row 0 at the top; `size`: side of a face in texels.
     """
     pixels = np.require(image, np.float32, ["C", "A"])
     if pixels.ndim != 3 or pixels.size == 0:
@@ -168,21 +133,7 @@ def to_latitude_longitude(
 ) -> npt.NDArray[np.float32]:
     """Convert a cube map to a latitude-longitude image.
 
-    Parameters
-    ----------
-    cube
-        The cube map.
-    height
-        Height of the image, which is twice as wide. None: twice the size of the cube map.
-
-    Returns
-    -------
-    (height, 2 height, C) float32
-
-    Raises
-    ------
-    OptionError
-        The height is below 1.
+    Returns (height, 2 height, C) float32.
     """
     height = 2 * cube.size if height is None else height
     if height < 1:

@@ -56,11 +56,6 @@ class CubeMap:
     faces : (6, S, S, C) float32
         Faces +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0). Read-only. Values that
         are not finite are replaced by 0, so that no filter can spread them.
-
-    Raises
-    ------
-    OptionError
-        The array has the wrong shape or no texels.
     """
 
     faces: npt.NDArray[np.float32]
@@ -98,10 +93,7 @@ class CubeMap:
     def from_views(cls, views: npt.NDArray[Any]) -> CubeMap:
         """Return the cube map of six images rendered by cameras with `cube_face_axes`.
 
-        Parameters
-        ----------
-        views : (6, S, S, C) float32
-            Images as the cameras see them, row 0 at the top.
+        `views` (6, S, S, C) float32: images as the cameras see them, row 0 at the top.
         """
         return cls(np.asarray(views, np.float32)[:, :, ::-1])
 

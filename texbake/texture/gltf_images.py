@@ -29,18 +29,7 @@ _ALPHA = 3
 def gltf_images(materials: Materials, *, threads: int | None = None) -> Materials:
     """Return materials whose images stand where glTF reads them.
 
-    Parameters
-    ----------
-    materials
-    threads
-        None for every processor. The result does not depend on it.
-
-    Returns
-    -------
-    Materials
-        Channels that share a texture in glTF share an image. Images are left out if they cannot be
-        decoded, or if they would share a texture but are placed or wrapped in another way.
-        `missing` names only these; their channels keep their factors.
+    Channels that share a texture in glTF share an image.
     """
     arranger = _Arranger(threads)
     changed = tuple(arranger.arranged(i, item) for i, item in enumerate(materials.materials))

@@ -143,28 +143,8 @@ def ramp_lookup(
 ) -> npt.NDArray[np.float32]:
     """Look up colors of a ramp, interpolated between its stops.
 
-    Parameters
-    ----------
-    stops : (k, C) float32
-        Linear colors at 0, 1 / (k - 1), ..., 1. A single stop is the color everywhere.
-    values : (n,) float32
-        Positions on the ramp. NaN counts as 0, and so does infinity with "repeat" and "mirror".
-    wrap
-        How to sample outside [0, 1]: "clamp", "repeat" (which jumps from the last stop to the
-        first), "mirror" or "border".
-    border : float or (C,), optional
-        Values of the border; 0 by default.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n, C) float32
-
-    Raises
-    ------
-    OptionError
-        There are no stops, an array has the wrong shape, or `wrap` is unknown.
+    `stops` (k, C) float32, linear colors at 0, 1 / (k - 1), ..., 1; `values` (n,) float32; `border`
+    float or (C,). Returns (n, C) float32.
 
     Examples
     --------
@@ -206,31 +186,8 @@ def volume_lookup(
 ) -> npt.NDArray[np.float32]:
     """Sample a volume at points.
 
-    Parameters
-    ----------
-    volume : (D, H, W, C) float32
-        Slices in the order of growing r, their rows from top to bottom.
-    points : (n, 3) float64
-        Coordinates (s, t, r), t up; the volume fills the unit cube. No point reads texels outside
-        it: NaN counts as 0, and so does infinity with "repeat" and "mirror".
-    wrap
-        How to sample outside the cube: "repeat", "mirror", "clamp" or "border".
-    filter
-        "nearest", or "trilinear", which interpolates between eight texels.
-    border : float or (C,), optional
-        Values of the border; 0 by default.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    (n, C) float32
-        A constant volume gives exactly its constant wherever the border is not read.
-
-    Raises
-    ------
-    OptionError
-        An option is unknown or an array has the wrong shape.
+    `volume` (D, H, W, C) float32; `points` (n, 3) float64; `border` float or (C,). Returns (n, C)
+    float32; a constant volume gives exactly its constant where the border is not read.
     """
     code = wrap_code(wrap)
     if filter not in VOLUME_FILTERS:

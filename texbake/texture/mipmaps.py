@@ -111,37 +111,8 @@ def mip_chain(
 ) -> MipChain:
     """Compute all mip levels of an image of any size, down to 1 x 1.
 
-    Parameters
-    ----------
-    image : (H, W, C) float32
-        Linear values.
-    kind
-        "color" or "data", which are averaged, or "normal": unit vectors. The finest level of
-        normals is normalized first (a zero vector stays 0). The means of differing normals are
-        shorter than 1 and are not normalized.
-    wrap
-        How filters read across the border: "repeat", "mirror" or "clamp"; "border" is the same as
-        "clamp" here. A pair of them is for u and for v. The box filter never reads across it.
-    filter
-        "box", the mean over the area of a texel, or "kaiser", a windowed sinc, which keeps distant
-        detail sharper and can overshoot the range of the image beside hard edges. With "box", all
-        levels have the mean of the image; with "kaiser" they do if an image of even size repeats.
-    roughness
-        For "normal": add a channel with the length of the mean vector, which is 1 on the finest
-        level and less where a texel averages different normals. Unlike the vectors, this length is
-        not shortened by interpolating between texels.
-    threads
-        None for every processor.
-
-    Returns
-    -------
-    MipChain
-        A constant image gives exactly its constant on all levels.
-
-    Raises
-    ------
-    OptionError
-        An option is unknown, the image has no texels, or a normal map does not have three channels.
+    `image` (H, W, C) float32, linear values; `kind`: "color" or "data", which are averaged, or
+    "normal": unit vectors.
     """
     image = _checked(image)
     along_u, along_v = map(wrap_code, wrap_pair(wrap))

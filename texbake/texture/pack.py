@@ -75,17 +75,7 @@ class PackedTextures:
     def remapped(self, mesh: Mesh, index: int) -> Mesh:
         """Return a mesh with its texture coordinates moved to the place of its image.
 
-        Parameters
-        ----------
-        mesh
-            A mesh with texture coordinates in the unit square.
-        index
-            Index of its image.
-
-        Raises
-        ------
-        UvError
-            The mesh has no texture coordinates, or some lie outside the unit square.
+        `mesh`: a mesh with texture coordinates in the unit square.
         """
         mesh.corner_uvs()  # raises if there are none
         assert mesh.uvs is not None and mesh.uv_faces is not None
@@ -114,19 +104,7 @@ def pack_textures(
 ) -> PackedTextures:
     """Pack several images into one.
 
-    Parameters
-    ----------
-    images : sequence of (H, W, C) float32
-        Linear, with 1 to 4 channels each. The result has the channels that all of them need: gray
-        becomes equal red, green and blue, and images without alpha are opaque.
-    options
-        None for `PackOptions()`.
-
-    Raises
-    ------
-    OptionError
-        There are no images, an array has the wrong shape, or `size` has no room for the images
-        even if each is scaled down to a single texel.
+    `images` sequence of (H, W, C) float32, linear, with 1 to 4 channels each.
 
     Examples
     --------

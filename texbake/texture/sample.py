@@ -133,24 +133,8 @@ def sample_texture(
 ) -> npt.NDArray[np.float32]:
     """Sample an image or a mip chain at texture coordinates of any shape.
 
-    Parameters
-    ----------
-    texture : (H, W, C) float32 or MipChain
-        Linear values. If the filter needs mip levels, they are computed from the image. To sample
-        an image several times, compute them once with `mip_chain`.
-    uvs : (..., 2) float64
-        Texture coordinates, v up.
-    derivatives : (..., 4) float32, optional
-        du/dx, dv/dx, du/dy, dv/dy. This and the other parameters are as for `sample`.
-
-    Returns
-    -------
-    (..., C) float32
-
-    Raises
-    ------
-    OptionError
-        As `sample`.
+    `texture` (H, W, C) float32 or MipChain, linear values; `uvs` (..., 2) float64; `derivatives`
+    (..., 4) float32. Returns (..., C) float32.
 
     Examples
     --------

@@ -144,24 +144,6 @@ def bake_texture_files(
     A solid procedure or a volume has no seams, because it is evaluated in space. Photographs are
     blended by how well each shows a point. Texels that no photograph shows are filled from the
     texels around them and reported.
-
-    Parameters
-    ----------
-    options
-        `SolidOptions` for a procedure, `PhotoOptions` for photographs.
-    photos, cameras
-        Image files, and for each where it was taken from: a file that `read_camera` reads, or a
-        mesh file of the same faces whose texture coordinates are places in the photograph.
-    data
-        The values are data, such as roughness, and not colors.
-    bits
-        Bits per channel of the file: 8, 16, or 32 for floats. None for the most that the format
-        holds.
-
-    Raises
-    ------
-    OptionError
-        Photographs and options do not go together, or there is not one camera per photograph.
     """
     from texbake.texture.image import write_image
     from texbake.texture.image_formats import check_image_format

@@ -45,14 +45,6 @@ def cage_file(
     The cage has the faces and texture coordinates of LOW, and no part of HIGH lies outside it. It
     is as tight as possible: no vertex could move farther in on its own. Use it with bake --cage,
     or in any other program that takes cages.
-
-    Parameters
-    ----------
-    high
-        It may face either way. If the names of all objects pair up, each object of `low` is fitted
-        to the one with its name, as it is baked.
-    low
-        If it is inside out, a warning says so, because its cage lies on the wrong side.
     """
     from texbake.jobs.fit import check_fit, why_rays_would_miss
     from texbake.jobs.outputs import JobResult, given

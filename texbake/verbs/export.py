@@ -81,15 +81,6 @@ def export_files(
 
     Green channels, heights, packed channels, names and formats are converted to what the program
     reads. SETTINGS.txt in the folder says what to set where.
-
-    Parameters
-    ----------
-    maps
-        A folder with images named after maps, such as `bake_files` writes; see `find_maps`.
-    named_maps
-        Image files by the name of their map, which take precedence over those of the folder.
-    levels
-        Mesh files of levels of detail for a GLB file, the finest first.
     """
     from texbake.jobs.export.export import export_asset
     from texbake.jobs.export.sources import find_maps

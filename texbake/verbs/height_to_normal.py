@@ -64,13 +64,6 @@ def height_to_normal_file(
 
     Heights are read from the first channel. The file of a map that texbake baked contains the scale
     of its heights in model units; give the width of the image in model units then.
-
-    Parameters
-    ----------
-    convention
-        Green channel: `opengl` or `directx`.
-    bits
-        Bits per channel: 8, 16, or 32 for floats. None for the most that the format holds.
     """
     from texbake.texture.heights_and_normals import height_scale, height_to_normal
     from texbake.texture.image import read_image

@@ -40,24 +40,6 @@ def lighten_file(
     MODEL is simplified, unwrapped once, and every channel of its materials is baked into one set of
     images: base color and alpha, metallic, roughness, occlusion, emissive, normal, clearcoat,
     transmission, sheen and specular. Its own normal maps are part of the new one.
-
-    Parameters
-    ----------
-    model
-        A model with materials: glTF, FBX, OBJ or USD. One without any gets a normal map alone.
-    output
-        A .glb file.
-    html
-        File for a page where model and result lie over each other; it needs `views`.
-    command
-        What the page shows as the command that made it.
-
-    Raises
-    ------
-    FileFormatError
-        The output is not a .glb file.
-    UnwrapError
-        No atlas could be made.
     """
     from texbake.jobs.lighten import lighten
 

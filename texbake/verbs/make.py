@@ -96,27 +96,6 @@ def make_file(
     bezier (bicubic patches, such as the classic teapot's), height-field, cylindrical-range (radii
     over angle and height, as scanners give them) or depth-image (of a depth camera). Every vertex
     has (u, v) as its texture coordinates. The default of an option shows the shapes that take it.
-
-    Parameters
-    ----------
-    shape
-        A name that `make` knows, such as `torus`; or `orange`.
-    options
-        `profile`, `patches` and `image` may be paths. None for the defaults of the shape.
-    triangles
-        About how many an orange has.
-    relief
-        A procedure to raise the surface by; the mesh then loses normals of its own.
-
-    Returns
-    -------
-    JobResult of Mesh
-        The report is the mesh itself.
-
-    Raises
-    ------
-    MeshError
-        Areas of the mesh, or their squares, would leave the range of float64.
     """
     from texbake.jobs.outputs import JobResult, given
     from texbake.mapping.corner_uvs import check_measurable

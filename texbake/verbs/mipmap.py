@@ -39,20 +39,7 @@ def mipmap_files(
     roughness: PathLike | None = None,
     threads: int | None = None,
 ) -> JobResult[int]:
-    """Write the mip levels of IMAGE, down to one texel.
-
-    Parameters
-    ----------
-    output
-        A folder for one file per level, made if it is missing; or one picture of all levels.
-    roughness
-        A folder or a picture for the roughness that averaged normals have lost as detail.
-
-    Returns
-    -------
-    JobResult of int
-        The report is the number of files.
-    """
+    """Write the mip levels of IMAGE, down to one texel."""
     from texbake.texture.mip_files import write_mip_levels
 
     files = write_mip_levels(image, output, options, roughness=roughness, threads=threads)

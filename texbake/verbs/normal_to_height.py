@@ -62,11 +62,6 @@ def normal_to_height_file(
 
     NORMAL is a normal map in tangent space. The mean of the heights is 0, because normals do
     not determine it. The file contains the scale of the heights.
-
-    Parameters
-    ----------
-    bits
-        Bits per channel: 8, 16, or 32 for floats. None for the most that the format holds.
     """
     from texbake.texture.heights_and_normals import normal_to_height
     from texbake.texture.image import read_image

@@ -81,20 +81,6 @@ def pack_channel_files(
 
     glTF and Unreal take occlusion as red, roughness as green and metallic as blue. The maps are
     data: their codes are copied, with no conversion between sRGB and linear.
-
-    Parameters
-    ----------
-    output
-        An image of three channels, or of four with `alpha`.
-    red, green, blue, alpha
-        For each channel an image file, or one value from 0 to 1 for all texels. Of an image whose
-        channels differ, one is named at the end, by its letter: `orm.png:g`.
-
-    Raises
-    ------
-    OptionError
-        No channel is an image, the images differ in size, or one whose channels differ is given
-        without the letter of a channel.
     """
     import numpy as np
 

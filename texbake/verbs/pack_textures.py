@@ -95,19 +95,6 @@ def pack_texture_files(
     The texture coordinates of their meshes move with them. Texels are copied one to one where
     there is room. All texture coordinates of a mesh must lie in the unit square, because an
     image inside another one cannot tile.
-
-    Parameters
-    ----------
-    meshes, mesh_outputs
-        A mesh file for each image, in their order, and where the moved meshes go: a folder, made
-        if it is missing, in which they keep their names; or a file for each.
-    data
-        The images hold data, such as roughness, and not colors.
-
-    Raises
-    ------
-    OptionError
-        There is not one mesh per image.
     """
     from texbake.mesh.files import read_mesh, write_mesh
     from texbake.texture.image import read_image, write_image

@@ -59,13 +59,6 @@ def remap_files(
     HITS is a file written by texbake bake --hits. No meshes are needed and no rays are cast.
     Options that are not given keep their values from that bake. The maps are byte for byte those
     that a bake would write.
-
-    Parameters
-    ----------
-    changes
-        Fields of `BakeOptions` that differ from those of the bake.
-    format, name_pattern
-        As for `bake_files`.
     """
     from texbake.baking.hits_file import read_hits
     from texbake.baking.remap import remap_hits

@@ -41,11 +41,6 @@ def repair_file(
 
     Prints what was changed. Holes, edges of more than two faces and parts that intersect stay;
     texbake check names them.
-
-    Parameters
-    ----------
-    mtl
-        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
     """
     from texbake.jobs.written import read_with_materials, written
     from texbake.mesh.repair import repair

@@ -70,16 +70,6 @@ def simplify_file(
     Keeps boundaries, hard edges and seams of texture coordinates; GLB and OBJ files keep materials,
     too. Prints how many faces were reached and how far the two surfaces lie apart, measured both
     ways.
-
-    Parameters
-    ----------
-    mtl
-        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
-
-    Returns
-    -------
-    JobResult of SimplifyReport
-        A warning names what the output cannot hold of the materials of `mesh`.
     """
     levels = [(options.n_faces, output)]
     (done,) = simplify_levels(mesh, levels, options, mtl=mtl, threads=threads, progress=progress)
@@ -100,13 +90,6 @@ def simplify_levels(
 
     Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
     all of them; keep seams, so that no level loses its coordinates.
-
-    Parameters
-    ----------
-    levels
-        Number of triangles and file of each level; without a number, as few as the error allows.
-    options
-        Of all levels; their numbers of triangles do not count. None for the defaults.
     """
     from texbake.jobs.outputs import check_mesh
     from texbake.jobs.written import read_with_materials

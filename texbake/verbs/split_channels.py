@@ -49,20 +49,6 @@ def split_channel_files(
 
     The maps are data: their codes are copied, with the bits of IMAGE and no conversion between
     sRGB and linear.
-
-    Parameters
-    ----------
-    output
-        A folder, made if it is missing; or a file for each channel that is not left out.
-    names
-        What each channel is, in their order: the map of a channel called `roughness` is
-        `NAME_roughness.png`, NAME being that of the image. An empty name leaves a channel out. None
-        for red, green, blue and alpha, or gray and alpha.
-
-    Raises
-    ------
-    OptionError
-        There are more names than channels, one of them twice, or none.
     """
     from texbake.texture.image import read_image
     from texbake.texture.image_files import suffix_like, write_images

@@ -50,18 +50,6 @@ def transform_file(
     """Scale, rotate and move MESH, or flip its faces.
 
     The mesh is scaled and turned upright, then rotated about the origin, then moved.
-
-    Parameters
-    ----------
-    options
-        None leaves the mesh as it is, so that only the format changes.
-    mtl
-        Whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
-
-    Returns
-    -------
-    JobResult of Mesh
-        The report is the mesh that was written. A warning names what the output cannot hold.
     """
     from texbake.jobs.written import MaterialBorders, read_with_materials, written
     from texbake.mesh.transform import transform

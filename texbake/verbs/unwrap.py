@@ -131,20 +131,6 @@ def unwrap_files(
 
     In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
-
-    Parameters
-    ----------
-    output
-        A file for one mesh, which may replace it; for several a folder, made if it is missing, in
-        which they keep their names.
-    mtl
-        Whether an OBJ file gets a .mtl file with its materials beside it.
-
-    Returns
-    -------
-    UnwrapFiles
-        Materials without images are kept. A warning names what is lost: images do not fit the new
-        texture coordinates.
     """
     from texbake.mapping.unwrap import unwrap_together
     from texbake.mesh.files import read_mesh

@@ -86,13 +86,7 @@ def named_objects(meshes: Sequence[Mesh]) -> list[NamedPart]:
 def match_parts(
     high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
 ) -> tuple[Matching, list[NamedPart], list[NamedPart]]:
-    """Return which part would be baked from which, with the high-poly and low-poly parts.
-
-    Raises
-    ------
-    MeshError
-        Two low-poly parts have the same name, or nothing matches.
-    """
+    """Return which part would be baked from which, with the high-poly and low-poly parts."""
     highs = named_parts(high, parts.high_suffix)
     lows = named_parts(low, parts.low_suffix)
     names = [part.name for part in highs], [part.name for part in lows]

@@ -94,7 +94,6 @@ class BakeTarget(NamedTuple):
     ----------
     texture_set : str
         Empty if there is only one.
-    udim : int
     """
 
     texture_set: str

@@ -30,24 +30,13 @@ class PartsResult:
     ----------
     targets : dict of BakeTarget to BakeResult
         The maps of each texture set and tile.
-    report : PartsReport
     """
 
     targets: dict[BakeTarget, BakeResult]
     report: PartsReport
 
     def write(self, files: Mapping[BakeTarget, Mapping[str, Path]]) -> list[WrittenMap]:
-        """Write the maps; integer files of one map share their levels.
-
-        Parameters
-        ----------
-        files
-            The file of each map, for each set of maps.
-
-        Raises
-        ------
-        OptionError, FileError
-        """
+        """Write the maps; integer files of one map share their levels."""
         written = []
         for name in next(iter(self.targets.values())).maps:
             maps = [result.maps[name] for result in self.targets.values()]

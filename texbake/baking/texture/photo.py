@@ -49,11 +49,6 @@ class PhotoCamera:
         Vertical field of view in degrees, above 0 and below 180.
     aspect : float, optional
         Width of the picture divided by its height; None takes it from the photograph's pixels.
-
-    Raises
-    ------
-    OptionError
-        A value is out of range, or `position`, `target` and `up` do not determine a view.
     """
 
     position: Vector

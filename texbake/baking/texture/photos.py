@@ -39,34 +39,6 @@ def bake_photos(
 ) -> TextureBake:
     """Blend photographs into the texture of a mesh.
 
-    Parameters
-    ----------
-    mesh
-        With texture coordinates; positions in the space of the cameras.
-    photos
-        At least one.
-    options
-        None for `PhotoOptions()`.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    TextureBake
-        Three channels. A texel is the weighted mean of its samples in all photographs. A texel that
-        no photograph shows is unseen: it is filled as `options.fill` says, and counted in the
-        report. The result is the same, byte for byte, for any number of threads.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or they cover nothing.
-    OptionError
-        There are no photographs, a matrix flattens the picture, or a mesh that is unwrapped onto a
-        photograph has other faces.
-    FileError
-        A photograph cannot be read.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import plane

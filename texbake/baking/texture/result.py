@@ -42,9 +42,6 @@ class TextureReport:
 
     Attributes
     ----------
-    mesh : str
-    n_faces : int
-    options : TextureBakeOptions
     source : str
         Name of the procedure, or number of photographs.
     scale : (x, y, z) or None
@@ -58,8 +55,6 @@ class TextureReport:
         Faces with a corner outside the unit square.
     padding_meets : int
         Texels where the padding of two charts meets.
-    photos : tuple of PhotoShare
-    stages : tuple of StageRecord
     """
 
     mesh: str
@@ -166,7 +161,6 @@ class TextureBake:
         Face of the mesh that owns each texel, -1 for none.
     has_color : (H, W) bool
         Covered texels that have a value of their own, before padding and filling.
-    report : TextureReport
     """
 
     values: Float32Array
@@ -186,22 +180,7 @@ class TextureBake:
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
         """Write the texture to an image file.
 
-        Parameters
-        ----------
-        path
-            The suffix chooses the format, as in `write_image`.
-        color
-            True for colors, which integer files store with the sRGB curve; False for data such as
-            roughness or height.
-        bits
-            8, 16 or 32 bits per channel; None for the usual number of the format.
-
-        Raises
-        ------
-        OptionError
-            The format does not hold such an image.
-        FileError
-            The file cannot be written.
+        `color`: true for colors, which integer files store with the sRGB curve.
         """
         threads = self.report.options.threads
         write_image(self.values, path, color=color, bits=bits, threads=threads)

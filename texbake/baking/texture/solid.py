@@ -30,27 +30,6 @@ def bake_solid(
 ) -> TextureBake:
     """Bake a solid procedure into the texture of a mesh.
 
-    Parameters
-    ----------
-    mesh
-        With texture coordinates.
-    options
-        None for `SolidOptions()`.
-    progress
-        Receives the stages.
-
-    Returns
-    -------
-    TextureBake
-        Three channels with `colors` or for a procedure that makes colors, otherwise one. Detail
-        finer than a sample fades to its mean. The result is the same, byte for byte, for any number
-        of threads.
-
-    Raises
-    ------
-    UvError
-        The mesh has no texture coordinates, or they cover nothing.
-
     Examples
     --------
     >>> from texbake.mesh.shapes import plane

@@ -44,10 +44,8 @@ class ExportResult:
 
     Attributes
     ----------
-    mesh : Path
     textures : tuple of Path
         Images that the mesh file refers to instead of containing them.
-    maps : tuple of ExportedMap
     settings : Path
         The text that says what to set in the program.
     layers : Path, optional
@@ -87,42 +85,7 @@ def export_asset(
     inputs: Sequence[PathLike] = (),
     progress: ProgressSink | None = None,
 ) -> ExportResult:
-    """Write an asset as a program reads it, with a text that says what to set in the program.
-
-    Parameters
-    ----------
-    mesh
-        With texture coordinates, if there are maps.
-    maps
-        Image files by the name of the map: `normal`, `displacement`, `base-color`, `ao`,
-        `roughness`, `metalness`, `emissive`, `opacity`, `bent-normal` and their usual synonyms;
-        `normal:1002` is that of a UDIM tile. Maps of other names are copied unchanged.
-    folder
-        Made if it is missing.
-    options
-        The target program and how to export.
-    levels
-        Levels of detail for a GLB file, the finest first.
-    inputs
-        Files that must not be overwritten, besides the maps: those that the meshes were read from.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    OptionError
-        The target does not support an option, a normal map is not in tangent space, maps that are
-        packed into one differ in size, a level of detail has no fewer triangles than the one
-        before, or a file would overwrite an input.
-    UvError
-        There are maps, and the mesh has no texture coordinates; or the maps of one level would not
-        fit another: some have texture coordinates and others do not, or they are laid out
-        differently.
-    DependencyError
-        A format needs a library that is not installed.
-    FileError
-        A map cannot be read, or a file cannot be written.
-    """
+    """Write an asset as a program reads it, with a text that says what to set in the program."""
     mesh = as_mesh(mesh)
     target = PROGRAMS[options.to]
     if options.textures not in target.textures:

@@ -273,25 +273,6 @@ def read_matrix(path: PathLike, *, projector: bool = True) -> Matrix:
     """Read a matrix: sixteen numbers, row by row, with blanks, commas or line breaks between.
 
     The matrix of a projector may have three rows, s, t and q, as cameras in computer vision do.
-
-    Parameters
-    ----------
-    path
-        A text file; whatever follows `#` in a line is ignored.
-    projector
-        Whether twelve numbers are taken for the rows s, t and q; r is then q.
-
-    Returns
-    -------
-    4 tuples of 4 floats
-        The rows.
-
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    FileFormatError
-        It does not hold sixteen finite numbers, or twelve.
     """
     lines = read_lines(path, "a matrix")
     n_words = sum(len(line.words) for line in lines)

@@ -68,28 +68,7 @@ def write_glb(
 ) -> None:
     """Write a mesh as binary glTF, textures embedded as they are.
 
-    Parameters
-    ----------
-    normal_map
-        PNG or JPEG file, in tangent space, +Y.
-    base_color
-        PNG or JPEG file in sRGB, or three or four linear factors in [0, 1].
-    orm
-        PNG or JPEG file: occlusion in red, roughness in green, metalness in blue, linear.
-    emissive
-        PNG or JPEG file in sRGB.
-    name
-        Of the mesh and the material; by default that of the file.
-    materials
-        Of the faces, instead of those files, with images as `texbake.gltf_images` arranges them.
-    levels
-        Coarser meshes that replace this one where it is small in the picture, the finest first.
-    coverages
-        Least share of the picture's area at which each level is shown, falling, `mesh` first.
-    compress
-        Compress vertices and triangles by EXT_meshopt_compression, which reorders the triangles.
-    quantize
-        Write vertices as integers (KHR_mesh_quantization); by default if the file is compressed.
+    `normal_map`: PNG or JPEG file, in tangent space, +Y; `emissive`: PNG or JPEG file in sRGB.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]

@@ -23,26 +23,7 @@ def bench_files(
     low: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[BenchResult]:
-    """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
-
-    Parameters
-    ----------
-    folder
-        For the results; made if it is missing.
-    options
-        None for the defaults.
-    high, low
-        A pair of mesh files, besides the made cases.
-    progress
-        Receives the stages.
-
-    Raises
-    ------
-    OptionError
-        Only one mesh of the pair is given, or there is nothing to run on.
-    DependencyError
-        matplotlib is not installed.
-    """
+    """Measure what accuracy costs in texbake and in other programs, and write pages and tables."""
     check_folder(folder)
     check_matplotlib("bench")
     result = run_bench(

@@ -143,14 +143,12 @@ class BenchResult:
 
     Attributes
     ----------
-    options : BenchOptions
     machine : dict of str to str or int
         What it ran on.
     versions : dict of str to str
         Versions of the programs, by title.
     missing : dict of str to str
         Programs that are not installed, by title, and why they are not.
-    contests : tuple of Contest
     seconds : float
         Time of the whole bench.
     """

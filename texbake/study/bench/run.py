@@ -38,30 +38,7 @@ def run_bench(
     options: BenchOptions | None = None,
     progress: ProgressSink | None = None,
 ) -> BenchResult:
-    """Measure what accuracy costs in time and memory, in texbake and in other programs.
-
-    Parameters
-    ----------
-    high, low
-        A pair to run the tasks on, besides the made cases. The low-poly mesh is unwrapped if it has
-        no texture coordinates. Normals of the files are left out, so that all programs shade alike.
-    options
-        None for `BenchOptions()`.
-    progress
-        Gets the progress, run by run.
-
-    Returns
-    -------
-    BenchResult
-        Programs that are not installed, and settings that fail, are named and left out.
-
-    Raises
-    ------
-    OptionError
-        One mesh of the pair is missing, or there is no case at all.
-    MeshError
-        None of the tasks can be done on what is given, or no program does any.
-    """
+    """Measure what accuracy costs in time and memory, in texbake and in other programs."""
     options = options or BenchOptions()
     if (high is None) != (low is None):
         raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or none")

@@ -16,26 +16,7 @@ PAGE, JSON, CSV, TABLE = "bench.html", "bench.json", "bench.csv", "bench.md"
 def write_bench(
     result: BenchResult, folder: PathLike, *, progress: ProgressSink | None = None
 ) -> list[Path]:
-    """Write everything that the bench measured.
-
-    Parameters
-    ----------
-    result
-        By `run_bench`.
-    folder
-        Made if it does not exist. It gets `bench.html`, which needs none of the other files,
-        `bench.json`, `bench.csv`, `bench.md` and a `TASK-CASE.png` for each task and case.
-
-    Returns
-    -------
-    list of Path
-        The page first.
-
-    Raises
-    ------
-    FileError
-        A file cannot be written.
-    """
+    """Write everything that the bench measured."""
     stages = Stages(progress)
     plots = {}
     with stages.stage("draw plots", total=len(result.contests), unit="plots") as advance:

@@ -250,13 +250,7 @@ SceneTable: type[Table] = create_model(
 
 
 def scene_schema() -> JsonSchema:
-    """JSON Schema of scene files, draft 2020-12, for completion and validation in editors.
-
-    Returns
-    -------
-    dict
-        JSON values, for `json.dumps`.
-    """
+    """JSON Schema of scene files, draft 2020-12, for completion and validation in editors."""
     return file_schema(SceneTable, "texbake scene")
 
 
