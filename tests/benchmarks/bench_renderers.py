@@ -102,7 +102,7 @@ def sample_case(path: Path, folder: Path) -> Case:
         raise UnwritableError("ambient light, environment or fog")
     lights = scene.lighting.lights or (LIGHT,)
     if any(light.profile is not None for light in lights):
-        raise UnwritableError("slide of a spot light")
+        raise UnwritableError("cookie of a spot light")
     if any(light.follows_camera for light in lights):
         raise UnwritableError("light of the camera")
     scene = replace(scene, lighting=Lighting(lights=lights))

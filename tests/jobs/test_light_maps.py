@@ -152,19 +152,19 @@ def test_a_picture_with_maps_is_that_with_lamps(kind: str) -> None:
     assert (apart > 1e-2).mean() < 0.03
 
 
-def test_a_slide_is_baked_with_its_spot() -> None:
-    slide = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
+def test_a_cookie_is_baked_with_its_spot() -> None:
+    cookie = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
     spot = Light(
         kind="spot", position=(0, 4, 0), direction=(0, -1, 0), up=(0, 0, -1), angle=50.0,
-        blend=0.0, profile=ImageTexture(image=slide, filter="nearest"),
+        blend=0.0, profile=ImageTexture(image=cookie, filter="nearest"),
     )  # fmt: skip
     (found,) = baked(FLOOR, lights=(spot,))
     (white,) = baked(FLOOR, lights=(replace(spot, profile=None),))
     at = floor_points()
-    # Bilinear there, so that only what lies nearest to the slide's corners has its texels' colors.
+    # Bilinear there, so that only what lies nearest to the cookie's corners has its texels' colors.
     half = 4.0 * math.tan(math.radians(25))
     plain = (np.abs(at[..., [0, 2]]) > half / 2).all(axis=-1) & (white.values[..., 0] > 0)
-    colors = slide[(at[..., 2] > 0).astype(int), (at[..., 0] > 0).astype(int)]
+    colors = cookie[(at[..., 2] > 0).astype(int), (at[..., 0] > 0).astype(int)]
     assert plain.sum() > 100
     np.testing.assert_allclose(found.values[plain], (white.values * colors)[plain], rtol=1e-6)
 

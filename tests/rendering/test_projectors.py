@@ -1,4 +1,4 @@
-"""Slides in spots and pictures projected onto surfaces: where they fall, against closed forms."""
+"""Light cookies and pictures projected onto surfaces: where they fall, against closed forms."""
 
 import math
 from dataclasses import replace
@@ -42,16 +42,16 @@ def floor_points(camera: Camera = ABOVE) -> np.ndarray:
     return np.asarray((camera.eye - camera.eye[1] / rays[..., 1:2] * rays)[..., [0, 2]])
 
 
-def spot(slide: np.ndarray | None, height: float = 4.0, **more: object) -> Light:
-    profile = None if slide is None else ImageTexture(image=slide, filter="nearest")
+def spot(cookie: np.ndarray | None, height: float = 4.0, **more: object) -> Light:
+    profile = None if cookie is None else ImageTexture(image=cookie, filter="nearest")
     return Light(
         kind="spot", position=(0, height, 0), direction=(0, -2, 0), up=(0, 0, -1), angle=50.0,
         blend=0.0, decay=0.0, profile=profile, gate="round", **more,
     )  # fmt: skip
 
 
-def test_a_slide_colors_the_light_of_a_spot() -> None:
-    bare, colored = (drawn(WHITE, spot(slide)) for slide in (None, QUARTERS))
+def test_a_cookie_colors_the_light_of_a_spot() -> None:
+    bare, colored = (drawn(WHITE, spot(cookie)) for cookie in (None, QUARTERS))
     at = floor_points()
     lit = bare[..., 0] > 0.0
     # The cone's foot: 4 tan 25 degrees about the spot, and nothing outside.
@@ -66,10 +66,10 @@ def test_a_slide_colors_the_light_of_a_spot() -> None:
 
 
 @pytest.mark.parametrize("size", [(32, 48), (48, 32), (40, 40)])
-def test_a_white_slide_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) -> None:
-    """A slide of 48 x 32 lights a rectangle of 3:2, whose longer side fills the angle."""
-    slide = replace(spot(np.ones((*size, 3), np.float32)), gate="rectangle", blend=0.3)
-    found = drawn(WHITE, slide)[..., 0] > 0.0
+def test_a_white_cookie_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) -> None:
+    """A cookie of 48 x 32 lights a rectangle of 3:2, whose longer side fills the angle."""
+    cookie = replace(spot(np.ones((*size, 3), np.float32)), gate="rectangle", blend=0.3)
+    found = drawn(WHITE, cookie)[..., 0] > 0.0
     height, width = 4.0 * math.tan(math.radians(25)) * np.array(size) / max(size)
     at = floor_points()
     expected = (np.abs(at[..., 0]) < width) & (np.abs(at[..., 1]) < height)
@@ -79,10 +79,10 @@ def test_a_white_slide_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) ->
     assert x / z == pytest.approx(size[1] / size[0], abs=0.05)
 
 
-def test_the_shape_of_a_slide_may_be_given_and_its_gate_round() -> None:
+def test_the_shape_of_a_cookie_may_be_given_and_its_gate_round() -> None:
     white = np.ones((32, 48, 3), np.float32)
     bare = drawn(WHITE, spot(None))
-    # Without a slide there is no gate but the cone; a slide fills it with its shorter side.
+    # Without a cookie there is no gate but the cone; a cookie fills it with its shorter side.
     np.testing.assert_array_equal(drawn(WHITE, spot(white)), bare)
     np.testing.assert_array_equal(drawn(WHITE, replace(spot(white), aspect=1.0)), bare)
     given = drawn(WHITE, replace(spot(white), gate="rectangle", aspect=1.0))[..., 0] > 0.0
@@ -90,8 +90,8 @@ def test_the_shape_of_a_slide_may_be_given_and_its_gate_round() -> None:
     np.testing.assert_array_equal(given, (np.abs(floor_points()) < limit).all(axis=-1))
 
 
-def test_a_slide_reaches_to_the_rim_of_the_cone() -> None:
-    # A ramp over the slide: the value at the rim is 1, whatever the distance.
+def test_a_cookie_reaches_to_the_rim_of_the_cone() -> None:
+    # A ramp over the cookie: the value at the rim is 1, whatever the distance.
     ramp = np.repeat((np.arange(64, dtype=np.float32) + 0.5)[None, :, None] / 64, 3, axis=2)
     ramp = np.repeat(ramp, 64, axis=0)
     texture = ImageTexture(image=ramp, filter="bilinear")
@@ -114,9 +114,9 @@ def test_light_profiles_are_left_out_where_nothing_asks() -> None:
         left_out = plan_of(prepare(scene, OPTIONS), camera).left_out
         return [entry.why for entry in left_out if entry.name == "light profiles"]
 
-    slide = ImageTexture(image=QUARTERS)
-    assert why(Light(kind="point")) == ["no light has a slide"]
-    assert why(Light(profile=slide)) == ["only a spot holds a slide, and it is directional"]
+    cookie = ImageTexture(image=QUARTERS)
+    assert why(Light(kind="point")) == ["no light has a cookie"]
+    assert why(Light(profile=cookie)) == ["only a spot holds a cookie, and it is directional"]
     assert why(spot(QUARTERS, intensity=0.0)) == ["it is dark"]
     assert why(spot(QUARTERS)) == []
 
@@ -192,7 +192,7 @@ def test_nothing_is_thrown_behind_the_projector() -> None:
 
 
 def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -> None:
-    image = load_cookie(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="slide")
+    image = load_cookie(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="cookie")
     points = np.array([[2.0, 3.0, 1.0], [1e300, -1e300, 0.0], [0.0, 0.0, 0.0]])
     steps = np.full((3, 2, 3), np.inf)
     values, coverage = sample_projection(image, SLANTED, points, steps)

@@ -238,7 +238,7 @@ def _for_hidden_objects(
 def _for_lamps(
     scene: Scene, options: RenderOptions, camera: Camera, pixels: bytes, ran: Trace
 ) -> Iterator[str]:
-    """Slides and shadow maps of lamps that light no pixel, whatever lies between."""
+    """Light cookies and shadow maps of lamps that light no pixel, whatever lies between."""
     if has_rendered_environments(scene):
         return  # what they show of it may be too dark or small to count
     if ("layers", None) in ran.effects:

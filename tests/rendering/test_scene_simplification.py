@@ -292,7 +292,7 @@ def test_a_spot_that_shines_past_all_objects_is_dark(
     degrees: float, meets: bool, gate: str
 ) -> None:
     # The ball's bounding sphere, of radius sqrt(3), is seen from 4 units away under 25.7 degrees
-    # to each side; the light has 20 to each side, and 27.2 to the corners of its slide.
+    # to each side; the light has 20 to each side, and 27.2 to the corners of its cookie.
     radians = np.radians(degrees)
     spot = Light(
         kind="spot", position=(0.0, 0.0, 4.0), angle=40.0, gate=gate, profile=IMAGE, aspect=1.0,
@@ -310,7 +310,7 @@ def test_a_spot_that_shines_past_all_objects_is_dark(
         draw(prepared, camera).color, draw(prepare(alone, OPTIONS), camera).color
     )
     plan = plan_of(prepared, camera)
-    if meets:  # the corner of a slide of any shape would; this one reaches no pixel
+    if meets:  # the corner of a cookie of any shape would; this one reaches no pixel
         assert plan.has("light profiles")
         return
     told = [item.why for item in plan.left_out if item.name == "lights"]
@@ -369,7 +369,7 @@ def test_a_normal_map_of_strength_0_is_not_opened_whatever_its_space(space: str 
 
 FRONT = CameraView(position=(0.0, 0.0, 6.0), target=(0.0, 0.0, 0.0))
 BEHIND = Light(name="lamp", kind="spot", position=(0.0, 0.0, -5.0), direction=(0.0, 0.0, 1.0))
-# A lamp whose slide, a wide band, falls below the ball.
+# A lamp whose cookie, a wide band, falls below the ball.
 BELOW = replace(BEHIND, position=(0.0, 0.0, 10.0), direction=(0.0, -3.0, -10.0), angle=40.0,
                 profile=ImageTexture(image=np.ones((8, 64, 3), np.float32)))  # fmt: skip
 RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(np.float32))
@@ -411,7 +411,7 @@ def damaged(tmp_path: Path) -> ImageTexture:
 
 
 @pytest.mark.parametrize("gate", GATES)
-def test_a_slide_that_reaches_no_pixel_is_not_opened(damaged: ImageTexture, gate: str) -> None:
+def test_a_cookie_that_reaches_no_pixel_is_not_opened(damaged: ImageTexture, gate: str) -> None:
     lamp = replace(BEHIND, profile=damaged, gate=gate)
     sun = Lighting(lights=(lamp, LIGHT))
     scene = replace(scene_of(sun, **LAMBERT), view=FRONT)

@@ -1,4 +1,4 @@
-/* Projecting points into slides and other pictures, with the changes from pixel to pixel.
+/* Projecting points into light cookies and other pictures, with the changes from pixel to pixel.
 
    Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
    texture mapping", SIGGRAPH 1992; texbake/rendering/effects/projectors.py has the derivation.

@@ -82,10 +82,10 @@ class StaticLight:
         """
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
-        for light, at, slide in zip(self._lights, self._placed, self._cookies, strict=True):
+        for light, at, cookie in zip(self._lights, self._placed, self._cookies, strict=True):
             arrived = arriving_light(at, points, normals)
-            if slide is not None:
-                arrived.radiance = arrived.radiance * cookie_colors(slide, points)
+            if cookie is not None:
+                arrived.radiance = arrived.radiance * cookie_colors(cookie, points)
             if receives and light.shadow is not None and self._scene is not None:
                 facing = pm.vecdot(normals, np.broadcast_to(arrived.directions, out.shape))
                 dark = (facing <= 0.0) | ~arrived.radiance.any(axis=1)

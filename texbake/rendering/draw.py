@@ -98,7 +98,9 @@ def prepare(
     if options.mapping_order != "screen":
         scene, options = base_colors_alone(scene), replace(options, supersampling=1)
     keeps_materials = options.buffer is not None or effects is not EFFECTS
-    active, options, removed = simplify_scene(scene, options, keeps_materials=keeps_materials)
+    active, options, removed = simplify_scene(
+        scene, options, effects, keeps_materials=keeps_materials
+    )
     return Prepared(
         scene=active, options=options, effects=effects, threads=threads, removed=removed,
         keeps_materials=keeps_materials,

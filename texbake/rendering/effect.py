@@ -1,10 +1,11 @@
 """The interface of effects, and the state of a picture that they work on.
 
-An effect is one feature of light or surfaces: a normal map, fog, the shadows of a light. Each is
-declared as an `Effect` at the end of a module of `texbake.rendering.effects` and listed in
-`EFFECTS` there. A scene activates it by the field of a material that it declares, or by what its
-`activations` find; if nothing does, no other part of it runs. The activations become passes of the
-`Plan`, and `texbake.rendering.draw` runs their functions:
+An effect is one feature of light or surfaces: a normal map, fog, the shadows of a light. It is one
+`Effect`, declared at the end of a module of `texbake.rendering.effects`, where it is found; nothing
+else lists it. Its declaration says what it follows in the order of shading (`after`), what
+activates it, what it needs, and which functions compute it. If nothing in a scene activates it, no
+other part of it runs. The activations become passes of the `Plan`, and `texbake.rendering.draw`
+runs their functions:
 
 `load`      once per scene, for results independent of the camera, such as tangents or mip levels
 `prepare`   once per picture, for results that depend on the camera, such as an occlusion picture
@@ -66,16 +67,25 @@ class Effect:
     """One feature of light or surfaces.
 
     It is activated by the objects whose material changes `material_field` from its default, or by
-    what `activations` finds. Without either, it runs only if another effect needs it.
+    its `reasons` or `activations`. Without any, it runs only if another effect needs it.
     """
 
-    name: str  # name in the plan, in `--explain` and in `needs`
+    name: str  # name in the plan, in `--explain`, in `after` and in `needs`
     does: str  # description in one line
+    after: str = ""  # effect that it follows in the order of shading; "" for the first
     of: str = "object"  # kind of its targets: `object`, `light` or `picture`
+    # What may activate it: a property of the request that holds objects or lights
+    among: str = "shaded"
     material_field: str = ""  # activates the effect where it is not the default
-    among: str = "shaded"  # objects whose material counts: a property of the request
+    # Key of that field, or "" for itself, whose value of 0 leaves no effect; None if there is none
+    strength: str | None = None
     why: str = ""  # reason for the activation: `its material has a light map`
+    # Function of (request, target) that says why the effect would change nothing; "" if it may
+    pointless: Callable[[RenderRequest, int], str] | None = None
+    # In place of a field: functions that give reasons for each target, or all activations
+    reasons: Callable[[RenderRequest, int], Iterable[str | Rejection]] | None = None
     activations: Callable[[RenderRequest], Iterable[Activation | Rejection]] | None = None
+    requested_by: str = ""  # part that the reasons come from; by default the target itself
     left_out: str  # reason shown when nothing activates it: `no material has a normal map`
     # Effects that must run before, for the same target, or for the picture: names, or functions of
     # (request, target) that return names.
@@ -110,15 +120,22 @@ class Effect:
     def activated_by(self, request: RenderRequest) -> Iterable[Activation | Rejection]:
         """Return the reasons of a request for the effect, or against it."""
         if self.activations is not None:
-            return self.activations(request)
-        if not self.material_field:
-            return ()
+            yield from self.activations(request)
+        elif self.reasons is not None or self.material_field:
+            name = request.light_name if self.among == "lights" else request.name
+            for target in getattr(request, self.among):
+                for reason in (self.reasons or self._reasons_of_field)(request, target):
+                    by = self.requested_by or name(target)
+                    if isinstance(reason, str):
+                        yield Activation(target, by, reason)
+                    else:
+                        yield replace(reason, requested_by=by)
+
+    def _reasons_of_field(self, request: RenderRequest, index: int) -> Iterator[str | Rejection]:
         default = getattr(DEFAULT_MATERIAL, self.material_field)
-        return [
-            Activation(index, request.name(index), self.why)
-            for index in getattr(request, self.among)
-            if getattr(request.material(index), self.material_field) != default
-        ]
+        if getattr(request.material(index), self.material_field) != default:
+            against = self.pointless(request, index) if self.pointless is not None else ""
+            yield Rejection(against) if against else self.why
 
     def scene_without(self, scene: Scene) -> Scene | None:
         """Return a scene without the effect; None if it is not known how."""
@@ -128,27 +145,6 @@ class Effect:
             return None
         bare = {self.material_field: getattr(DEFAULT_MATERIAL, self.material_field)}
         return scene.with_materials(lambda material: replace(material, **bare))
-
-
-def for_each(
-    among: str, reasons: Callable[[RenderRequest, int], Iterable[str | Rejection]], by: str = ""
-) -> Callable[[RenderRequest], Iterator[Activation | Rejection]]:
-    """Return the activations of an effect by the reasons of each target.
-
-    `among` is the property of the request with the targets, and `by` what needs it if that is not
-    the target itself.
-    """
-
-    def activations(request: RenderRequest) -> Iterator[Activation | Rejection]:
-        name = request.light_name if among == "lights" else request.name
-        for target in getattr(request, among):
-            for reason in reasons(request, target):
-                if isinstance(reason, str):
-                    yield Activation(target, by or name(target), reason)
-                else:
-                    yield replace(reason, requested_by=reason.requested_by or name(target))
-
-    return activations
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class IncidentLight:
 
     directions: Floats  # (n or 1, 3): unit vectors to the light
     radiance: Floats  # (n or 1, 3): light that a white surface facing the lamp reflects
-    # Positions of the fragments on the lamp's slide, which `dim` computes and `tint` uses
+    # Positions of the fragments on the lamp's cookie, which `dim` computes and `tint` uses
     on_cookie: Any = None
 
 

@@ -7,10 +7,11 @@ reflects no light map, a highlight without color has no exponent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,9 +25,13 @@ from texbake.rendering.scene.material import (
 )
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot
 
+if TYPE_CHECKING:
+    from texbake.rendering.effect import Effect
+
 # Name of an effect or a map, the reason why it is left out ("" where nobody would miss it), and
 # the material without it.
 Step = tuple[str, str, Material]
+Simplify = Callable[[Material], Iterator[Step]]
 BLACK = (0.0, 0.0, 0.0)
 # Material slots that each shading model reads, in the order of their lookups.
 SHADING_SLOTS = {
@@ -53,20 +58,14 @@ class Surroundings:
     other_objects: bool  # whether there is more than one object
 
 
-def simplifications(
-    material: Material, around: Surroundings, *, vertex_opacity: bool
-) -> Iterator[Step]:
-    """Yield steps to the simplest material that looks the same, which the last step has."""
-    for name, why, simpler in _without_opacity(material, vertex_opacity=vertex_opacity):
-        material = simpler
-        yield name, why, material
-    for simplify in _STEPS:
-        for name, why, simpler in simplify(material, around):
-            material = simpler
-            yield name, why, material
+def simplifications(around: Surroundings, *, vertex_opacity: bool) -> tuple[Simplify, ...]:
+    """Return the steps, in order, to the simplest material that looks the same."""
+    twice = _without_unread_slots, partial(_without_what_mirrors_hide, around)
+    unlit = partial(_without_unlit_parts, around)
+    return partial(_without_opacity, vertex_opacity), *twice, unlit, *twice
 
 
-def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[Step]:
+def _without_unread_slots(material: Material) -> Iterator[Step]:
     """Slots that the shading model does not read."""
     lit = LIT_SLOTS if material.shading != "unlit" else ()
     read = {*SHADING_SLOTS[material.shading], *ALWAYS_READ_SLOTS, *lit}
@@ -80,7 +79,7 @@ def _without_unread_slots(material: Material, around: Surroundings) -> Iterator[
         yield "slots", "", _replace(material, unread)
 
 
-def _without_opacity(material: Material, *, vertex_opacity: bool) -> Iterator[Step]:
+def _without_opacity(vertex_opacity: bool, material: Material) -> Iterator[Step]:
     if material.alpha_mode == "opaque":
         if material.opacity is not None:
             yield "opacity", "its alpha mode is opaque", replace(material, opacity=None)
@@ -104,10 +103,13 @@ def _without_opacity(material: Material, *, vertex_opacity: bool) -> Iterator[St
         yield "slots", "its opacity leaves nothing to be seen", hidden
 
 
-def without_zeros(material: Material) -> Iterator[Step]:
-    """Parts whose strength is 0, and textures whose factor is 0."""
-    for name, part, key in _PARTS:
-        if getattr(material, part) is not None and (why := _why_nothing(material, part, key)):
+def without_zeros(effects: Sequence[Effect], material: Material) -> Iterator[Step]:
+    """Parts whose strength is 0, as effects declare it, and textures whose factor is 0."""
+    parts = [(each.name, each.material_field, each.strength) for each in effects]
+    for name, part, key in [*parts, ("occlusion map", "occlusion", "")]:
+        if key is None or getattr(material, part) is None:
+            continue
+        if why := _why_nothing(material, part, key):
             material = _replace(material, {part: None})
             yield name, why, material
     for slot, zero in _ZEROS.items():
@@ -125,7 +127,7 @@ def without_zeros(material: Material) -> Iterator[Step]:
             yield "images", f"the factor of {part}.strength is 0", material
 
 
-def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iterator[Step]:
+def _without_what_mirrors_hide(around: Surroundings, material: Material) -> Iterator[Step]:
     reflection, refraction = material.reflection, material.refraction
     if _is_perfect(reflection) and refraction is not None:
         refraction = None
@@ -143,7 +145,7 @@ def _without_what_mirrors_hide(material: Material, around: Surroundings) -> Iter
             yield name, "there is nothing to be seen in it", material
 
 
-def _without_unlit_parts(material: Material, around: Surroundings) -> Iterator[Step]:
+def _without_unlit_parts(around: Surroundings, material: Material) -> Iterator[Step]:
     """Parts for light that does not come, or that a black surface does not reflect."""
     if material.shading == "unlit":
         return
@@ -278,7 +280,7 @@ def _is_perfect(mirror: Reflection | Refraction | None) -> bool:
 def _why_nothing(material: Material, part: str, key: str) -> str:
     """Why a part of a material changes nothing, by its own value or a key of it; "" if it may."""
     holder = getattr(material, part)
-    if part == "reflection" and holder.fresnel:  # grows toward grazing angles at any strength
+    if getattr(holder, "fresnel", False):  # grows toward grazing angles at any strength
         return ""
     if part == "occlusion":
         return "its strength is 0" if material.occlusion_strength == 0.0 else ""
@@ -323,22 +325,3 @@ _ZEROS: Mapping[str, float | tuple[float, float, float]] = MappingProxyType(
         "roughness": 0.0, "metalness": 0.0, "opacity": 0.0, "occlusion": 0.0,
     }
 )  # fmt: skip
-# Effect, field of the material, and key of the value that makes it show nothing if it is 0.
-_PARTS = (
-    ("normal map", "normal_map", "strength"),
-    ("bump map", "bump_map", "height"),
-    ("displacement", "displacement", "height"),
-    ("parallax", "parallax", "depth"),
-    ("reflection", "reflection", "strength"),
-    ("refraction", "refraction", "strength"),
-    ("emission", "emission", ""),
-    ("light map", "light_map", ""),
-    ("occlusion map", "occlusion", ""),
-)
-_STEPS: tuple[Callable[[Material, Surroundings], Iterator[Step]], ...] = (
-    _without_unread_slots,
-    _without_what_mirrors_hide,
-    _without_unlit_parts,
-    _without_unread_slots,
-    _without_what_mirrors_hide,
-)

@@ -261,8 +261,6 @@ def _in_view(item: SceneObject, camera: Camera, options: RenderOptions) -> bool:
         return True
     corners = item.box_corners()
     matrix = camera.clip_from_world(options.width / options.height)
-    if item.transform is not None:
-        matrix = pm.matmul(matrix, item.transform)
     with np.errstate(over="ignore", invalid="ignore"):
         x, y, z, w = pm.matmul(matrix, np.concatenate([corners, np.ones((8, 1))], axis=1).T)
         outside = (x < -w).all() or (x > w).all() or (y < -w).all() or (y > w).all()

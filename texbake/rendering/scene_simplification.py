@@ -9,8 +9,10 @@ known here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +21,8 @@ from texbake.errors import TexbakeError
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.material_simplification import (
+    Simplify,
+    Step,
     Surroundings,
     is_hidden,
     simplifications,
@@ -28,6 +32,9 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, ProjectedTexture
 from texbake.rendering.scene.scene import Scene, SceneObject
+
+if TYPE_CHECKING:
+    from texbake.rendering.effect import Effect
 
 # Radians by which a cone counts as wider.
 _ROUNDING = 1e-6
@@ -52,7 +59,7 @@ def lights_object(light: Light, item: SceneObject, camera: Camera | None = None)
         return True
     reach = pm.tan(math.radians(light.angle) / 2.0)
     if light.profile is not None and light.gate == "rectangle":
-        reach *= math.sqrt(2.0)  # the corner of a square slide, the farthest of any
+        reach *= math.sqrt(2.0)  # the corner of a square cookie, the farthest of any
     cosine = float(pm.matmul(way, direction)) / (distance * float(pm.norm(direction)))
     angle = pm.arccos(min(max(cosine, -1.0), 1.0))
     return angle - pm.arcsin(radius / distance) <= pm.arctan(reach) + _ROUNDING
@@ -92,13 +99,9 @@ def _misses_picture(matrix: FloatArray, points: FloatArray, *, across: bool) -> 
 
 def _corners(item: SceneObject) -> FloatArray | None:
     """(8, 3): corners of the bounding box in the world; None for a surface that leaves its box."""
-    if item.material.displacement is not None:
-        return None
     corners = item.box_corners()
-    if item.transform is not None:
-        with np.errstate(over="ignore", invalid="ignore"):
-            corners = pm.matmul(corners, item.transform[:3, :3].T) + item.transform[:3, 3]
-    return corners if np.isfinite(corners).all() else None
+    has_box = item.material.displacement is None and np.isfinite(corners).all()
+    return corners if has_box else None
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,11 @@ class SkippedEffect:
 
 
 def simplify_scene(
-    scene: Scene, options: RenderOptions, *, keeps_materials: bool = False
+    scene: Scene,
+    options: RenderOptions,
+    effects: Sequence[Effect],
+    *,
+    keeps_materials: bool = False,
 ) -> tuple[Scene, RenderOptions, tuple[SkippedEffect, ...]]:
     """Return a scene and its options without what changes no pixel, and what that was.
 
@@ -120,7 +127,9 @@ def simplify_scene(
     """
     found: list[SkippedEffect] = []
     original = scene
-    scene = replace(scene, objects=tuple(_without_zeros(item, found) for item in scene.objects))
+    zeros = (partial(without_zeros, effects),)
+    objects = tuple(_simplify_object(item, zeros, found) for item in scene.objects)
+    scene = replace(scene, objects=objects)
     lights = _active_lights(scene, found)
     lighting, options = _active_lighting(replace(scene.lighting, lights=lights), options, found)
     around = None if keeps_materials else _surroundings(scene, lighting)
@@ -130,11 +139,15 @@ def simplify_scene(
     return replace(scene, objects=objects, lighting=lighting), options, tuple(found)
 
 
-def _without_zeros(item: SceneObject, found: list[SkippedEffect]) -> SceneObject:
+def _simplify_object(
+    item: SceneObject, steps: Iterable[Simplify], found: list[SkippedEffect]
+) -> SceneObject:
     material = item.material
-    for name, why, simpler in without_zeros(material):
-        found.append(SkippedEffect(name, f'object "{item.name}"', why))
-        material = simpler
+    for step in steps:
+        for name, why, simpler in step(material):
+            if why:
+                found.append(SkippedEffect(name, f'object "{item.name}"', why))
+            material = simpler
     return item if material is item.material else replace(item, material=material)
 
 
@@ -199,20 +212,23 @@ def _active_object(
     around: Surroundings | None,
     found: list[SkippedEffect],
 ) -> SceneObject:
-    material = item.material
-    by = f'object "{item.name}"'
-    for name, why, simpler in _steps(item, around):
-        if why:
-            found.append(SkippedEffect(name, by, why))
-        material = simpler
-    if material.displacement is not None and not (
-        _may_be_seen(scene, item, material) or _casts_shadows(scene, item, lighting)
-    ):
-        found.append(
-            SkippedEffect("displacement", by, "the object is not seen and casts no shadow")
-        )
-        material = replace(material, displacement=None)
-    return item if material is item.material else replace(item, material=material)
+    steps: list[Simplify] = [partial(_without_stray_pictures, item)]
+    if around is not None:
+        colors = item.mesh.colors if item.material.vertex_colors else None
+        vertex_opacity = colors is not None and colors.shape[1] == 4
+        steps += simplifications(around, vertex_opacity=vertex_opacity)
+    return _simplify_object(
+        item, [*steps, partial(_without_unseen_relief, scene, item, lighting)], found
+    )
+
+
+def _without_unseen_relief(
+    scene: Scene, item: SceneObject, lighting: Lighting, material: Material
+) -> Iterator[Step]:
+    counts = _may_be_seen(scene, item, material) or _casts_shadows(scene, item, lighting)
+    if material.displacement is not None and not counts:
+        why = "the object is not seen and casts no shadow"
+        yield "displacement", why, replace(material, displacement=None)
 
 
 def _may_be_seen(scene: Scene, item: SceneObject, material: Material) -> bool:
@@ -239,17 +255,10 @@ def _casts_shadows(scene: Scene, item: SceneObject, lighting: Lighting) -> bool:
     )
 
 
-def _steps(item: SceneObject, around: Surroundings | None) -> Iterator[tuple[str, str, Material]]:
-    """Yield the name and reason of what is taken out, and the material without it."""
-    material = item.material
+def _without_stray_pictures(item: SceneObject, material: Material) -> Iterator[Step]:
     strong = tuple(picture for picture in material.projected if picture.strength != 0.0)
     aimed = tuple(picture for picture in strong if hits_object(picture, item))
     if len(aimed) < len(material.projected):
         was_weak = len(strong) < len(material.projected)
         why = "the strength of a picture is 0" if was_weak else "a picture is aimed elsewhere"
-        material = replace(material, projected=aimed)
-        yield "projected textures", why, material
-    if around is not None:
-        colors = item.mesh.colors if material.vertex_colors else None
-        vertex_opacity = colors is not None and colors.shape[1] == 4
-        yield from simplifications(material, around, vertex_opacity=vertex_opacity)
+        yield "projected textures", why, replace(material, projected=aimed)

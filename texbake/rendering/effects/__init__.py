@@ -1,83 +1,33 @@
-"""The list of all effects, in the order in which they are computed.
+"""All effects, in the order in which they are computed.
 
 To add an effect, write its functions and one `Effect` (`texbake.rendering.effect`) in the module of
-its subject here, or in a new one, and put it into `EFFECTS` after the effects that it needs.
+its subject here, or in a new one. `EFFECTS` finds it there, and puts it `after` the one it names.
 """
 
 from __future__ import annotations
 
-from texbake.rendering.effect import Effect
-from texbake.rendering.effects import (
-    ambient,
-    buffers,
-    bump,
-    environment,
-    images,
-    lights,
-    mirrors,
-    normals,
-    parallax,
-    points,
-    projectors,
-    shading_models,
-    shadows,
-    slots,
-    surfaces,
-    transparency,
-)
+from collections.abc import Iterable
+from importlib import import_module
+from pkgutil import iter_modules
 
-EFFECTS: tuple[Effect, ...] = (
-    # Place the surfaces. Visibility is computed after these.
-    surfaces.PLACING,
-    points.MAPPING,
-    surfaces.DISPLACEMENT,
-    # Resources that are loaded once per scene or prepared once per picture.
-    transparency.LAYERS,
-    ambient.OCCLUSION_PICTURE,
-    lights.LIGHTS,
-    projectors.LIGHT_PROFILES,
-    shadows.SHADOW_MAPS,
-    environment.ENVIRONMENT,
-    environment.FOG_BEHIND,
-    environment.BACKGROUND,
-    environment.IRRADIANCE,
-    environment.PREFILTERED_ENVIRONMENT,
-    mirrors.RENDERED_ENVIRONMENT,
-    # Geometry of the fragments.
-    points.POSITIONS,
-    shadows.SHADOWS,
-    points.VIEW_DIRECTIONS,
-    points.DERIVATIVES,
-    points.TEXTURE_COORDINATES,
-    points.FURTHER_COORDINATES,
-    images.IMAGES,
-    images.MIP_MAPS,
-    slots.PROCEDURES,
-    normals.VERTEX_NORMALS,
-    parallax.PARALLAX,
-    # Material values.
-    slots.SLOTS,
-    projectors.PROJECTED_TEXTURES,
-    normals.NORMALS,
-    normals.TANGENTS,
-    normals.NORMAL_MAP,
-    bump.BUMP_MAP,
-    # Reflected and emitted light.
-    shading_models.UNLIT,
-    ambient.AMBIENT_OCCLUSION,
-    ambient.AMBIENT,
-    shading_models.LAMBERT,
-    shading_models.BLINN_PHONG,
-    shading_models.METALLIC_ROUGHNESS,
-    bump.EMBOSS,
-    ambient.LIGHT_MAP,
-    environment.ENVIRONMENT_LIGHT,
-    shading_models.VERTEX_LIGHT,
-    mirrors.REFRACTION,
-    mirrors.REFLECTION,
-    ambient.EMISSION,
-    environment.FOG,
-    transparency.TRANSPARENCY,
-    # Shows a buffer instead of a shaded picture.
-    buffers.BUFFER,
+from texbake.rendering.effect import Effect
+
+
+def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return effects such that each follows the one that it names, the first by name directly."""
+    followers: dict[str, list[Effect]] = {}
+    for effect in sorted(effects, key=lambda each: each.name, reverse=True):
+        followers.setdefault(effect.after, []).append(effect)
+    ordered: list[Effect] = []
+    waiting = followers.pop("")
+    while waiting:
+        ordered.append(waiting.pop())
+        waiting += followers.pop(ordered[-1].name, [])
+    assert not followers, f"no effect is named {', '.join(followers)}"
+    return tuple(ordered)
+
+
+_MODULES = [import_module(f"{__name__}.{item.name}") for item in iter_modules(__path__)]
+EFFECTS = in_order(
+    thing for module in _MODULES for thing in vars(module).values() if isinstance(thing, Effect)
 )

@@ -21,7 +21,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
-from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.material_simplification import is_diffuse, reflects_environment
@@ -102,6 +102,7 @@ OCCLUSION_SHARES = Result(_find_occlusion)
 OCCLUSION_PICTURE = Effect(
     name="occlusion picture",
     does="computes ambient occlusion from depths",
+    after="layers",
     of="picture",
     left_out="the scene has no ambient occlusion",
     prepare=OCCLUSION_SHARES,
@@ -110,6 +111,7 @@ OCCLUSION_PICTURE = Effect(
 AMBIENT_OCCLUSION = Effect(
     name="ambient occlusion",
     does="darkens ambient light near other surfaces",
+    after="unlit",
     activations=_occlusion_activations,
     left_out="the scene has no ambient occlusion",
     needs=("occlusion picture",),
@@ -189,7 +191,9 @@ def _add_light_map(fragments: Fragments, state: RenderState) -> None:
 AMBIENT = Effect(
     name="ambient",
     does="adds ambient light",
-    activations=for_each("lit", _ambient_reasons),
+    after="ambient occlusion",
+    among="lit",
+    reasons=_ambient_reasons,
     left_out="the scene has no ambient light, or nothing that it falls on",
     needs=("slots", _normals_for_ambient),
     without=lambda scene: scene.with_lighting(ambient=Ambient()),
@@ -200,7 +204,9 @@ AMBIENT = Effect(
 LIGHT_MAP = Effect(
     name="light map",
     does="adds baked light",
+    after="emboss",
     material_field="light_map",
+    strength="",
     among="lit",
     why="its material has a light map",
     left_out="no lit material in the picture has a light map",
@@ -212,7 +218,9 @@ LIGHT_MAP = Effect(
 EMISSION = Effect(
     name="emission",
     does="adds light that surfaces emit",
+    after="reflection",
     material_field="emission",
+    strength="",
     why="its material emits light",
     left_out="no material in the picture emits light",
     needs=("slots",),

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.oklch import linear_from_oklch
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import image_of, on_image
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
@@ -168,7 +168,10 @@ BUFFER_RANGES = Result(_prepare)
 BUFFER = Effect(
     name="buffer",
     does="shows a buffer of the renderer",
-    activations=for_each("in_view", _reasons, by="the options"),
+    after="transparency",
+    among="in_view",
+    reasons=_reasons,
+    requested_by="the options",
     left_out="the options ask for the picture itself",
     needs=(_needs,),
     prepare=BUFFER_RANGES,

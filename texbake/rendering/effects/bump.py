@@ -54,10 +54,10 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident
-from texbake.rendering.effects.normals import MESH_NORMALS
+from texbake.rendering.effects.normals import MESH_NORMALS, same_from_all_sides
 from texbake.rendering.effects.points import (
     coordinates_effect,
     steps_along_surface,
@@ -206,10 +206,8 @@ def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]
 def _bump_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
     holder = request.material(index).bump_map
     if holder is not None and holder.form not in EMBOSS_FORMS:
-        if request.needs_normals(index):
-            yield f"its material has a bump map, {holder.form}"
-        else:
-            yield Rejection("its light is the same from all sides")
+        against = same_from_all_sides(request, index)
+        yield Rejection(against) if against else f"its material has a bump map, {holder.form}"
 
 
 def _emboss_reasons(request: RenderRequest, index: int) -> Iterator[str]:
@@ -306,7 +304,11 @@ EMBOSSED_SURFACES = Result(bump_surface)
 BUMP_MAP = Effect(
     name="bump map",
     does="tilts normals by the slope of a height",
-    activations=for_each("with_normals", _bump_reasons),
+    after="normal map",
+    among="with_normals",
+    material_field="bump_map",
+    strength="height",
+    reasons=_bump_reasons,
     left_out="no lit material in the picture has a bump map",
     needs=_NEEDS,
     without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=False)),
@@ -318,7 +320,9 @@ BUMP_MAP = Effect(
 EMBOSS = Effect(
     name="emboss",
     does="adds the slope of a height along the light to diffuse light",
-    activations=for_each("lit", _emboss_reasons),
+    after="metallic-roughness",
+    among="lit",
+    reasons=_emboss_reasons,
     left_out="no lit material in the picture is embossed",
     needs=(*_NEEDS, "slots", lamp_positions),
     without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=True)),

@@ -26,7 +26,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
-from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
@@ -204,6 +204,7 @@ ENVIRONMENT_MAP = Result(_load)
 ENVIRONMENT = Effect(
     name="environment",
     does="makes a cube map of the environment",
+    after="shadow maps",
     of="picture",
     left_out="the scene has no environment, or nothing shows it",
     load=ENVIRONMENT_MAP,
@@ -213,6 +214,7 @@ BACKGROUND_PICTURE = Result(_background)
 BACKGROUND = Effect(
     name="background",
     does="shows the environment behind surfaces",
+    after="fog behind",
     of="picture",
     activations=_background_activations,
     without=lambda scene: scene.with_environment(background=False),
@@ -226,6 +228,7 @@ IRRADIANCE_MAP = Result(_load_irradiance)
 IRRADIANCE = Effect(
     name="irradiance",
     does="integrates the environment's light for each normal",
+    after="background",
     of="picture",
     left_out="no environment lights a visible surface that is not pure metal",
     needs=("environment",),
@@ -236,6 +239,7 @@ PREFILTERED_MAP = Result(_load_levels)
 PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
     does="blurs the environment for each roughness",
+    after="irradiance",
     of="picture",
     left_out="no environment lights a metallic-roughness surface in the picture",
     needs=("environment",),
@@ -248,7 +252,9 @@ OF_ENVIRONMENT = (ENVIRONMENT_MAP, IRRADIANCE_MAP, PREFILTERED_MAP)
 ENVIRONMENT_LIGHT = Effect(
     name="environment light",
     does="adds the light of the environment",
-    activations=for_each("lit", _lighting_reasons),
+    after="light map",
+    among="lit",
+    reasons=_lighting_reasons,
     without=lambda scene: scene.with_environment(lighting=False),
     left_out="no environment lights a surface in the picture",
     needs=("slots", normals_effect, _maps_for_lighting),
@@ -290,6 +296,7 @@ def _fog_color(state: RenderState) -> FloatImage:
 FOG_BEHIND = Effect(
     name="fog behind",
     does="shows fog behind all surfaces",
+    after="environment",
     of="picture",
     activations=_fog_hides,
     left_out="the scene has no fog",
@@ -299,6 +306,7 @@ FOG_BEHIND = Effect(
 FOG = Effect(
     name="fog",
     does="fades light with distance",
+    after="emission",
     activations=_fog_activations,
     left_out="the scene has no fog",
     needs=("positions",),

@@ -18,7 +18,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import MapSource, channel_of, colors_from, data_from, normals_from
@@ -317,7 +317,8 @@ LOADED_IMAGES = Result(_load)
 IMAGES = Effect(
     name="images",
     does="reads the images of materials",
-    activations=for_each("shaded", _reasons),
+    after="further texture coordinates",
+    reasons=_reasons,
     left_out="no material in the picture has an image",
     needs=(_needs,),
     without=partial(without_textures, ImageTexture),
@@ -328,7 +329,8 @@ IMAGES_WITH_LEVELS = Result(_load_mips)
 MIP_MAPS = Effect(
     name="mip maps",
     does="makes mip levels of images",
-    activations=for_each("shaded", _mip_reasons),
+    after="images",
+    reasons=_mip_reasons,
     left_out="no image has a filter with mip levels",
     needs=("images",),
     load=IMAGES_WITH_LEVELS,

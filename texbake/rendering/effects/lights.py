@@ -2,9 +2,9 @@
 
 A white surface that faces a light reflects its color times its intensity. Point and spot lights
 fall off as 1 / d^decay with the distance d. A spot has full strength inside its inner cone and
-fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. A slide in a rectangular gate bounds the light
-instead of the cone, which is then one around its corners. At the position of a point light itself,
-the light comes along the normal with its strength at a distance of 0.001.
+fades smoothly (3t^2 - 2t^3) to 0 at its outer cone. A light cookie in a rectangular gate bounds the
+light instead of the cone, which is then one around its corners. At the position of a point light
+itself, the light comes along the normal with its strength at a distance of 0.001.
 
 Kernel: `core/lamps.c`.
 """
@@ -22,7 +22,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
@@ -31,7 +31,7 @@ from texbake.rendering.scene.transforms import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9
-# Factor of the cosine of a slide's corners: the cone leaves pixels on its border to the slide.
+# Factor of the cosine of a cookie's corners: the cone leaves pixels on its border to the cookie.
 _AROUND_CORNERS = 0.99
 
 
@@ -124,7 +124,7 @@ def _cosines(light: Light) -> tuple[float, float]:
 
 
 def cookie_extent(light: Light) -> tuple[float, float]:
-    """Half the width and height of a spot's slide at distance 1."""
+    """Half the width and height of a spot's cookie at distance 1."""
     assert light.profile is not None
     aspect = picture_aspect(light.profile) if light.aspect is None else light.aspect
     side = max(aspect, 1.0) if light.gate == "rectangle" else min(aspect, 1.0)
@@ -160,7 +160,7 @@ def arriving_light(light: PlacedLight, points: FloatArray, normals: Floats) -> I
 
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
-    """Light of one lamp at fragments, dimmed by the shadows and slides in the plan."""
+    """Light of one lamp at fragments, dimmed by the shadows and cookies in the plan."""
     found = arriving_light(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
     passes = [
         item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
@@ -189,8 +189,10 @@ PLACED_LIGHTS = Result(_prepare)
 LIGHTS = Effect(
     name="lights",
     does="places lights in world space",
+    after="occlusion picture",
     of="light",
-    activations=for_each("lights", _reasons),
+    among="lights",
+    reasons=_reasons,
     without=lambda scene: scene.with_lights(intensity=0.0),
     left_out="the scene has no lights",
     prepare=PLACED_LIGHTS,

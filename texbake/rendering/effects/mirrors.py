@@ -29,7 +29,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.rendering.camera import Camera
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
 from texbake.rendering.effects.lights import fix_in_world
 from texbake.rendering.effects.shading_models import normals_effect
@@ -167,7 +167,8 @@ RENDERED_ENVIRONMENTS = Result(_prepare)
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
     does="renders a cube map of the scene around an object",
-    activations=for_each("shaded", _rendered_reasons),
+    after="prefiltered environment",
+    reasons=_rendered_reasons,
     without=lambda scene: scene.with_materials(_without_rendered),
     left_out="no material in the picture reflects or refracts the scene around it",
     load=FIXED_ENVIRONMENTS,
@@ -178,7 +179,9 @@ RENDERED_ENVIRONMENT = Effect(
 REFRACTION = Effect(
     name="refraction",
     does="adds what is seen through glass",
+    after="vertex light",
     material_field="refraction",
+    strength="strength",
     why="its material has a refraction",
     left_out="no material in the picture refracts",
     needs=(normals_effect, "view directions", partial(_needs, "refraction")),
@@ -189,7 +192,9 @@ REFRACTION = Effect(
 REFLECTION = Effect(
     name="reflection",
     does="adds what a mirror reflects",
+    after="refraction",
     material_field="reflection",
+    strength="strength",
     why="its material has a reflection",
     left_out="no material in the picture reflects",
     needs=(normals_effect, "view directions", partial(_needs, "reflection")),

@@ -27,7 +27,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
@@ -71,6 +71,7 @@ MESH_NORMALS = Result(_load_normals)
 VERTEX_NORMALS = Effect(
     name="vertex normals",
     does="computes vertex normals",
+    after="procedures",
     left_out="nothing in the picture needs normals",
     load=MESH_NORMALS,
 )
@@ -78,7 +79,9 @@ VERTEX_NORMALS = Effect(
 NORMALS = Effect(
     name="normals",
     does="interpolates normals",
-    activations=for_each("shaded", _normals_reasons, by="the caller"),
+    after="projected textures",
+    reasons=_normals_reasons,
+    requested_by="the caller",
     left_out="no object in the picture is lit by the normals of its mesh",
     needs=("vertex normals",),
     shade=_interpolate,
@@ -86,12 +89,9 @@ NORMALS = Effect(
 )
 
 
-def _map_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
-    if request.material(index).normal_map is not None:
-        if request.needs_normals(index):
-            yield "its material has a normal map"
-        else:
-            yield Rejection("its light is the same from all sides")
+def same_from_all_sides(request: RenderRequest, index: int) -> str:
+    """Say why normals would change nothing; "" if they may."""
+    return "" if request.needs_normals(index) else "its light is the same from all sides"
 
 
 def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
@@ -148,6 +148,7 @@ MESH_TANGENTS = Result(_load_tangents)
 TANGENTS = Effect(
     name="tangents",
     does="computes MikkTSpace tangents",
+    after="normals",
     left_out="no map in the picture is in tangent space",
     needs=("vertex normals", _coordinates_for_tangents),
     load=MESH_TANGENTS,
@@ -156,8 +157,12 @@ TANGENTS = Effect(
 NORMAL_MAP = Effect(
     name="normal map",
     does="takes normals from an image",
+    after="tangents",
     material_field="normal_map",
-    activations=for_each("with_normals", _map_reasons),
+    among="with_normals",
+    strength="strength",
+    why="its material has a normal map",
+    pointless=same_from_all_sides,
     left_out="no lit material in the picture has a normal map",
     needs=("images", _frames_for_map),
     shade=_look_up_normals,

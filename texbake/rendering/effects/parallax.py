@@ -24,14 +24,13 @@ Kernel: `core/parallax.c`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture, textured_mesh
@@ -54,12 +53,9 @@ class TextureSlopes:
     sizes: FloatArray
 
 
-def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
-    if request.material(index).parallax is not None:
-        if request.moves_textures(index):
-            yield "its material has a parallax map"
-        else:
-            yield Rejection("its material looks up nothing at texture coordinates")
+def _pointless(request: RenderRequest, index: int) -> str:
+    looks_up = request.moves_textures(index)
+    return "" if looks_up else "its material looks up nothing at texture coordinates"
 
 
 def _load(state: RenderState, target: int) -> TextureSlopes:
@@ -161,8 +157,11 @@ TEXTURE_SLOPES = Result(_load)
 PARALLAX = Effect(
     name="parallax",
     does="moves texture coordinates to where the view ray meets the heights",
+    after="vertex normals",
     material_field="parallax",
-    activations=for_each("shaded", _reasons),
+    strength="depth",
+    why="its material has a parallax map",
+    pointless=_pointless,
     left_out="no material in the picture has a parallax map",
     needs=("images", "view directions", "vertex normals"),
     load=TEXTURE_SLOPES,

@@ -157,6 +157,7 @@ MAPPED_MESHES = Result(_map, deferred=True)
 MAPPING = Effect(
     name="mapping",
     does="gives meshes new texture coordinates",
+    after="placing",
     left_out="no object has a mapping, or nothing reads its coordinates",
     load=MAPPED_MESHES,
     moves_surface=True,
@@ -165,6 +166,7 @@ MAPPING = Effect(
 POSITIONS = Effect(
     name="positions",
     does="finds the world position of fragments",
+    after="rendered environment",
     left_out="no light, texture or effect depends on where a point lies",
     shade=_find_positions,
 )
@@ -172,6 +174,7 @@ POSITIONS = Effect(
 VIEW_DIRECTIONS = Effect(
     name="view directions",
     does="finds the direction from fragments to the eye",
+    after="shadows",
     left_out="nothing depends on the direction of view",
     shade=_find_view,
 )
@@ -180,6 +183,7 @@ VIEW_DIRECTIONS = Effect(
 DERIVATIVES = Effect(
     name="derivatives",
     does="finds how texture coordinates change from pixel to pixel",
+    after="view directions",
     left_out="no lookup is filtered over the pixel",
 )
 
@@ -187,6 +191,7 @@ _REQUIRED_UVS = Result(_require_uvs)
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
     does="interpolates texture coordinates",
+    after="derivatives",
     left_out="nothing is looked up at (u, v)",
     needs=(mapping_effect,),
     load=_REQUIRED_UVS,
@@ -197,6 +202,7 @@ _REQUIRED_FURTHER_UVS = Result(_require_further_uvs)
 FURTHER_COORDINATES = Effect(
     name="further texture coordinates",
     does="interpolates further sets of texture coordinates",
+    after="texture coordinates",
     left_out="all textures lie on the first set",
     needs=(mapping_effect,),
     load=_REQUIRED_FURTHER_UVS,

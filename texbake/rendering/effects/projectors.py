@@ -1,8 +1,9 @@
-"""Pictures projected onto surfaces: slides of spot lights, and projected textures.
+"""Pictures projected onto surfaces: light cookies of spots, and projected textures.
 
-The slide of a spot light (a light profile) has the shape of its image and stands upright along the
-light's `up`. It multiplies the light. In a rectangular gate its longer side fills the angle of the
-light, and its border is that of the light; in a round gate its shorter side fills the cone.
+The light cookie (gobo) of a spot, its `profile`, has the shape of its image and stands upright
+along the light's `up`. It multiplies the light. In a rectangular gate its longer side fills the
+angle of the light, and its border is that of the light; in a round gate its shorter side fills the
+cone.
 Projected textures are blended over the base color one after another, by their own opacity times
 their strength. Other surfaces block them only with `occlusion`; see
 `texbake.rendering.effects.projected_visibility`. Nothing is projected behind a projector or outside
@@ -35,7 +36,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, reaches_any
 from texbake.rendering.effects.projected_visibility import (
@@ -65,7 +66,7 @@ def load_cookie(
     name: str,
     threads: int | None = None,
 ) -> LoadedImage:
-    """Load a slide, with mip levels if its filter has a footprint."""
+    """Load a light cookie, with mip levels if its filter has a footprint."""
     image = placed_image(
         texture, pixels, kind="color", filter_name=filter_name, uvs=None, name=name
     )
@@ -143,13 +144,13 @@ def _cookie_reasons(request: RenderRequest, index: int) -> Iterator[str | Reject
     if light.profile is None:
         return
     if light.kind != "spot":
-        yield Rejection(f"only a spot holds a slide, and it is {light.kind}")
+        yield Rejection(f"only a spot holds a cookie, and it is {light.kind}")
     elif index not in request.shining:
         yield Rejection("it is dark")
     elif not request.lit:
         yield Rejection("no object in the picture is lit")
     else:
-        yield "it has a slide"
+        yield "it has a light cookie"
 
 
 def _load_cookie(state: RenderState, target: int) -> LoadedImage:
@@ -166,16 +167,16 @@ def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImag
 
 
 def cookie_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> LightCookie:
-    """Return the slide of a placed spot light; reads its image unless `image` is given."""
+    """Return the cookie of a placed spot light; reads its image unless `image` is given."""
     if image is None:
         image = _image_of(light, "bilinear", None)
     return LightCookie(image, cookie_matrix(light, placed))
 
 
 def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
-    """(4, 4): transforms world space to (s, t, r, q) of a spot's slide."""
+    """(4, 4): transforms world space to (s, t, r, q) of a spot's cookie."""
     width, height = cookie_extent(light)
-    # A square slide has exactly the angle of the light.
+    # A square cookie has exactly the angle of the light.
     fov = light.angle if width == height else math.degrees(2.0 * pm.arctan(height))
     place, ahead = placed.position, placed.position + placed.direction
     return projector_matrix(
@@ -187,9 +188,9 @@ def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
     )
 
 
-def cookie_colors(slide: LightCookie, points: FloatArray) -> Floats:
+def cookie_colors(cookie: LightCookie, points: FloatArray) -> Floats:
     """(n, 3) float32: factor of the light at points."""
-    colors, coverage = sample_projection(slide.image, slide.matrix, points)
+    colors, coverage = sample_projection(cookie.image, cookie.matrix, points)
     return colors * coverage[:, None]
 
 
@@ -208,7 +209,7 @@ def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> Projecte
 def _leave_out(
     fragments: Fragments, state: RenderState, index: int, incident: IncidentLight
 ) -> None:
-    """Set a lamp's light to 0 if its slide falls on no fragment, before drawing its shadow map."""
+    """Set a lamp's light to 0 if its cookie falls on no fragment, before drawing its shadow map."""
     incident.on_cookie = _on_cookie(fragments, state, index)
     covered = incident.radiance * incident.on_cookie.coverage[:, None]
     if not reaches_any(fragments, replace(incident, radiance=covered)):
@@ -225,10 +226,12 @@ COOKIE_IMAGES = Result(_load_cookie, deferred=True)
 COOKIE_MATRICES = Result(_place_cookie, deferred=True)
 LIGHT_PROFILES = Effect(
     name="light profiles",
-    does="puts slides into spots",
+    does="projects the light cookies of spots",
+    after="lights",
     of="light",
-    activations=for_each("lights", _cookie_reasons),
-    left_out="no light has a slide",
+    among="lights",
+    reasons=_cookie_reasons,
+    left_out="no light has a cookie",
     needs=("lights",),
     without=lambda scene: scene.with_lights(profile=None),
     load=COOKIE_IMAGES,
@@ -316,6 +319,7 @@ PROJECTOR_VIEWS = Result(_view_from_projectors)
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
     does="projects pictures onto surfaces",
+    after="slots",
     material_field="projected",
     why="a picture is projected onto it",
     left_out="nothing in the picture has a projected texture",

@@ -13,7 +13,7 @@ distribution of Trowbridge and Reitz, and V Smith's visibility term, as defined 
 appears because I_L is defined as the light that a white Lambert surface reflects.
 
 With a `shading_rate` of vertex (Gouraud shading), lamps, ambient light and light of the
-environment, with their shadows and slides, are evaluated at the corners of triangles alone, and
+environment, with their shadows and cookies, are evaluated at the corners of triangles alone, and
 interpolated between them. So are normal maps and bump maps, which is why these show nothing between
 the corners. Images of the base color, light maps, emission and mirrors are looked up at pixels as
 always: at a corner the light that a white surface W and a black surface B reflect is found, and a
@@ -39,7 +39,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.lights import incident
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight
 from texbake.rendering.request import RenderRequest
@@ -123,26 +123,30 @@ def _show_base(fragments: Fragments, state: RenderState) -> None:
 UNLIT = Effect(
     name="unlit",
     does="shows the base color",
-    activations=for_each("shaded", _unlit_reasons),
+    after="bump map",
+    reasons=_unlit_reasons,
     left_out="no material in the picture is unlit",
     needs=("slots",),
     shade=_show_base,
 )
 
+_VIEW = ("view directions",)
 LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
     Effect(
         name=shading,
         does=f"reflects lamps by {title}",
-        activations=for_each("lit", partial(_lamp_reasons, shading)),
+        after=after,
+        among="lit",
+        reasons=partial(_lamp_reasons, shading),
         left_out=f"no material in the picture is {shading}, or no lamp shines",
         needs=("slots", normals_effect, *looks, lamp_positions),
         shade=_shade_lamps(reflect),
         rate="vertex",
     )
-    for shading, title, reflect, looks in (
-        ("lambert", "Lambert's law", _lambert, ()),
-        ("blinn-phong", "the model of Blinn and Phong", _blinn_phong, ("view directions",)),
-        ("metallic-roughness", "the model of glTF 2.0", _metallic, ("view directions",)),
+    for shading, after, title, reflect, looks in (
+        ("lambert", "ambient", "Lambert's law", _lambert, ()),
+        ("blinn-phong", "lambert", "the model of Blinn and Phong", _blinn_phong, _VIEW),
+        ("metallic-roughness", "blinn-phong", "the model of glTF 2.0", _metallic, _VIEW),
     )
 )
 
@@ -240,6 +244,7 @@ CORNER_LIGHT = Result(_shade_corners)
 VERTEX_LIGHT = Effect(
     name="vertex light",
     does="interpolates light between vertices",
+    after="environment light",
     material_field="shading_rate",
     among="lit",
     why="its material is shaded per vertex",

@@ -26,7 +26,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.lights import PlacedLight
 from texbake.rendering.scene.lights import Light
-from texbake.rendering.scene.scene import SceneObject
+from texbake.rendering.scene.scene import corners_of
 from texbake.texture.cube_map import cube_face_axes
 
 # A spot light wider than this angle in degrees uses a cube: in a single picture, texels at the rim
@@ -43,25 +43,12 @@ Box = FloatArray
 Pair = tuple[int, int]
 
 
-def corners_of(item: SceneObject) -> Box:
-    """(8, 3): corners of an object's bounding box in the world, before displacement."""
-    corners = _corners(item.mesh.bounds)
-    if item.transform is None:
-        return corners
-    return np.asarray(pm.matmul(corners, item.transform[:3, :3].T) + item.transform[:3, 3])
-
-
 def box_of(state: RenderState, index: int) -> Box:
     """(8, 3): corners of the bounding box of an object as it is drawn."""
     if state.drawn(index).base_faces is None:
-        return corners_of(state.scene.objects[index])
+        return state.scene.objects[index].box_corners()
     points = state.drawn(index).positions
-    return _corners(np.stack([points.min(axis=0), points.max(axis=0)]))
-
-
-def _corners(bounds: FloatArray) -> Box:
-    """Corners of bounds, ordered by their binary indices, x first."""
-    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    return corners_of(np.stack([points.min(axis=0), points.max(axis=0)]))
 
 
 def shading_pairs(

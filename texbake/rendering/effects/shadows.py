@@ -45,13 +45,12 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.rendering.effect import Activation, Effect, Rejection, RenderState, for_each
+from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, placed_light
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,
     box_of,
-    corners_of,
     parallel_view,
     perspective_views,
     seen_bounds,
@@ -128,7 +127,7 @@ def _pairs(
     def box(i: int) -> Box | None:
         if state is not None:
             return box_of(state, i)
-        return None if request.material(i).displacement is not None else corners_of(objects[i])
+        return None if request.material(i).displacement is not None else objects[i].box_corners()
 
     boxes = {i: box(i) for i in {*casters, *receivers}}
     light = placed_light(request.light(index), request.camera)
@@ -213,8 +212,10 @@ LIGHT_SHADOWS = Result(_prepare, deferred=True)
 SHADOW_MAPS = Effect(
     name="shadow maps",
     does="renders the depths that lights see",
+    after="light profiles",
     of="light",
-    activations=for_each("lights", _map_reasons),
+    among="lights",
+    reasons=_map_reasons,
     without=lambda scene: scene.with_lights(shadow=None),
     left_out="no light casts shadows",
     needs=("lights",),
@@ -227,6 +228,7 @@ SHADOW_MAPS = Effect(
 SHADOWS = Effect(
     name="shadows",
     does="looks up shadow maps",
+    after="positions",
     activations=_receivers,
     left_out="no shadow falls on anything in the picture",
     needs=("positions",),

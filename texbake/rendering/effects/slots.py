@@ -15,7 +15,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up, without_textures
 from texbake.rendering.effects.points import coordinates_effect
 from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
@@ -140,7 +140,8 @@ def _procedures_need(request: RenderRequest, target: int) -> Iterator[str]:
 PROCEDURES = Effect(
     name="procedures",
     does="computes procedural textures",
-    activations=for_each("shaded", _procedure_reasons),
+    after="mip maps",
+    reasons=_procedure_reasons,
     left_out="no material in the picture has a procedure",
     needs=(_procedures_need,),
     without=partial(without_textures, ProcedureTexture),
@@ -149,7 +150,8 @@ PROCEDURES = Effect(
 SLOTS = Effect(
     name="slots",
     does="looks up the slots of materials",
-    activations=for_each("shaded", _reasons),
+    after="parallax",
+    reasons=_reasons,
     left_out="nothing is shaded",
     needs=(_needs,),
     shade=_look_up_all,

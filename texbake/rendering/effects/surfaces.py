@@ -26,7 +26,7 @@ from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
@@ -66,7 +66,8 @@ PLACED_OBJECTS = Result(_place)
 PLACING = Effect(
     name="placing",
     does="transforms meshes to world space",
-    activations=for_each("objects", _placing_reasons),
+    among="objects",
+    reasons=_placing_reasons,
     left_out="the scene has no object",
     load=PLACED_OBJECTS,
     moves_surface=True,
@@ -331,7 +332,9 @@ def _displacement_needs(request: RenderRequest, target: int) -> tuple[str, ...]:
 DISPLACEMENT = Effect(
     name="displacement",
     does="subdivides surfaces and displaces them",
+    after="mapping",
     material_field="displacement",
+    strength="height",
     among="objects",
     why="its material has a displacement map",
     left_out="no material has a displacement map",

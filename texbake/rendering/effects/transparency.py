@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
-from texbake.rendering.effect import Effect, RenderState, for_each
+from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
 from texbake.rendering.fragments import Floats, FragmentRows, Fragments
@@ -174,6 +174,7 @@ PEELED_LAYERS = Result(_peel)
 LAYERS = Effect(
     name="layers",
     does="peels transparent surfaces from front to back",
+    after="displacement",
     of="picture",
     left_out="nothing in the picture is transparent",
     prepare=PEELED_LAYERS,
@@ -183,7 +184,8 @@ LAYERS = Effect(
 TRANSPARENCY = Effect(
     name="transparency",
     does="blends transparent surfaces in order of depth",
-    activations=for_each("shaded", _reasons),
+    after="fog",
+    reasons=_reasons,
     without=lambda scene: scene.with_materials(_opaque),
     left_out="nothing in the picture is transparent",
     needs=("layers", "slots"),

@@ -1,4 +1,4 @@
-"""Lights of a scene: lamps with shadows and slides, ambient light, environment and fog."""
+"""Lights of a scene: lamps with shadows and cookies, ambient light, environment and fog."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Light:
         Shadow | None, Option("Shadow map of the light; without it the light casts no shadows.")
     ] = None
     profile: Annotated[
-        ImageTexture | None, Option("Image that a spot light projects, as a slide.")
+        ImageTexture | None, Option("Image that a spot light projects: its cookie (gobo).")
     ] = None
     gate: Annotated[
         str,

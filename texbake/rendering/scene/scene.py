@@ -98,9 +98,13 @@ class SceneObject:
             object.__setattr__(self, "transform", matrix)
 
     def box_corners(self) -> FloatArray:
-        """(8, 3) float64: corners of the bounding box of its mesh, in the object's space."""
-        low, high = self.mesh.bounds
-        return np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+        """(8, 3) float64: corners of its bounding box in the world, before displacement."""
+        corners = corners_of(self.mesh.bounds)
+        if self.transform is None:
+            return corners
+        with np.errstate(over="ignore", invalid="ignore"):
+            turned = pm.matmul(corners, self.transform[:3, :3].T)
+            return np.asarray(turned + self.transform[:3, 3])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,6 +164,11 @@ class Scene:
         return (
             self if around is None else self.with_lighting(environment=replace(around, **changes))
         )
+
+
+def corners_of(bounds: FloatArray) -> FloatArray:
+    """(8, 3): corners of bounds (2, 3), ordered by their binary indices, x first."""
+    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def check_transform(transform: FloatArray, name: str) -> FloatArray:
