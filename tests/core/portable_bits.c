@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core.h"
+#include "declarations.h"
 
 enum { SIDE = 49, N_VERTICES = SIDE * SIDE, N_FACES = 2 * (SIDE - 1) * (SIDE - 1), N = 20000 };
 enum { N_LEAVES = (N_FACES + 7) / 8, MOST_NODES = N_LEAVES, PICTURE = 64 };

@@ -1,16 +1,16 @@
-"""The table of the core, `core.h`, as Python reads it."""
+"""The declarations of the core, as Python reads them."""
 
 import re
 from pathlib import Path
 
 import pytest
 
+from texbake.core import core
 from texbake.core.declarations import read_prototype, split_prototypes
 
 SOURCES = Path(__file__).parents[2] / "texbake" / "core"
 
 HEADER = """
-/* A comment with a prototype: void ignored(int64_t n); */
 int64_t smooth(
     int64_t n, int64_t width,
     const float image[n][width][3], OPTIONAL const bool mask[n * width],
@@ -23,7 +23,7 @@ def declaration(name, header=HEADER):
     return read_prototype(split_prototypes(header)[name])
 
 
-def test_prototypes_are_found_by_name_and_comments_are_not():
+def test_declarations_are_found_by_name():
     assert set(split_prototypes(HEADER)) == {"smooth", "nothing"}
 
 
@@ -79,19 +79,9 @@ def test_every_file_of_the_core_names_who_calls_it():
     assert wrong == []
 
 
-def test_every_declared_function_is_defined_in_the_file_that_its_comment_names():
-    header = (SOURCES / "core.h").read_text(encoding="utf-8")
-    sections = re.findall(r"/\* (\w+\.c) \*/\n(.*?)(?=\n/\* \w+\.c \*/|#pragma)", header, re.S)
-    misplaced = [
-        f"{name} is not in {file}"
-        for file, listed in sections
-        for name in split_prototypes(listed)
-        # By its name, or by a macro that is given its name.
-        if not re.search(
-            rf"^(\w+ {name}\(|[A-Z_]+\({name},)",
-            (SOURCES / file).read_text(encoding="utf-8"),
-            re.M,
-        )
+def test_the_library_knows_every_function_that_is_marked():
+    marks = [
+        re.findall("^EXPORT .*?(\\w+)\\(", path.read_text("utf-8"), re.M)
+        for path in SOURCES.glob("*.c")
     ]
-    assert sections
-    assert misplaced == []
+    assert set(core._prototypes) == {name for names in marks for name in names}

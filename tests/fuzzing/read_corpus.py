@@ -82,7 +82,7 @@ def main() -> int:
             n_faults += 1
     if not options.formats:
         for function in sorted(unreached() - set(UNREACHED)):
-            print(f"core.h: {function}: no target calls it; add one, or name it in UNREACHED")
+            print(f"core: {function}: no target calls it; add one, or name it in UNREACHED")
             n_faults += 1
     print(f"{n_inputs} inputs read, {n_faults} at fault")
     return 1 if n_faults else 0

@@ -58,7 +58,7 @@ static void write_facing_normal(
 }
 
 /* Write position (relative to the camera) and normal of each pixel's nearest surface, or leave 0. */
-void find_places(
+EXPORT void find_places(
     int64_t sample_rows, int64_t sample_columns, int64_t n_positions, int64_t n_faces,
     int64_t height, int64_t width, const int32_t face_ids[sample_rows][sample_columns],
     const float depths[sample_rows][sample_columns], int64_t side, double near,
@@ -187,7 +187,7 @@ static void add_slice(
 }
 
 /* Write the unoccluded share of ambient light at each pixel with a surface. */
-void find_arriving_shares(
+EXPORT void find_arriving_shares(
     int64_t height, int64_t width, const double places[height][width][3],
     const double normals[height][width][3], const double right[3], const double up[3],
     double pixels_per_unit, double radius, int64_t n_slices, int64_t n_steps,
@@ -219,7 +219,7 @@ void find_arriving_shares(
 }
 
 /* Average over the pixels of the pattern that lie on the same surface. */
-void smooth_shares(
+EXPORT void smooth_shares(
     int64_t height, int64_t width, const float rough[height][width],
     const double places[height][width][3], const double normals[height][width][3], double radius,
     float out[height][width], int64_t start, int64_t stop)

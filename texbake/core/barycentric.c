@@ -20,7 +20,7 @@ static inline double mix_f32(float b, float c, float p, float q, float r)
 }
 
 /* Write values of corners, interpolated at points of faces. */
-void interpolate_corners(
+EXPORT void interpolate_corners(
     int64_t n, int64_t n_faces, int64_t n_values, int64_t n_channels, const int32_t faces[n],
     const float barycentrics[n][2], const float values[n_values][n_channels],
     const int32_t corners[n_faces][3], float found[n][n_channels])
@@ -35,7 +35,7 @@ void interpolate_corners(
 }
 
 /* Write unit normals at points of faces; zero where the normals of the corners cancel. */
-void interpolate_high_normals(
+EXPORT void interpolate_high_normals(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][3])
@@ -80,7 +80,7 @@ static struct frame frame_at(
 
 /* Turn vectors of the tangent space at points of faces into unit vectors of model space, in place;
    one that has no direction becomes the interpolated normal. */
-void from_tangent_space(
+EXPORT void from_tangent_space(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], float values[n][3])
@@ -113,7 +113,7 @@ void from_tangent_space(
 }
 
 /* Express model-space vectors in the tangent space at points of faces, in place. */
-void to_tangent_space(
+EXPORT void to_tangent_space(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double normals[n_normals][3],
     const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], bool normalize,
@@ -152,7 +152,7 @@ void to_tangent_space(
 }
 
 /* Write the lengths of offsets along the normals at points of faces. */
-void measure_displacements(
+EXPORT void measure_displacements(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float offsets[n][3], const double normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][1])
@@ -172,7 +172,7 @@ void measure_displacements(
 }
 
 /* Write points of faces, moved by offsets. */
-void move_points(
+EXPORT void move_points(
     int64_t n, int64_t n_faces, int64_t n_vertices, const int32_t faces[n],
     const float barycentrics[n][2], const float offsets[n][3],
     const double positions[n_vertices][3], const int32_t corners[n_faces][3], float values[n][3])
@@ -191,7 +191,7 @@ void move_points(
 }
 
 /* Write texture coordinates at points of faces, after an affine transform. */
-void place_in_image(
+EXPORT void place_in_image(
     int64_t n, int64_t n_faces, int64_t n_uvs, const int32_t faces[n],
     const float barycentrics[n][2], const double uvs[n_uvs][2], const int32_t corners[n_faces][3],
     const double placing[2][3], double places[n][2])

@@ -13,7 +13,7 @@
 #include "texture_lookup.h"
 
 /* Bilinear values of an image without mip levels, with weights in double precision. */
-void sample_bilinear(
+EXPORT void sample_bilinear(
     int64_t height, int64_t width, int64_t n_channels, int64_t n,
     const float image[height][width][n_channels], const double uvs[n][2], int64_t wraps,
     const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop)
@@ -30,7 +30,7 @@ void sample_bilinear(
 }
 
 /* The texel that holds each coordinate; a texel holds its left and its lower edge. */
-void sample_nearest(
+EXPORT void sample_nearest(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], int64_t wraps, const float border[n_channels],

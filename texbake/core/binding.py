@@ -138,4 +138,4 @@ def _compiled(dimension: str) -> Any:
     """Return a dimension as a number, the name of a size, or an expression of sizes."""
     if dimension.isdigit():
         return int(dimension)
-    return dimension if dimension.isidentifier() else compile(dimension, "core.h", "eval")
+    return dimension if dimension.isidentifier() else compile(dimension, "declaration", "eval")

@@ -220,7 +220,7 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
 
 /* Place the charts of `order`, each where its top ends lowest; return how many found no place.
    `work` gets the steps of the search. */
-int64_t place_charts(
+EXPORT int64_t place_charts(
     int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t n_order, int64_t n_widths,
     const uint8_t masks[n_cells], const int64_t starts[n_charts][n_poses],
     const int64_t boxes[n_charts][n_poses][2], const int32_t order[n_order], int64_t n_rows,

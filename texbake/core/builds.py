@@ -31,7 +31,7 @@ class BuildError(Exception):
 def sources_checksum(folder: Path = FOLDER) -> str:
     """Return a checksum of all files that a build is made from; "" if there are no sources."""
     sources = sorted(folder.glob("*.[ch]"))
-    if all(path.suffix == ".h" for path in sources):
+    if not sources:
         return ""
     checksum = 0
     for path in [*sources, *(folder / name for name in _COMPILERS)]:

@@ -16,7 +16,7 @@
 #include "unit_normals.h"
 
 /* Write the width of a pixel along the surface, for both axes. */
-void measure_pixel_steps(
+EXPORT void measure_pixel_steps(
     int64_t n_positions, int64_t n_faces, int64_t n, const double positions[n_positions][3],
     const int32_t faces[n_faces][3], const int32_t of_fragments[n], const float changes[n][4],
     double out[n][2])
@@ -124,7 +124,7 @@ static double find_frame(const struct surface *surface, int64_t i, struct frame 
 }
 
 /* Write normals tilted by heights and their slopes; those without a frame stay. */
-void tilt_normals(
+EXPORT void tilt_normals(
     int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n,
     const double positions[n_positions][3], const int32_t faces[n_faces][3],
     const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
@@ -157,7 +157,7 @@ void tilt_normals(
 }
 
 /* Write the step (L_u, L_v) along the light, and its length; 0 where there is none. */
-void find_light_steps(
+EXPORT void find_light_steps(
     int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
     const double positions[n_positions][3], const int32_t faces[n_faces][3],
     const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
@@ -196,7 +196,7 @@ void find_light_steps(
 /* Convert slopes along the light, in the object's space, to what they add to N·L in the light's
    space; if `normalized`, divided by the length of the bent normal. Slopes without a frame are
    unchanged. */
-void bend_embossed(
+EXPORT void bend_embossed(
     int64_t n_positions, int64_t n_faces, int64_t n_normals, int64_t n, int64_t n_directions,
     const double positions[n_positions][3], const int32_t faces[n_faces][3],
     const double normals[n_normals][3], const int32_t normal_faces[n_faces][3],
@@ -241,7 +241,7 @@ void bend_embossed(
 }
 
 /* Add the slope of a height along the light to diffuse light. */
-void add_embossed(
+EXPORT void add_embossed(
     int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_metalness,
     const float normals[n][3], const float directions[n_directions][3],
     const float radiance[n_radiance][3], const float base[n_base][3],

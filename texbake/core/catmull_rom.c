@@ -40,7 +40,7 @@ static inline float mix_four(const float values[4], const struct cubic_weights *
 }
 
 /* Fill rows `start` to `stop` of `out` from the finest level. */
-void sample_bicubic(
+EXPORT void sample_bicubic(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], int64_t wraps, const float border[n_channels],

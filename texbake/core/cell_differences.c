@@ -189,7 +189,7 @@ static double judge_border(
 }
 
 /* Judge texels by their four samples and those beside them, and write their means. */
-int64_t judge_four_samples(
+EXPORT int64_t judge_four_samples(
     int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
     int64_t height, int64_t width, const uint8_t counts[n_texels], const int64_t masks[n_texels],
     const int32_t charts[n_room], const float values[n_room][n_channels],
@@ -309,7 +309,7 @@ static float judge_along(
 }
 
 /* Judge the cells of a level, from the place `first` on, by those on their four sides. */
-void judge_cells(
+EXPORT void judge_cells(
     int64_t n, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t level, int64_t height,
     int64_t width, int64_t first, const int32_t texels[n], const uint8_t spots[n],
     const uint8_t weights[n], const int32_t children[n_room], const int32_t charts[n_room],
@@ -337,7 +337,7 @@ void judge_cells(
 
 /* Mark the cells that are divided; add the errors of the others to their texels. The cells of a
    texel stand together. */
-void choose_divided(
+EXPORT void choose_divided(
     int64_t n, int64_t n_texels, bool may_divide, const int32_t texels[n],
     const uint8_t weights[n], const float errors[n], const uint8_t counts[n_texels],
     float texel_errors[n_texels], bool divided[n])

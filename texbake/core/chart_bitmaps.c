@@ -61,7 +61,7 @@ static void mark_triangle(
 }
 
 /* Mark each cell within `margin` of a face, in the bitmap of its chart and pose. */
-void mark_faces(
+EXPORT void mark_faces(
     int64_t n_faces, int64_t n_charts, int64_t n_poses, int64_t n_cells,
     const double corners[n_faces][3][n_poses][2], const int32_t face_charts[n_faces],
     double scale, const double shifts[n_charts][n_poses][2], double margin,
@@ -142,7 +142,7 @@ int64_t write_spans(struct mask mask, struct mask across, int64_t turn, struct s
 
 /* Write the runs of all charts, poses and quarter turns, and where those of each begin and end;
    return how many. */
-int64_t list_spans(
+EXPORT int64_t list_spans(
     int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t most,
     const uint8_t masks[n_cells], const int64_t mask_starts[n_charts][n_poses],
     const int64_t mask_boxes[n_charts][n_poses][2], int64_t turns, int32_t spans[most][3],
@@ -170,7 +170,7 @@ int64_t list_spans(
 }
 
 /* Write the runs of cells that other charts may not touch; return how many. */
-int64_t list_reach(
+EXPORT int64_t list_reach(
     int64_t n_spans, int64_t n_charts, int64_t n_orientations, int64_t n_widths, int64_t most,
     const int32_t spans[n_spans][3], const int64_t starts[n_charts][n_orientations][2],
     const int32_t boxes[n_charts][n_orientations][2], const int32_t half_widths[n_widths],
@@ -214,7 +214,7 @@ int64_t list_reach(
 }
 
 /* Write the index of the angle at which each chart has the smallest bounding box. */
-void find_least_boxes(
+EXPORT void find_least_boxes(
     int64_t n_points, int64_t n_charts, int64_t n_angles, const double uvs[n_points][2],
     const int64_t starts[n_charts + 1], const double cosines[n_angles],
     const double sines[n_angles], int64_t best[n_charts])

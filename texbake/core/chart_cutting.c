@@ -213,7 +213,7 @@ static void filter_normals(struct cutting *cutting, double similar)
    are divided. `labels` gets the chart of each face, -1
    without one: `faces` and `uvs` are its layout; `n_vertices` the number of coordinates. `lengths`
    come from `find_step_lengths`; overlaps up to `depth` do not count. */
-int64_t cut_charts(
+EXPORT int64_t cut_charts(
     int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
     const int32_t corners[n_faces][3], const int32_t opposite[3 * n_faces],
     const double lengths[n_faces][3], double most_l2, double most_length, double most_area,

@@ -42,7 +42,7 @@ static inline void to_grid(const double *clip, int64_t width, int64_t height, in
     point[1] = (int64_t)floor(row * SUBPIXELS + 0.5);
 }
 
-void project_vertices(
+EXPORT void project_vertices(
     int64_t n, const double positions[n][3], const double matrix[4][4], int64_t width,
     int64_t height, int32_t grid[n][2], float depths[n], int64_t start, int64_t stop)
 {

@@ -8,7 +8,7 @@
 #include "numbers.h"
 #include "texture_lookup.h"
 
-void sample_ramp(
+EXPORT void sample_ramp(
     int64_t n_stops, int64_t n_channels, int64_t n,
     const float stops[n_stops][n_channels], const float values[n], int64_t wrap,
     const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop)

@@ -18,6 +18,7 @@ import argparse
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -44,6 +45,9 @@ SANITIZER_FLAGS = (
 # zig links these sanitizers into the library, where libFuzzer has its own; so by zig, none.
 FUZZER_FLAGS = (*SANITIZER_FLAGS, "-fsanitize=fuzzer-no-link,float-cast-overflow")
 FUZZER_FLAGS_OF_ZIG = (*FLAGS, "-fno-sanitize=undefined", "-fsanitize=fuzzer-no-link")
+
+
+_DECLARATION = re.compile(r"^EXPORT (\w+ \w+\([^(){};]*\))", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,13 @@ def zig_compiler() -> list[str]:
     if importlib.util.find_spec("ziglang") is None:
         raise SystemExit("texbake: there is no C compiler, and the package ziglang is missing")
     return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def declarations() -> str:
+    """Return the declarations of all functions that are marked EXPORT, one per line."""
+    sources = (path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.c")))
+    found = (" ".join(text.split()) for each in sources for text in _DECLARATION.findall(each))
+    return "".join(f"{each};\n" for each in found)
 
 
 def build_for_fuzzer(folder: Path) -> Path:
@@ -182,10 +193,13 @@ def _build_library(
     link_sanitizers: bool = True,
 ) -> Path:
     with tempfile.TemporaryDirectory() as scratch:
-        sources = sorted(FOLDER.glob("*.c"))
+        table = Path(scratch) / "declarations.c"
+        lines = "\n".join(f'"{line}\\n"' for line in declarations().splitlines())
+        table.write_text(f'#include "core.h"\nEXPORT const char declarations[] =\n{lines};\n')
+        sources = [*sorted(FOLDER.glob("*.c")), table]
         objects = [Path(scratch) / f"{source.stem}.o" for source in sources]
         commands = [
-            [*compiler, *flags, "-c", str(source), "-o", str(made)]
+            [*compiler, *flags, f"-I{FOLDER}", "-c", str(source), "-o", str(made)]
             for source, made in zip(sources, objects, strict=True)
         ]
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:

@@ -12,7 +12,7 @@
 #include "objects.h"
 
 /* Mark the objects that are visible in some sample. */
-void mark_seen_objects(
+EXPORT void mark_seen_objects(
     int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
     const int64_t starts[n_objects + 1], bool seen[n_objects], int64_t start, int64_t stop)
 {
@@ -30,7 +30,7 @@ void mark_seen_objects(
 
 /* Bound light in place by `brightest`; NaN becomes 0. Products of large numbers can overflow
    float32, and so can the light of extremely bright lamps. */
-void keep_finite(int64_t n, float light[n][3], double brightest)
+EXPORT void keep_finite(int64_t n, float light[n][3], double brightest)
 {
     float *values = light[0];
     for (int64_t i = 0; i < 3 * n; i++)
@@ -38,7 +38,7 @@ void keep_finite(int64_t n, float light[n][3], double brightest)
 }
 
 /* Composite a layer behind the layers in front of it; `directions` and `normals` go together. */
-void put_layer_behind(
+EXPORT void put_layer_behind(
     int64_t height, int64_t width, int64_t n, const int32_t of_samples[height][width],
     const float colors[n][3], const float opacity[n], OPTIONAL const float directions[n][3],
     float light[height][width][3], float passed[height][width],
@@ -63,7 +63,7 @@ void put_layer_behind(
 }
 
 /* Add the samples of some rows to their pixels; `normals` and `normal_sums` go together. */
-void sum_samples(
+EXPORT void sum_samples(
     int64_t sample_rows, int64_t sample_columns, int64_t height, int64_t width,
     const float light[sample_rows][sample_columns][3],
     const float passed[sample_rows][sample_columns],
@@ -89,7 +89,7 @@ void sum_samples(
 }
 
 /* Write the nearest triangle in each pixel and its distance. */
-void find_nearest(
+EXPORT void find_nearest(
     int64_t sample_rows, int64_t sample_columns, int64_t height, int64_t width,
     const int32_t face_ids[sample_rows][sample_columns],
     const float depths[sample_rows][sample_columns], int64_t side, double near,
@@ -113,7 +113,7 @@ void find_nearest(
 }
 
 /* Add opaque fragments to their pixels; `normals` and `normal_sums` go together. */
-void add_fragments(
+EXPORT void add_fragments(
     int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
     const float light[n][3], OPTIONAL const float normals[n][3], float color[n_pixels][4],
     float coverage[n_pixels], OPTIONAL float normal_sums[n_pixels][3])
@@ -132,7 +132,7 @@ void add_fragments(
 
 /* Divide sums by the samples, and composite over the background, which has a single value or one
    per pixel. */
-void finish_pixels(
+EXPORT void finish_pixels(
     int64_t height, int64_t width, int64_t rows_behind, int64_t columns_behind,
     float color[height][width][4], float coverage[height][width],
     OPTIONAL float normals[height][width][3], double n_samples,

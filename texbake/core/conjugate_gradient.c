@@ -269,7 +269,7 @@ int64_t solve_block_system(
     return n_iterations;
 }
 
-int64_t solve_blocks(
+EXPORT int64_t solve_blocks(
     int64_t n, int64_t n_entries,
     const int64_t row_starts[n + 1], const int32_t columns[n_entries],
     const double blocks[n_entries][4], const double target[n][2], const double uvs[n][2],

@@ -108,7 +108,7 @@ static double farthest_outside(const struct cage *cage)
 
 /* Fit the distances of all vertices; return how far the farthest point lies outside. `order` lists
    the corners, 3 * face + corner, around each vertex from `first_corners` on. */
-double fit_cage(
+EXPORT double fit_cage(
     int64_t n_vertices, int64_t n_faces, int64_t n_points, int64_t n_corners,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const double normals[n_vertices][3], const double points[n_points][3],

@@ -11,7 +11,7 @@
 
 /* Rows `start` to `stop` of the smaller faces, counted over all six. `weights` are the solid angles of
    the texels of a larger face. */
-int64_t shrink_cube_rows(
+EXPORT int64_t shrink_cube_rows(
     int64_t size, int64_t small, int64_t n_channels,
     const float faces[6][size][size][n_channels], const double weights[size][size],
     float out[6][small][small][n_channels], int64_t start, int64_t stop)

@@ -13,7 +13,7 @@
 
 /* Mean radiance over the hemisphere about each normal, weighted by cosine. `angles` are the solid
    angles of the directions. */
-int64_t average_hemispheres(
+EXPORT int64_t average_hemispheres(
     int64_t n_directions, int64_t n_channels, int64_t n,
     const float directions[n_directions][3], const double angles[n_directions],
     const float radiance[n_directions][n_channels], const float normals[n][3],
@@ -59,7 +59,7 @@ static inline struct cube_place find_in_lobe(const double direction[3], const fl
 
 /* Mean over the lobe about each normal. A row of `lobe` is a direction, the level to read, and the
    weight. */
-int64_t average_lobes(
+EXPORT int64_t average_lobes(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n_samples, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels], const double lobe[n_samples][5], const float normals[n][3],

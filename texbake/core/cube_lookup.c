@@ -26,7 +26,7 @@ static inline void copy_nearest(
 }
 
 /* Values at levels, or at the finest; 0 in directions that belong to no face. */
-void sample_cube(
+EXPORT void sample_cube(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels], const float directions[n][3], OPTIONAL const float levels[n],

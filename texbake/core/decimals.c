@@ -150,7 +150,7 @@ double read_decimal(const uint8_t *text, int64_t stop, const uint64_t (*fives)[2
    values, where each line begins in them, and the value and place of each word that is not settled
    here, as many as there is room for. `tally` counts all of these. A line whose first word does not
    begin with the letter `lead` is skipped, and so is that word; 0 for lines without a keyword. */
-void read_numbers(
+EXPORT void read_numbers(
     int64_t n, int64_t n_values, int64_t n_lines, int64_t n_hard,
     const uint8_t text[n], int64_t start, int64_t stop, int64_t lead, bool fill,
     const uint64_t fives[256][2], double values[n_values], int64_t lines[n_lines],

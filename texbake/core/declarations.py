@@ -1,4 +1,4 @@
-"""The prototypes of `core.h`, read into what `binding` needs to check the arguments of a call."""
+"""Declarations of the core's functions, read into what `binding` needs to check a call."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 
-# Types of C in `core.h`, and the dtypes of numpy that they are. An address is a plain number here.
+# Types of C in declarations, and the dtypes of numpy that they are. An address is a plain number.
 DTYPES = {
     "bool": "bool",
     "uint8_t": "uint8",
@@ -22,7 +22,6 @@ DTYPES = {
     "double": "float64",
 }
 
-_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _PROTOTYPE = re.compile(r"^(void|\w+) (\w+)\(([^;{}]*)\);", re.MULTILINE)
 _PARAMETER = re.compile(
     r"(?P<optional>OPTIONAL )?(?P<const>const )?(?P<type>\w+) "
@@ -83,8 +82,7 @@ class Declaration:
 
 def split_prototypes(header: str) -> dict[str, re.Match[str]]:
     """Return the prototype of each function by its name, unread."""
-    text = _COMMENT.sub("", header)
-    return {match.group(2): match for match in _PROTOTYPE.finditer(text)}
+    return {match.group(2): match for match in _PROTOTYPE.finditer(header)}
 
 
 def read_prototype(match: re.Match[str]) -> Declaration:
@@ -98,7 +96,7 @@ def read_prototype(match: re.Match[str]) -> Declaration:
 def _read_parameter(function: str, text: str) -> Parameter:
     match = _PARAMETER.fullmatch(text)
     if match is None or match["type"] not in DTYPES:
-        raise ValueError(f"core.h: {function}: cannot read the parameter '{text}'")
+        raise ValueError(f"{function}: cannot read the parameter '{text}'")
     dimensions = tuple(re.findall(r"\[(?:restrict )?([^\]]*)\]", match["dimensions"]))
     return Parameter(
         name=match["name"],

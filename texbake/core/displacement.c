@@ -11,7 +11,7 @@
 #include "numbers.h"
 
 /* Write the mean of the values at both ends of each edge. */
-void take_middles(
+EXPORT void take_middles(
     int64_t n_values, int64_t n, const double values[n_values][3], const int32_t ends[n][2],
     double out[restrict n][3])
 {
@@ -24,7 +24,7 @@ void take_middles(
 
 /* Write points displaced by the mean of their values: by vectors where there are three channels,
    else along the normal. */
-int64_t move_vertices(
+EXPORT int64_t move_vertices(
     int64_t n_places, int64_t n_channels, int64_t n, const int32_t vertices[n_places],
     const double values[n_places][n_channels], const double points[n][3],
     const double normals[n][3], const double linear[3][3], double out[n][3])
@@ -59,7 +59,7 @@ int64_t move_vertices(
 
 /* Raise the length of each edge, in texels, to the maximum over triangles not outside. Without
    `corners`, the base triangles on the map, there is no limit to the detail. */
-void measure_texel_lengths(
+EXPORT void measure_texel_lengths(
     int64_t n, int64_t n_base, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
     const int32_t face_edges[n][3], const int32_t base_faces[n], const float weights[n][3][2],
     OPTIONAL const double corners[n_base][3][2], const uint8_t outside[n_points],
@@ -102,7 +102,7 @@ static uint8_t sides_passed(const double point[3], const double sides[5][4], con
 
 /* Write on which sides each vertex is outside the picture, its least depth, and its slant: the
    first on the surface only, the others also after displacement. */
-void view_vertices(
+EXPORT void view_vertices(
     int64_t n, const double points[n][3], const double positions[n][3], const double eye[3],
     const double back[3], double near, double steepest, const double sides[5][4],
     const double margins[5], uint8_t outside[n], double nearest[n], double slants[n],
@@ -132,7 +132,7 @@ void view_vertices(
 }
 
 /* Write the ratio of each edge's length to the allowed length; 0 for one within a texel. */
-void measure_excess(
+EXPORT void measure_excess(
     int64_t n, int64_t n_points, const int32_t ends[n][2], const double points[n_points][3],
     const double positions[n_points][3], const double nearest[n_points],
     const double slants[n_points], const double texels[n], double scale, double out[n],

@@ -107,7 +107,7 @@ static void merge_below(
 
 /* Vertical offsets, down, to the nearest owner and to the nearest of another chart, in columns `start`
    to `stop`; NO_OWNER where there is none within `reach`. `owners` gets the chart of the nearest. */
-int64_t search_columns(
+EXPORT int64_t search_columns(
     int64_t height, int64_t width, const int32_t charts[height][width], int64_t reach,
     int16_t nearest[height][width], int16_t other[height][width], int32_t owners[height][width],
     int64_t start, int64_t stop)
@@ -250,7 +250,7 @@ static int64_t count_meeting(
 
 /* Nearest owners in rows `start` to `stop`, and how many texels of each lie near two charts. At first
    `indices` holds the charts of the columns' nearest owners. */
-int64_t search_rows(
+EXPORT int64_t search_rows(
     int64_t height, int64_t width, const int32_t charts[height][width], int64_t reach,
     const int16_t nearest[height][width], const int16_t other[height][width],
     int32_t indices[height][width], int64_t meeting[height], int64_t start, int64_t stop)
@@ -285,7 +285,7 @@ int64_t search_rows(
 
 /* Give each texel the value of its nearest owner, or the background where it has none or where the
    owner is not finite in all channels. Owners keep their value. */
-void spread_owners(
+EXPORT void spread_owners(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const int32_t owners[n],
     const float background[n_channels], float out[n][n_channels], int64_t start, int64_t stop)
 {
@@ -303,7 +303,7 @@ void spread_owners(
 
 /* Copy texels to others, in place: item `i` of `sources` to that of `targets`. A texel that is not
    finite in all channels is replaced by `neutral`. */
-void copy_texels(
+EXPORT void copy_texels(
     int64_t n_texels, int64_t n_channels, int64_t n, float values[n_texels][n_channels],
     const int64_t targets[n], const int32_t sources[n], const float neutral[n_channels],
     int64_t start, int64_t stop)

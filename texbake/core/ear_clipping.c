@@ -482,7 +482,7 @@ static void begin_at_first_corner(int64_t n, int64_t triangles[n][3])
 
 /* Triangles of polygons `first` to `stop`, as numbers of corners from 0: those of polygon p are
    written from first_triangles[p] on. The first begins at the polygon's first corner. */
-int64_t triangulate_polygons(
+EXPORT int64_t triangulate_polygons(
     int64_t n_vertices, int64_t n_corners, int64_t n_polygons, int64_t n_triangles,
     const double positions[n_vertices][3], const int32_t vertices[n_corners],
     const int64_t first_corners[n_polygons], const int64_t sizes[n_polygons],

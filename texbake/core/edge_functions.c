@@ -36,7 +36,7 @@ static bool is_beyond(int64_t px, int64_t py, int64_t qx, int64_t qy, int64_t x,
 }
 
 /* Count the faces of each bin in `firsts`, or list them in `faces` from these places on. */
-void bin_faces(
+EXPORT void bin_faces(
     int64_t n_faces, int64_t n_listed, const int64_t corners[n_faces][3][2], int64_t n_rows,
     int64_t n_columns, int64_t firsts[n_rows * n_columns + 1], OPTIONAL int32_t faces[n_listed])
 {
@@ -93,7 +93,7 @@ static uint64_t covered_mask(const int64_t corners[3][2], int64_t left, int64_t 
 
 /* Write which sub-squares of some texels are covered, and how many. The texels and their owners,
    counts and masks begin at the row `first_row` of the map. */
-void write_masks(
+EXPORT void write_masks(
     int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n, int64_t n_texels,
     const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
     const int32_t faces[n_listed], int64_t n_columns, int64_t first_row, int64_t width,
@@ -116,7 +116,7 @@ void write_masks(
 }
 
 /* Mark the texels that lines pass through. */
-void mark_lines(
+EXPORT void mark_lines(
     int64_t n, int64_t height, int64_t width, const int64_t edges[n][2][2],
     bool marked[height][width])
 {
@@ -147,7 +147,7 @@ void mark_lines(
 }
 
 /* Write the face that owns each point of the map, in units, and where on it the point lies. */
-void find_owners(
+EXPORT void find_owners(
     int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n,
     const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
     const int32_t faces[n_listed], int64_t n_columns, const int64_t points[n][2],

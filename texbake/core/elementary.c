@@ -6,34 +6,46 @@
 
 #include "core.h"
 
-#define OVER_ARRAY(name, function)                                                                \
-    void name(int64_t n, const double x[n], double out[n])                                        \
+/* Bodies of the functions below. */
+#define OVER_ARRAY(function)                                                                      \
     {                                                                                             \
         for (int64_t i = 0; i < n; i++)                                                           \
             out[i] = function(x[i]);                                                              \
     }
-#define OVER_PAIRS(name, function)                                                                \
-    void name(int64_t n, const double x[n], const double y[n], double out[n])                     \
+#define OVER_PAIRS(function)                                                                      \
     {                                                                                             \
         for (int64_t i = 0; i < n; i++)                                                           \
             out[i] = function(x[i], y[i]);                                                        \
     }
 
-OVER_ARRAY(array_sin, portable_sin)
-OVER_ARRAY(array_cos, portable_cos)
-OVER_ARRAY(array_tan, portable_tan)
-OVER_ARRAY(array_asin, portable_asin)
-OVER_ARRAY(array_acos, portable_acos)
-OVER_ARRAY(array_atan, portable_atan)
-OVER_ARRAY(array_exp, portable_exp)
-OVER_ARRAY(array_log, portable_log)
-OVER_ARRAY(array_log2, portable_log2)
-OVER_ARRAY(array_log10, portable_log10)
-OVER_PAIRS(array_atan2, portable_atan2)
-OVER_PAIRS(array_hypot, portable_hypot)
-OVER_PAIRS(array_power, portable_power)
+EXPORT void array_sin(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_sin)
+EXPORT void array_cos(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_cos)
+EXPORT void array_tan(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_tan)
+EXPORT void array_asin(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_asin)
+EXPORT void array_acos(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_acos)
+EXPORT void array_atan(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_atan)
+EXPORT void array_exp(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_exp)
+EXPORT void array_log(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_log)
+EXPORT void array_log2(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_log2)
+EXPORT void array_log10(int64_t n, const double x[n], double out[n])
+OVER_ARRAY(portable_log10)
+EXPORT void array_atan2(int64_t n, const double x[n], const double y[n], double out[n])
+OVER_PAIRS(portable_atan2)
+EXPORT void array_hypot(int64_t n, const double x[n], const double y[n], double out[n])
+OVER_PAIRS(portable_hypot)
+EXPORT void array_power(int64_t n, const double x[n], const double y[n], double out[n])
+OVER_PAIRS(portable_power)
 
-void array_float_power(int64_t n, const float x[n], const float y[n], float out[n])
+EXPORT void array_float_power(int64_t n, const float x[n], const float y[n], float out[n])
 {
     for (int64_t i = 0; i < n; i++)
         out[i] = (float)short_power(x[i], y[i]);

@@ -185,7 +185,7 @@ static void interpolate_pixel(
 
 /* Fill rows `start` to `stop` of `out`. `pixel_radius_squared` is the squared radius of the ellipse
    in steps of a pixel. */
-int64_t sample_ellipses(
+EXPORT int64_t sample_ellipses(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_weights,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2], const float derivatives[n][4],

@@ -14,7 +14,7 @@
 #define DESATURATION 0.15
 
 /* Count covered pixels of rows [start, stop), and covered pixels with a channel above 1. */
-void count_bright(
+EXPORT void count_bright(
     int64_t height, int64_t width, const float color[height][width][4],
     const float coverage[height][width], int64_t counts[height][2], int64_t start, int64_t stop)
 {
@@ -55,7 +55,7 @@ static bool expose(double light[3], double exposure)
 /* Expose the surfaces in the pixels of rows [start, stop). `behind` is the background color that
    opaque pixels show where surfaces do not cover them, and is not exposed; if it is NULL, the light
    is not premultiplied. */
-void expose_pixels(
+EXPORT void expose_pixels(
     int64_t height, int64_t width, float color[height][width][4],
     const float coverage[height][width], OPTIONAL const float behind[3], double exposure,
     int64_t start, int64_t stop)

@@ -9,7 +9,7 @@
 #include "union_find.h"
 
 /* Number the components in the order of their first faces; return how many. */
-int64_t number_components(
+EXPORT int64_t number_components(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
     int32_t components[n_faces])
 {

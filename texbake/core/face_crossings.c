@@ -133,7 +133,7 @@ static int32_t find_crossing(
 
 /* For the faces at places start to stop - 1 in the order of the tree, one that crosses each. Those
    with a normal of zero take no part. */
-void find_crossings(
+EXPORT void find_crossings(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t order[n_kept], const float boxes[n_nodes][6],

@@ -262,7 +262,7 @@ int32_t divide_faces(
 }
 
 /* Divide faces as `divide_faces` does; `within` comes with the connected piece of each face. */
-int64_t divide_into_parts(
+EXPORT int64_t divide_into_parts(
     int64_t n_faces, const int32_t neighbors[n_faces][3], const double lengths[n_faces][3],
     const int32_t within[n_faces], int64_t part_faces, int32_t labels[n_faces])
 {
@@ -304,7 +304,7 @@ static double (*smooth_normals(
 
 /* Write how far each neighbor of a face is: from center to center, and more across a crease. Normals
    are averaged over neighbors in some rounds beforehand, so that noise makes no creases. */
-int64_t find_step_lengths(
+EXPORT int64_t find_step_lengths(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
     const int32_t neighbors[n_faces][3], int64_t n_rounds, double lengths[n_faces][3])
 {

@@ -149,7 +149,7 @@ static void write_figures(const struct flat *flat, double figures[3])
 
 /* Flatten a patch, from the layout in `uvs` if `has_start`; `figures` gets its stretch, its energy,
    and 1 if it is injective. Returns whether there is a layout. */
-int64_t flatten_patch(
+EXPORT int64_t flatten_patch(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
     bool has_start, int64_t n_iterations, double accuracy, bool keep_apart, double uvs[n][2],
     double figures[3])
@@ -168,7 +168,7 @@ int64_t flatten_patch(
 
 /* Move a layout to the origin, give it its area in space, and measure it as `flatten_patch` does.
    Returns false if the triangles form no oriented surface, or one is flipped or has no area. */
-int64_t measure_layout(
+EXPORT int64_t measure_layout(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
     double uvs[n][2], double figures[3])
 {

@@ -30,7 +30,7 @@ static bool folds(
 }
 
 /* Tell which of the faces start to stop - 1 fold when vertices move from `before` to `after`. */
-void find_folded(
+EXPORT void find_folded(
     int64_t n_vertices, int64_t n_faces, const double before[n_vertices][3],
     const double after[n_vertices][3], const int32_t faces[n_faces][3], bool folded[n_faces],
     int64_t start, int64_t stop)
@@ -65,7 +65,7 @@ static void divide_evenly(const double (*positions)[3], const int32_t quad[4], i
 }
 
 /* Divide quads start to stop - 1 evenly after a move; where a face would fold, as before it. */
-void split_quads(
+EXPORT void split_quads(
     int64_t n_vertices, int64_t n_quads, const double before[n_vertices][3],
     const double after[n_vertices][3], const int32_t quads[n_quads][4],
     int32_t faces[n_quads][2][3], int64_t start, int64_t stop)

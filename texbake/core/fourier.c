@@ -95,7 +95,7 @@ static void transform_by_chirps(
 
 /* Transform rows in place. The inverse swaps the real and imaginary parts, and is not divided by
    the length. */
-int64_t fourier_transform_rows(
+EXPORT int64_t fourier_transform_rows(
     int64_t n, int64_t length, double real[n][length], double imaginary[n][length], bool inverse,
     int64_t start, int64_t stop)
 {

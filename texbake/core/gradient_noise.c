@@ -86,7 +86,7 @@ double sum_octaves(
 }
 
 /* Noise, scaled to [0, 1]; `bound` is the upper bound on its size. */
-void fill_noise(
+EXPORT void fill_noise(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
     const double gradients[256][3], float out[n][1], bool quintic, double bound, int64_t start,
@@ -104,7 +104,7 @@ void fill_noise(
 }
 
 /* Sums of octaves. */
-void fill_octave_sums(
+EXPORT void fill_octave_sums(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
     const double gradients[256][3], double sums[n], bool quintic, int64_t n_octaves,
@@ -122,7 +122,7 @@ void fill_octave_sums(
 }
 
 /* Sums of octaves, scaled and clamped to [0, 1]. */
-void fill_octave_values(
+EXPORT void fill_octave_values(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
     const double gradients[256][3], float out[n][1], bool quintic, int64_t n_octaves,

@@ -36,7 +36,7 @@ static bool measure_row(int64_t n, const uint8_t *labels, uint8_t label, uint8_t
 
 /* Squared distances within planes start to stop - 1 to the nearest point with a label; where it is
    farther than the radius, a square beyond the radius's. */
-int64_t measure_planes(
+EXPORT int64_t measure_planes(
     int64_t nx, int64_t ny, int64_t nz, const uint8_t labels[nx][ny][nz],
     uint16_t squares[nx][ny][nz], int64_t label, int64_t radius, int64_t start, int64_t stop)
 {
@@ -70,7 +70,7 @@ int64_t measure_planes(
 }
 
 /* Whether points of planes start to stop - 1 lie within the radius, whose square is given. */
-void reach_planes(
+EXPORT void reach_planes(
     int64_t nx, int64_t ny, int64_t nz, const uint16_t squares[nx][ny][nz],
     bool reached[nx][ny][nz], int64_t radius, int64_t radius_squared, int64_t start, int64_t stop)
 {

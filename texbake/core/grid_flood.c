@@ -44,7 +44,7 @@ static void add_runs(
 
 /* Give a label to what is reached from a point, none of which has the label yet; return how many
    points that is. */
-int64_t flood_room(
+EXPORT int64_t flood_room(
     int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz], uint8_t labels[nx][ny][nz],
     int64_t start, int64_t label)
 {
@@ -81,7 +81,7 @@ int64_t flood_room(
 }
 
 /* The first free point from a place on that no flood has reached; the number of points if none. */
-int64_t next_room(
+EXPORT int64_t next_room(
     int64_t nx, int64_t ny, int64_t nz, const bool blocked[nx][ny][nz],
     const uint8_t labels[nx][ny][nz], int64_t start)
 {

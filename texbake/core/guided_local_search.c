@@ -404,7 +404,7 @@ static int64_t move_all(
 
 /* Move charts until none overlap; return the least overlap. `best_places` gets the places that have
    it, `work` the steps of the search. `places` and `weights` change. */
-int64_t separate_charts(
+EXPORT int64_t separate_charts(
     int64_t n_charts, int64_t n_orientations, int64_t n_spans, int64_t n_reach,
     const int32_t boxes[n_charts][n_orientations][2], const int32_t spans[n_spans][3],
     const int64_t starts[n_charts][n_orientations][2], const int32_t reach[n_reach][3],

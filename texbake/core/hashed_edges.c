@@ -27,7 +27,7 @@ static inline uint64_t hash_of(int32_t id)
 }
 
 /* Count vertices at which the surface is open or not consistently oriented; faces are rows of wedges. */
-int64_t count_open_vertices(
+EXPORT int64_t count_open_vertices(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const int32_t faces[n_faces][3])
 {
@@ -51,7 +51,7 @@ int64_t count_open_vertices(
 
 /* A key for the position of each vertex, so that vertices split at a seam count as one; 0.0 and
    -0.0 are equal. */
-void hash_positions(
+EXPORT void hash_positions(
     int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
     int64_t start, int64_t stop)
 {
@@ -74,7 +74,7 @@ static inline uint64_t edge(uint64_t from, uint64_t to)
 
 /* Sum a hash of all edges of faces [start, stop), which is 0 for a closed surface, and six times
    the volume between the faces and `origin`. */
-void sum_sides(
+EXPORT void sum_sides(
     int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
     const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],
     int64_t band, uint64_t edges[n_bands], double volumes[n_bands], int64_t start, int64_t stop)

@@ -59,7 +59,7 @@ static struct single_ray ray_from(
 
 /* Cast hemispheres, and write what their rays meet; `sets` are sets of n_rays directions. Rays of
    length 0 are not cast. */
-void cast_hemispheres(
+EXPORT void cast_hemispheres(
     int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double points[n][3], const float axes[n][3], const float planes[n][3],
     const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
@@ -120,7 +120,7 @@ static double inverse_length(const double vector[3])
 }
 
 /* Write the point, the shading normal and the face normal of each hit, in the local frame. */
-void place_hemispheres(
+EXPORT void place_hemispheres(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const double positions[n_vertices][3],
     const int32_t corners[n_faces][3], const double center[3], double scale,

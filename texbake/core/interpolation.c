@@ -14,7 +14,7 @@
 
 /* Convert weights on pieces, and their changes if there are any, to weights on the base triangles;
    `corners` has those of each piece. */
-void move_to_base(
+EXPORT void move_to_base(
     int64_t n, int64_t n_changes, int64_t n_pieces, const int32_t faces[n],
     const double weights[n][2], const float changes[n_changes][4],
     const float corners[n_pieces][3][2], double weights_out[n][2], float changes_out[n_changes][4])
@@ -34,7 +34,7 @@ void move_to_base(
 }
 
 /* Write the position of each fragment in world space. */
-void interpolate_positions(
+EXPORT void interpolate_positions(
     int64_t n_points, int64_t n_faces, int64_t n, const double points[n_points][3],
     const int32_t corners[n_faces][3], const int32_t faces[n], const double weights[n][2],
     double out[restrict n][3])
@@ -49,7 +49,7 @@ void interpolate_positions(
 }
 
 /* Write the unit vector from each fragment to the camera. */
-void find_view_directions(
+EXPORT void find_view_directions(
     int64_t n, const float places[n][2], const double rays[3][3], float out[restrict n][3])
 {
     for (int64_t i = 0; i < n; i++) {
@@ -66,7 +66,7 @@ void find_view_directions(
 }
 
 /* Write texture coordinates and, unless `changes_out` is empty, their changes per pixel. */
-void interpolate_uvs(
+EXPORT void interpolate_uvs(
     int64_t n_uvs, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_out,
     const double uvs[n_uvs][2], const int32_t corners[n_faces][3], const int32_t faces[n],
     const double weights[n][2], const float changes[n_changes][4], double out[n][2],
@@ -88,7 +88,7 @@ void interpolate_uvs(
 }
 
 /* Write points times a matrix and, unless `widths` is empty, the width of a pixel there. */
-void find_scaled_points(
+EXPORT void find_scaled_points(
     int64_t n_positions, int64_t n_faces, int64_t n, int64_t n_changes, int64_t n_widths,
     const double positions[n_positions][3], const int32_t corners[n_faces][3],
     const double matrix[3][4], const int32_t faces[n], const double weights[n][2],

@@ -20,7 +20,7 @@ static const double NEAREST = 1e-3;
 
 /* Write the direction and the strength of a lamp's light at points; `inner` and `outer` are the
    cosines of a spot's cones, or -1. */
-void find_arriving_light(
+EXPORT void find_arriving_light(
     int64_t n, const double points[n][3], const float normals[n][3], const double position[3],
     const double axis[3], double inner, double outer, double decay, const float color[1][3],
     float directions[n][3], float radiance[n][3])
@@ -57,7 +57,7 @@ void find_arriving_light(
 }
 
 /* Add a lamp's light, reflected by Lambert's law. */
-void reflect_lambert(
+EXPORT void reflect_lambert(
     int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, const float normals[n][3],
     const float directions[n_directions][3], const float radiance[n_radiance][3],
     const float base[n_base][3], float out[n][3])
@@ -92,7 +92,7 @@ static inline struct angles angles_between(
 }
 
 /* Add a lamp's light, reflected by the model of Blinn and Phong. */
-void reflect_blinn_phong(
+EXPORT void reflect_blinn_phong(
     int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_specular,
     int64_t n_exponent, int64_t n_gloss, const float normals[n][3],
     const float directions[n_directions][3], const float radiance[n_radiance][3],
@@ -131,7 +131,7 @@ static inline double microfacets(double halfway, double facing, double toward_ey
 
 /* Add a lamp's light, reflected by the metallic-roughness model of glTF 2.0. `dielectric` is the
    reflectance at normal incidence of what is not metal; alpha is at least `least_alpha`. */
-void reflect_metallic(
+EXPORT void reflect_metallic(
     int64_t n, int64_t n_directions, int64_t n_radiance, int64_t n_base, int64_t n_roughness,
     int64_t n_metalness, const float normals[n][3], const float directions[n_directions][3],
     const float radiance[n_radiance][3], const float to_eye[n][3], const float base[n_base][3],

@@ -60,7 +60,7 @@ static void add_from_image(
 }
 
 /* Rows of faces, counted over all six, from a latitude-longitude image. */
-int64_t convert_to_cube(
+EXPORT int64_t convert_to_cube(
     int64_t height, int64_t width, int64_t n_channels, int64_t size,
     const float image[height][width][n_channels], int64_t n_lookups,
     float out[6][size][size][n_channels], int64_t start, int64_t stop)
@@ -100,7 +100,7 @@ int64_t convert_to_cube(
 }
 
 /* Rows of a latitude-longitude image from the bordered faces of a cube map. */
-int64_t convert_from_cube(
+EXPORT int64_t convert_from_cube(
     int64_t n_texels, int64_t n_channels, int64_t height, int64_t width,
     const float texels[n_texels][n_channels], int64_t size, int64_t n_lookups,
     float out[height][width][n_channels], int64_t start, int64_t stop)

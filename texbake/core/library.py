@@ -21,15 +21,15 @@ from texbake.errors import DependencyError
 
 
 class Core:
-    """The functions of `core.h` as methods.
+    """The functions of the library as methods.
 
-    Each is bound when it is first asked for, and its prototype is read.
+    Each is bound when it is first asked for, and its declaration is read.
     """
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         match = self._prototypes.get(name)
         if match is None:
-            raise AttributeError(f"core.h declares no function '{name}'")
+            raise AttributeError(f"the core has no function '{name}'")
         bound = bind(read_prototype(match), getattr(self.library, name))
         setattr(self, name, bound)
         return bound
@@ -41,7 +41,8 @@ class Core:
 
     @cached_property
     def _prototypes(self) -> dict[str, Any]:
-        return split_prototypes((FOLDER / "core.h").read_text(encoding="utf-8"))
+        text = ctypes.c_char.in_dll(self.library, "declarations")
+        return split_prototypes(ctypes.string_at(ctypes.addressof(text)).decode())
 
 
 def load_library() -> ctypes.CDLL:

@@ -10,7 +10,7 @@
    of a slot, which may have another slot for its way back, and `leads_to` the place at its end. All
    of `used` are false, and `nexts` advances. `walks` gets the places of one walk after another, and
    `ends` where each of them stops. Returns the number of walks. */
-int64_t find_walks(
+EXPORT int64_t find_walks(
     int64_t n_places, int64_t n_slots, int64_t n_lines, int64_t n_walked,
     const int64_t starts[n_places], int64_t nexts[n_places], const int64_t stops[n_places],
     const int64_t leads_to[n_slots], const int64_t line_of[n_slots], bool used[n_lines],
@@ -74,7 +74,7 @@ static void put_number(struct output *out, int64_t number, bool separated)
 
    `closed` walks end where they began; "z" draws their last step. Returns the length of the text;
    `text_ends` is where that of each walk ends. */
-int64_t write_walks(
+EXPORT int64_t write_walks(
     int64_t n_points, int64_t n_walks, int64_t n_bytes, const int64_t points[n_points][2],
     const int64_t ends[n_walks], bool closed, OPTIONAL uint8_t text[n_bytes],
     int64_t text_ends[n_walks])

@@ -18,7 +18,7 @@ static inline double crossed_dot(struct vector n, struct vector edge, const doub
 
 /* Add the mean curvature of each face times its area, and its area, to its vertices, each to the
    vertex in `firsts`. */
-void add_curvatures(
+EXPORT void add_curvatures(
     int64_t n_vertices, int64_t n_faces, const double points[n_vertices][3],
     const int32_t faces[n_faces][3], const int32_t firsts[n_vertices],
     const double normals[n_vertices][3], double turns[n_vertices], double areas[n_vertices])

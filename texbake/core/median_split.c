@@ -91,14 +91,14 @@ static void divide_among(struct triangles some, int64_t n_children, int64_t unit
 
 /* Sort the triangles of a node among its eight children of `unit` triangles each, and then those of
    all nodes below it whose children have `least` triangles or more. */
-void sort_into_nodes(
+EXPORT void sort_into_nodes(
     int64_t n, float middles[n][3], uint64_t places[n], int64_t unit, int64_t least)
 {
     divide_among((struct triangles){n, middles, places}, WIDTH, unit, least);
 }
 
 /* Write the middles of the triangles' boxes, in local coordinates. */
-void find_middles(
+EXPORT void find_middles(
     int64_t n, int64_t n_vertices, int64_t n_faces, const uint64_t places[n],
     const double positions[n_vertices][3], const int32_t faces[n_faces][3], const double center[3],
     double scale, float middles[n][3])

@@ -9,7 +9,7 @@
 
 /* Pair edges of one key, first come, first served; `edges` lists them sorted by key. Edge 3 f + c of
    face f runs from the vertex in `starts`; its pair must run the other way. */
-void pair_edges(
+EXPORT void pair_edges(
     int64_t n, const int64_t keys[n], const int64_t edges[n], const int32_t starts[n],
     int32_t neighbors[n])
 {
@@ -63,7 +63,7 @@ static void grow_fan(
    face takes its orientation in `preserving` from the first fan that it joins. A fan is a path
    around its vertex: from the corner it starts at, first across the edge that leaves the vertex,
    then across the one that arrives. */
-int64_t number_fans(
+EXPORT int64_t number_fans(
     int64_t n_faces, int64_t n_corners, const int32_t vertices[n_faces][3],
     const int32_t neighbors[n_faces][3], const bool unmapped[n_faces], bool preserving[n_faces],
     int32_t fans[n_faces][3], bool fan_preserving[n_corners])

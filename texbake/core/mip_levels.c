@@ -38,7 +38,7 @@ static void mix_rows(
 
 /* Fill rows `start` to `stop` of the smaller level. `values` are the rows of the larger one, all
    channels of a texel together. */
-int64_t fill_mip_level(
+EXPORT int64_t fill_mip_level(
     int64_t n_rows, int64_t n_values, int64_t height, int64_t width, int64_t n_channels,
     int64_t n_row_taps, int64_t n_column_taps, const float values[n_rows][n_values],
     const int64_t rows[height][n_row_taps], const float row_weights[height][n_row_taps],

@@ -31,7 +31,7 @@ static inline float footprint_level(const float derivatives[4], float width, flo
     return squared > 0.0f ? squared : -INFINITY;
 }
 
-void find_mip_levels(
+EXPORT void find_mip_levels(
     int64_t n, const float derivatives[n][4], float width, float height, float out[n],
     int64_t start, int64_t stop)
 {
@@ -55,7 +55,7 @@ static inline void mix_colors(
 }
 
 /* Fill rows `start` to `stop` of `out`; without derivatives, from the finest level. */
-void sample_trilinear(
+EXPORT void sample_trilinear(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], const double uvs[n][2],

@@ -41,7 +41,7 @@ static uint32_t cell_of(double coordinate, double low, double cells_per_unit, do
 /* Write the place on the curve of each triangle in the upper half of a number, and which triangle
    it is, counted from `first`, in the lower half. `box` is the least corner of the triangles' box, in
    model units, and a model unit is `cells_per_unit` cells, of 1024 along the longest side. */
-void place_on_curve(
+EXPORT void place_on_curve(
     int64_t n, int64_t n_vertices, const double positions[n_vertices][3], const int32_t faces[n][3],
     int64_t first, const double box[3], double cells_per_unit, uint64_t places[n])
 {
@@ -58,7 +58,7 @@ void place_on_curve(
 }
 
 /* Count how often each digit occurs, from bit `shift` on. */
-void count_digits(int64_t n, const uint64_t places[n], int64_t shift, int64_t counts[1024])
+EXPORT void count_digits(int64_t n, const uint64_t places[n], int64_t shift, int64_t counts[1024])
 {
     for (int64_t digit = 0; digit < DIGITS; digit++)
         counts[digit] = 0;
@@ -67,7 +67,7 @@ void count_digits(int64_t n, const uint64_t places[n], int64_t shift, int64_t co
 }
 
 /* Move each number to the place that its digit has next; `next` is advanced. */
-void move_by_digits(
+EXPORT void move_by_digits(
     int64_t n, int64_t n_all, const uint64_t places[n], int64_t shift, int64_t next[1024],
     uint64_t sorted[n_all])
 {
@@ -107,7 +107,7 @@ static void bound_leaf(const leaf corners, int64_t n_lanes, node boxes, int64_t 
 
 /* Fill the leaves from the sorted triangles, in local coordinates, and the boxes of the lowest nodes.
    `leaves` begin with the first triangle of `places`. Lanes beyond the last triangle lie nowhere. */
-void fill_leaves(
+EXPORT void fill_leaves(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_leaves, int64_t n_nodes,
     const uint64_t places[n], const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], const double center[3], double scale,
@@ -134,7 +134,7 @@ void fill_leaves(
 }
 
 /* Write the boxes of nodes, each around all boxes of its child. */
-void join_boxes(
+EXPORT void join_boxes(
     int64_t n_children, int64_t n_nodes, const float children[n_children][6][8],
     float nodes[n_nodes][6][8])
 {

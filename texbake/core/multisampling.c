@@ -89,7 +89,7 @@ static inline bool is_plain(const struct samples *samples, int64_t row, int64_t 
 }
 
 /* Add the number of fragments of each object in some rows of pixels to `counts`. */
-int64_t count_fragments(
+EXPORT int64_t count_fragments(
     int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
     const int64_t starts[n_objects + 1], int64_t side, bool merges, int64_t first_row,
     int64_t stop_row, int64_t counts[n_objects])
@@ -201,7 +201,7 @@ static void list_mixed(
 /* List the fragments of some rows of pixels: those of object k go to nexts[k] and after. The pixels
    may be cells, fine x fine of each pixel of a picture, and a part of it that begins at a column and
    a row. */
-int64_t list_fragments(
+EXPORT int64_t list_fragments(
     int64_t height, int64_t width, int64_t n_objects, int64_t n, int64_t n_rows,
     const int32_t face_ids[height][width], const int64_t starts[n_objects + 1], int64_t side,
     bool merges, int64_t first_row, int64_t stop_row, int64_t left, int64_t top, int64_t fine,

@@ -67,7 +67,7 @@ static bool may_reach(const struct patch *patch, const int64_t block[3], double 
 
 /* Mark the blocks of layers start to stop - 1 along the first axis that have points near a triangle.
    The faces near layer i are those from starts[i] to starts[i + 1] of the list. */
-void mark_band_blocks(
+EXPORT void mark_band_blocks(
     int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t listed[n_listed], const int64_t starts[nx + 1], bool active[nx][ny][nz],
@@ -107,7 +107,7 @@ static void measure_block(const struct patch *patch, const int64_t block[3], flo
 }
 
 /* Measure the distances in the blocks of layers start to stop - 1, as far as `width`. */
-void measure_band(
+EXPORT void measure_band(
     int64_t n_vertices, int64_t n_faces, int64_t n_listed, int64_t nx, int64_t ny, int64_t nz,
     int64_t n_slots, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t listed[n_listed], const int64_t starts[nx + 1],
@@ -133,7 +133,7 @@ void measure_band(
 }
 
 /* Label the points within `depth` of the surface SHELL, in layers start to stop - 1. */
-void label_shell(
+EXPORT void label_shell(
     int64_t nx, int64_t ny, int64_t nz, int64_t n_slots, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], const float distances[n_slots][512],
     uint8_t labels[width][height][depth], double greatest, int64_t start, int64_t stop)

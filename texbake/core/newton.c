@@ -106,7 +106,7 @@ static bool solve_on_face(const double *target, const struct corners *at, struct
 
 /* Write the face under each point, and its height along the interpolated normal. Where none is found
    the face is the closest one, -1 beside a border, and the height the distance to it if outside. */
-void find_faces_under(
+EXPORT void find_faces_under(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_half_edges,
     const double targets[n][3], const double distances[n], const int32_t closest[n],
     const double weights[n][3], const double positions[n_vertices][3],

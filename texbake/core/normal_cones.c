@@ -65,7 +65,7 @@ static void make_unit(double axis[3])
 
 /* Grow a chart from each face that has none yet, and write its axis; return the number of charts.
    `charts` comes with -1. */
-int64_t grow_charts(
+EXPORT int64_t grow_charts(
     int64_t n_faces, const int32_t neighbors[n_faces][3], const double normals[n_faces][3],
     int32_t charts[n_faces], double axes[n_faces][3])
 {

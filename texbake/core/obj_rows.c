@@ -87,7 +87,7 @@ static inline int kind_of(struct text text, int64_t at, int64_t *behind)
 }
 
 /* Advance `nexts` of each statement's kind, and with `fill` record where it stands. */
-void find_statements(
+EXPORT void find_statements(
     int64_t n, int64_t n_offsets, const uint8_t bytes[n], bool fill, int64_t nexts[5],
     int64_t offsets[n_offsets])
 {
@@ -116,7 +116,7 @@ void find_statements(
 
 /* Read the numbers of lines start to stop - 1; those that `values` has no column for are only
    counted. */
-void read_rows(
+EXPORT void read_rows(
     int64_t n, int64_t n_rows, int64_t n_columns, const uint8_t bytes[n],
     const int64_t starts[n_rows], int64_t start, int64_t stop, const uint64_t fives[256][2],
     double values[n_rows][n_columns], int32_t n_words[n_rows])
@@ -205,7 +205,7 @@ static inline int64_t read_corner(
 
 /* Read the corners of f lines start to stop - 1; v, vt and vn are the offsets of those lines. `ends`
    counts the corners up to each line. */
-void read_corners(
+EXPORT void read_corners(
     int64_t n, int64_t n_rows, int64_t n_v, int64_t n_vt, int64_t n_vn, int64_t n_corners,
     const uint8_t bytes[n], const int64_t starts[n_rows], int64_t start, int64_t stop,
     const int64_t ends[n_rows], const int64_t v[n_v], const int64_t vt[n_vt], const int64_t vn[n_vn],

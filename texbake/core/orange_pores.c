@@ -19,7 +19,7 @@ static int64_t cell_of(const double direction[3], int64_t n_cells)
 }
 
 /* Write how far the pores sink the peel in each direction, in units of its radius. */
-void pore_depths(
+EXPORT void pore_depths(
     int64_t n, int64_t n_pores, int64_t n_starts, int64_t n_entries,
     const double directions[n][3], const double centers[n_pores][3], const double radii[n_pores],
     const double depths_of_pores[n_pores], int64_t n_cells, const int64_t cell_starts[n_starts],

@@ -138,7 +138,7 @@ static void copy_layout(int64_t n, const struct layout *from, struct layout *to)
    above the charts, or `n_rows` + 1 if they did not even fit into the grid. `order` and `places` (with
    the orientations to try first) become those of the last layout that was kept; `work` gets the steps
    of the search. */
-int64_t search_orders(
+EXPORT int64_t search_orders(
     int64_t n_spans, int64_t n_charts, int64_t n_orientations,
     const int32_t boxes[n_charts][n_orientations][2], const int32_t spans[n_spans][3],
     const int64_t starts[n_charts][n_orientations][2], const double shares[n_charts],

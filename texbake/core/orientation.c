@@ -35,7 +35,7 @@ static void shorten_chain(int64_t *parents, bool *flips, int64_t face, int64_t r
 
 /* Join neighbors, each with whether it is wound against its parent; the least is the root. `along`
    says whether both of a pair run along their edge in the same direction. */
-void join_orientations(
+EXPORT void join_orientations(
     int64_t n, int64_t n_pairs, int64_t parents[n], bool flips[n], const int64_t one[n_pairs],
     const int64_t other[n_pairs], const bool along[n_pairs])
 {

@@ -73,7 +73,7 @@ static double find_meeting(
 
 /* Write the share of its way at which each ray meets the map. A ray takes one step per texel that it
    crosses, but at most `layers`, and is followed for at most one unit of texture coordinates. */
-void follow_rays(
+EXPORT void follow_rays(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n,
     const float texels[n_texels][n_channels], const int64_t offsets[n_levels],
     const int64_t sizes[n_levels][2], int64_t wraps, float border, float factor,

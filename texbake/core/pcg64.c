@@ -62,7 +62,7 @@ static uint64_t next_bits(struct pcg64 *random)
 }
 
 /* Numbers from 0 (included) to 1 (excluded). */
-void draw_uniform(int64_t n, uint64_t seed, double values[n])
+EXPORT void draw_uniform(int64_t n, uint64_t seed, double values[n])
 {
     uint64_t words[4];
     spread_seed(seed, words);

@@ -13,7 +13,7 @@
 
 /* Write the weights of the second and third corner, whether the triangle is seen from behind, and
    the growth of both weights for one pixel to the right, then for one pixel down. */
-void weigh_fragments(
+EXPORT void weigh_fragments(
     int64_t n, int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], const double matrix[4][4], double width, double height,
     bool affine, const int32_t face_ids[n], const float places[n][2], double weights[n][2],

@@ -32,7 +32,7 @@ static inline double transform(const double *row, const double *p)
 }
 
 /* Write the weights of points by viewing angle and, where above 0, their UVs in the photo. */
-void weigh_by_camera(
+EXPORT void weigh_by_camera(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double positions[n][3],
     const double normals[n][3], const double matrix[3][4], const double seen_from[4],
     const double face_normals[n_faces][3], const double steps[n_faces][3][2], double least_cosine,
@@ -72,7 +72,7 @@ void weigh_by_camera(
 }
 
 /* Write the UVs of points in a photograph, and their weights by the area it gives them. */
-void weigh_by_area(
+EXPORT void weigh_by_area(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
     const double corners[n_faces][3][2], const double facing[n_faces][3], double falloff,
     double feather, double coordinates[n][2], double weights[n])

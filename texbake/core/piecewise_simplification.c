@@ -17,7 +17,7 @@
 #include "quadric_simplification.h"
 
 /* Write which vertices have faces in more than one piece, of `piece` faces each. */
-int64_t mark_shared_vertices(
+EXPORT int64_t mark_shared_vertices(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const int32_t faces[n_faces][3], int64_t piece, bool is_shared[n_vertices])
 {
@@ -91,7 +91,7 @@ static int32_t *cut_out(
 /* Collapse edges of the piece of faces start to stop - 1 until `n_wanted` are left. Writes, from row
    `start` on, which wedge became which, the error, never less than that of the row before, and how
    many faces went with it; rows that are left keep what they have. */
-int64_t log_collapses(
+EXPORT int64_t log_collapses(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const double points[n_vertices][3], const int32_t faces[n_faces][3],
     const bool is_shared[n_vertices], int64_t start, int64_t stop, int64_t n_wanted,
@@ -124,7 +124,7 @@ int64_t log_collapses(
 
 /* Make the collapses with an error of at most `limit`, over faces that are overwritten by those that
    are left; return how many. */
-int64_t apply_collapses(
+EXPORT int64_t apply_collapses(
     int64_t n_wedges, int64_t n_faces, int64_t n_rows, const int32_t vertex_of[n_wedges],
     const int32_t gone[n_rows], const int32_t kept[n_rows], const float errors[n_rows], float limit,
     int32_t faces[n_faces][3])

@@ -27,7 +27,8 @@ static void list_corners(
 }
 
 /* Return 1 if some vertex has more than one fan of faces, else 0. */
-int64_t has_pinched_vertex(int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3])
+EXPORT int64_t has_pinched_vertex(
+    int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3])
 {
     OPEN_ARENA(arena);
     int64_t *starts = TAKE_ZEROS(arena, int64_t, n_vertices + 1);

@@ -27,7 +27,7 @@ static void narrow_span(
 }
 
 /* Fill rows start to stop of the grid; `owners` and `overlapped` begin at row start. */
-void rasterize_uvs(
+EXPORT void rasterize_uvs(
     int64_t n_faces, int64_t n_rows, int64_t n_columns, const int64_t corners[n_faces][3][2],
     const int32_t first_rows[n_faces], const int32_t last_rows[n_faces], int64_t start,
     int64_t stop, int32_t owners[n_rows][n_columns], bool overlapped[n_rows][n_columns])
@@ -62,7 +62,7 @@ void rasterize_uvs(
 
 /* List the samples of one row of tiles, squares of `side` samples, which begins at line `first_line`
    of `owners`; from place `at` on. */
-void list_tiles(
+EXPORT void list_tiles(
     int64_t n_lines, int64_t n_columns, int64_t n_faces, int64_t n,
     const int32_t owners[n_lines][n_columns], const int64_t corners[n_faces][3][2],
     int64_t side, int64_t first_line, int64_t first_row, int64_t per_side, int64_t at,

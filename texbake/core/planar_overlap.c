@@ -230,7 +230,7 @@ static int64_t pack(
 
 /* Pack boxes over faces that are more than `depth` thick; `counts` gets the number of these, and of
    boxes. There may be charts, which keep faces apart. */
-int64_t pack_boxes(
+EXPORT int64_t pack_boxes(
     int64_t n_faces, int64_t most, const double corners[n_faces][3][2],
     OPTIONAL const int32_t charts[n_faces], double depth, double lines[n_faces][3][3],
     int64_t order[n_faces], double boxes[most][6], int64_t children[most][2], int64_t counts[2])
@@ -250,7 +250,7 @@ int64_t pack_boxes(
    Without `layers`, one overlap is enough. With it, every overlapping face of a lower number is
    found, and the face takes the lowest layer that those leave free. A face that was compared with
    `most` others, none of which overlaps it, is `unsure`. */
-int64_t find_planar_overlaps(
+EXPORT int64_t find_planar_overlaps(
     int64_t n_faces, int64_t n_solid, int64_t n_boxes, int64_t n_places,
     const double corners[n_faces][3][2], const double lines[n_faces][3][3],
     const int64_t order[n_solid], const double boxes[n_boxes][6],

@@ -64,7 +64,7 @@ static int64_t walk_rows(
     return -1;
 }
 
-int64_t walk_binary_rows(
+EXPORT int64_t walk_binary_rows(
     int64_t n, int64_t n_columns, int64_t n_rows, const uint8_t bytes[n], int64_t start,
     const int64_t layout[n_columns][3], bool big_endian, int64_t offsets[n_columns][n_rows],
     int64_t sizes[n_columns][n_rows], int64_t end[1])
@@ -73,7 +73,7 @@ int64_t walk_binary_rows(
     return walk_rows(&body, start, n_columns, n_rows, layout, *offsets, *sizes, end);
 }
 
-int64_t walk_text_rows(
+EXPORT int64_t walk_text_rows(
     int64_t n, int64_t n_columns, int64_t n_rows, const double numbers[n], int64_t start,
     const int64_t layout[n_columns][3], int64_t offsets[n_columns][n_rows],
     int64_t sizes[n_columns][n_rows], int64_t end[1])
@@ -83,7 +83,7 @@ int64_t walk_text_rows(
 }
 
 /* Copy pieces of a body, whose units have a size in bytes, one after another. */
-void gather_pieces(
+EXPORT void gather_pieces(
     int64_t n, int64_t n_pieces, int64_t n_gathered, const uint8_t bytes[n], int64_t unit_size,
     const int64_t offsets[n_pieces], const int64_t lengths[n_pieces], uint8_t gathered[n_gathered])
 {
@@ -105,7 +105,7 @@ static int64_t read_integer(const uint8_t *at, int64_t size, bool big_endian)
 /* Read rows of triangles of one size: the count of each is `count_size` bytes after `skipped` ones, and
    is followed by three indices of four bytes. False where a row is no triangle, or an index is out of
    range. */
-bool read_triangle_rows(
+EXPORT bool read_triangle_rows(
     int64_t n_bytes, int64_t n, const uint8_t rows[n_bytes], int64_t row_size, int64_t skipped,
     int64_t count_size, bool big_endian, int64_t n_vertices, int32_t faces[n][3])
 {

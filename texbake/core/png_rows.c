@@ -76,7 +76,7 @@ static void add_to_adler(int64_t n, const uint8_t bytes[], uint32_t sums[2])
 static int64_t rows_of_block(int64_t row_bytes) { return max_i64(BLOCK_BYTES / (row_bytes + 1), 1); }
 
 /* Bytes that `compress_png_rows` may write for so many rows, at most. */
-int64_t bound_png_rows(int64_t n_rows, int64_t row_bytes)
+EXPORT int64_t bound_png_rows(int64_t n_rows, int64_t row_bytes)
 {
     const int64_t n_blocks = n_rows / rows_of_block(row_bytes) + 1;
     return deflate_bound(n_rows * (row_bytes + 1)) + n_blocks * deflate_bound(0);
@@ -85,7 +85,7 @@ int64_t bound_png_rows(int64_t n_rows, int64_t row_bytes)
 /* Write whole deflate blocks for the rows `start` to `stop` into `out`; return their bytes. `checksum`
    gets the two sums of Adler-32 over the filtered rows, begun anew. The processor's samples have their
    low byte first. */
-int64_t compress_png_rows(
+EXPORT int64_t compress_png_rows(
     int64_t height, int64_t row_bytes, int64_t capacity, const uint8_t pixels[height][row_bytes],
     uint8_t out[capacity], uint32_t checksum[2], int64_t sample_bytes, int64_t texel_bytes,
     int64_t start, int64_t stop, bool is_last)

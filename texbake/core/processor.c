@@ -18,7 +18,7 @@ static bool keeps_wide_registers(void)
 
 /* x86-64-v3, without what only kernels of an operating system need: AVX2, FMA, BMI, BMI2, F16C,
    LZCNT and MOVBE. */
-bool has_x86_64_v3(void)
+EXPORT bool has_x86_64_v3(void)
 {
     const uint32_t fma = 1u << 12, movbe = 1u << 22, xsave = 1u << 27, avx = 1u << 28, f16c = 1u << 29;
     const uint32_t bmi = 1u << 3, avx2 = 1u << 5, bmi2 = 1u << 8, lzcnt = 1u << 5;
@@ -33,7 +33,7 @@ bool has_x86_64_v3(void)
 
 #else
 
-bool has_x86_64_v3(void)
+EXPORT bool has_x86_64_v3(void)
 {
     return false;
 }

@@ -11,7 +11,7 @@
 #include "numbers.h"
 
 /* Write the motion of points in world space per pixel to the right, then down. */
-void find_pixel_steps(
+EXPORT void find_pixel_steps(
     int64_t n, int64_t n_corners, int64_t n_faces, const double points[n][3],
     const double corners[n_corners][3], const int32_t faces[n_faces][3],
     const int32_t drawn_faces[n], const float places[n][2], const double rays[3][3],
@@ -56,7 +56,7 @@ static inline double change_along(
 
 /* Write the picture coordinates of points and the share of each pixel that is covered; with steps,
    the changes of the coordinates too. */
-void project_points(
+EXPORT void project_points(
     int64_t n, int64_t n_steps, const double points[n][3], const double steps[n_steps][2][3],
     const double matrix[4][4], double places[n][2], float changes[n][4], float coverage[n])
 {

@@ -10,7 +10,7 @@
 #include "procedure_points.h"
 
 /* A checker of unit squares or cubes. */
-void fill_checker(
+EXPORT void fill_checker(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], float out[n][1], int64_t n_dimensions,
     int64_t start, int64_t stop)
@@ -31,7 +31,7 @@ void fill_checker(
 }
 
 /* Stripes across a direction, `width` of each period. */
-void fill_stripes(
+EXPORT void fill_stripes(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const double direction[3], float out[n][1],
     int64_t pattern, double width, int64_t start, int64_t stop)

@@ -13,7 +13,7 @@
 #include "numbers.h"
 
 /* Means of the valid, finite texels of each 2 x 2 block, for coarse rows `start` to `stop`. */
-int64_t push_texels(
+EXPORT int64_t push_texels(
     int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
     int64_t coarse_width, const float values[height][width][n_channels],
     const bool mask[height][width], float coarse[coarse_height][coarse_width][n_channels],
@@ -47,7 +47,7 @@ int64_t push_texels(
 }
 
 /* Fill rows `start` to `stop`, where not valid, with the coarser level, interpolated bilinearly. */
-void pull_texels(
+EXPORT void pull_texels(
     int64_t height, int64_t width, int64_t n_channels, int64_t coarse_height,
     int64_t coarse_width, float values[height][width][n_channels], const bool mask[height][width],
     const float coarse[coarse_height][coarse_width][n_channels], int64_t start, int64_t stop)

@@ -411,11 +411,12 @@ static int64_t simplify_from_here(
 
    Where vertices move, `uvs` and `normals` are carried along: their rows, one for each wedge and not
    shared by vertices, tell which wedges have a value in common. */
-int64_t collapse_edges(
+EXPORT int64_t collapse_edges(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
     const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
-    const int32_t uv_rows[n_wedges], double uvs[n_uvs][2], const int32_t normal_rows[n_wedges],
-    double normals[n_normals][3], int64_t n_wanted, bool moves, bool lock_boundary)
+    OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
+    OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
+    int64_t n_wanted, bool moves, bool lock_boundary)
 {
     struct simplification s = {
         .mesh = {.n_vertices = n_vertices, .points = points, .wedges = faces},

@@ -15,7 +15,7 @@
 enum { TILE = 8 };
 
 /* Write the face that each cell's sample lies on, and where on it; see `cell_samples`. */
-void write_cell_samples(
+EXPORT void write_cell_samples(
     int64_t n_faces, int64_t n_bins, int64_t n_listed, int64_t n_texels, int64_t n,
     const int64_t corners[n_faces][3][2], const int64_t firsts[n_bins + 1],
     const int32_t faces[n_listed], int64_t n_columns, const uint8_t counts[n_texels],
@@ -52,7 +52,7 @@ void write_cell_samples(
 
 /* Write four children of the level for each parent, from the place `first` on, and how many
    sub-squares of each are covered. */
-void write_children(
+EXPORT void write_children(
     int64_t n, int64_t n_texels, int64_t n_room, int64_t level, int64_t first,
     const int32_t places[n], const int32_t parent_texels[n], const uint8_t parent_spots[n],
     const uint8_t counts[n_texels], const int64_t masks[n_texels], int32_t children[n_room],
@@ -86,7 +86,7 @@ static int64_t every_other_bit(int64_t place)
 
 /* Write the ids of the chosen texels, tile by tile, and along a Z-order curve in each: so the cells of
    every level that are cast in one bundle follow each other. */
-void list_in_tiles(
+EXPORT void list_in_tiles(
     int64_t height, int64_t width, int64_t n, const bool chosen[height][width], int32_t ids[n])
 {
     int64_t n_written = 0;
@@ -101,7 +101,7 @@ void list_in_tiles(
 }
 
 /* Write the charts and values of samples to the places of their cells. */
-void keep_values(
+EXPORT void keep_values(
     int64_t n, int64_t n_channels, int64_t n_room, int64_t n_kept, const int32_t places[n],
     const int32_t charts[n], const float values[n][n_channels], int64_t first_channel,
     int32_t kept_charts[n_room], float kept[n_room][n_kept])
@@ -116,7 +116,7 @@ void keep_values(
 
 /* Take over the samples of some cells of a level, whose places begin at `first`, from where they
    were cast before. Leaves the cells without any in `cells`; returns how many they are. */
-int64_t take_over_samples(
+EXPORT int64_t take_over_samples(
     int64_t n_level, int64_t n, int64_t n_room, int64_t n_channels,
     const int32_t origins[n_level], int64_t first, int32_t cells[n], bool is_cast[n_room],
     int32_t charts[n_room], float values[n_room][n_channels])
@@ -137,7 +137,7 @@ int64_t take_over_samples(
 }
 
 /* Add the undivided cells of a level to their texels, each by how much of it is covered. */
-void add_leaves(
+EXPORT void add_leaves(
     int64_t n, int64_t n_room, int64_t n_channels, int64_t n_texels, int64_t first,
     const int32_t texels[n], const uint8_t weights[n], const int32_t children[n_room],
     const int32_t charts[n_room], const float values[n_room][n_channels],

@@ -82,6 +82,17 @@ static inline int32_t code_of(
             name##_values(n_values, values[start], &coding, false, codes[start]);             \
     }
 
+EXPORT void quantize_u8(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint8_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop);
+EXPORT void quantize_u16(
+    int64_t n, int64_t n_channels, const float values[n][n_channels],
+    const double factors[n_channels], const double offsets[n_channels],
+    OPTIONAL const double lows[n_channels], OPTIONAL const double sizes[n_channels],
+    uint16_t codes[n][n_channels], double noise, double top, int64_t start, int64_t stop);
+
 QUANTIZE(quantize_u8, uint8_t)
 QUANTIZE(quantize_u16, uint16_t)
 
@@ -127,6 +138,15 @@ static inline int64_t srgb_code_of(
         }                                                                                     \
     }
 
+EXPORT void quantize_srgb_u8(
+    int64_t n, int64_t n_channels, int64_t n_codes, const float values[n][n_channels],
+    const float thresholds[n_codes], const uint16_t first_codes[16257],
+    uint8_t codes[n][n_channels], int64_t n_colors, int64_t start, int64_t stop);
+EXPORT void quantize_srgb_u16(
+    int64_t n, int64_t n_channels, int64_t n_codes, const float values[n][n_channels],
+    const float thresholds[n_codes], const uint16_t first_codes[16257],
+    uint16_t codes[n][n_channels], int64_t n_colors, int64_t start, int64_t stop);
+
 QUANTIZE_SRGB(quantize_srgb_u8, uint8_t)
 QUANTIZE_SRGB(quantize_srgb_u16, uint16_t)
 
@@ -143,6 +163,13 @@ QUANTIZE_SRGB(quantize_srgb_u16, uint16_t)
                 codes[i][channel] = color[channel];                                               \
         }                                                                                         \
     }
+
+EXPORT void color_ids_u8(
+    int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
+    uint8_t codes[n][3], int64_t start, int64_t stop);
+EXPORT void color_ids_u16(
+    int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
+    uint16_t codes[n][3], int64_t start, int64_t stop);
 
 COLOR_IDS(color_ids_u8, uint8_t)
 COLOR_IDS(color_ids_u16, uint16_t)

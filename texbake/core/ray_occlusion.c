@@ -115,7 +115,7 @@ static bool is_hidden(
 
 /* Write which of the faces `face_ids[start]` to `face_ids[stop - 1]` have more than half of their
    samples hidden from the viewer: `eye` is a point and 1, or a direction and 0. */
-void find_mostly_hidden(
+EXPORT void find_mostly_hidden(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n_ids,
     int64_t n_samples,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],

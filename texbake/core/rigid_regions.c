@@ -95,7 +95,7 @@ void divide_regions(
     reset_arena(arena, mark);
 }
 
-int64_t find_regions(int64_t n, const double uvs[n][2], int32_t regions[n])
+EXPORT int64_t find_regions(int64_t n, const double uvs[n][2], int32_t regions[n])
 {
     OPEN_ARENA(arena);
     divide_regions(arena, n, uvs, regions);

@@ -131,7 +131,7 @@ static void start_outside(int n, struct block *block)
 
 /* Write the rays of samples. With `starts`, those of a cage, a ray starts at the point of the cage; else
    at the front distance along the normals, or at that of `reaches`, front and back at each corner. */
-void cast_from_samples(
+EXPORT void cast_from_samples(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const double barycentrics[n][2], const double positions[n_vertices][3],
     OPTIONAL const double starts[n_vertices][3], const int32_t corners[n_faces][3],
@@ -183,7 +183,7 @@ void cast_from_samples(
 /* Blend the directions of rays with the face normals and move their origins, in place. A ray that is
    neither turned nor moved keeps its numbers bit for bit, because its origin is computed in the same
    way as before. */
-void reshape_rays(
+EXPORT void reshape_rays(
     int64_t n, int64_t n_vertices, int64_t n_faces, const int32_t faces[n],
     const double barycentrics[n][2], const double positions[n_vertices][3],
     const int32_t corners[n_faces][3], const float skew[n], const float offset[n],
@@ -231,7 +231,7 @@ static void place_on_face(
 
 /* Write the column and row of each sample in a grid over the texture, row 0 at the top, and its chart, as
    the place of its ray. */
-void place_samples(
+EXPORT void place_samples(
     int64_t n, int64_t n_faces, const int32_t faces[n], const double barycentrics[n][2],
     const double corner_uvs[n_faces][3][2], const int32_t charts[n_faces], int64_t n_columns,
     int64_t n_rows, int32_t places[n][2], int32_t place_charts[n])
@@ -253,7 +253,7 @@ void place_samples(
 }
 
 /* Write weights in float32, and the offset from each sample to its hit in model units. */
-void offsets_of_hits(
+EXPORT void offsets_of_hits(
     int64_t n, const double sample_barycentrics[n][2], const double directions[n][3],
     const double fronts[n], const int32_t faces[n], const double barycentrics[n][2],
     const double distances[n], double scale, float low_barycentrics[n][2],

@@ -21,7 +21,7 @@ static const double EDGE = 1.0;
 static const double HIDDEN = 0.5;
 
 /* Add opaque fragments to their pixels, weighted by their numbers of samples. */
-void add_fragments_squared(
+EXPORT void add_fragments_squared(
     int64_t n, int64_t n_pixels, const int32_t pixels[n], const float counts[n],
     const float light[n][3], double sums[n_pixels][4], double squares[n_pixels][4],
     float covered[n_pixels])
@@ -42,7 +42,7 @@ void add_fragments_squared(
 
 /* Add samples to their pixels, composited over the background, which has a single value or one per
    pixel. */
-void add_samples_squared(
+EXPORT void add_samples_squared(
     int64_t sample_rows, int64_t sample_columns, int64_t rows_behind, int64_t columns_behind,
     int64_t height, int64_t width, const float light[sample_rows][sample_columns][3],
     const float passed[sample_rows][sample_columns],
@@ -70,7 +70,7 @@ void add_samples_squared(
 
 /* Write the sums of masked pixels to those of a picture, from the pixel at `top` and `left`; samples
    without a surface show the background, if there is one. */
-void write_window(
+EXPORT void write_window(
     int64_t rows, int64_t columns, int64_t rows_behind, int64_t columns_behind, int64_t height,
     int64_t width, const bool mask[rows][columns], int64_t top, int64_t left, int64_t side,
     const float behind[rows_behind][columns_behind][3], bool is_opaque, bool shows_behind,
@@ -100,7 +100,7 @@ void write_window(
 }
 
 /* Clear the samples of all pixels outside the mask. */
-void drop_unwanted(
+EXPORT void drop_unwanted(
     int64_t sample_rows, int64_t sample_columns, int64_t rows, int64_t columns,
     int32_t face_ids[sample_rows][sample_columns], const bool mask[rows][columns], int64_t side)
 {
@@ -125,7 +125,7 @@ static double coded(double light)
 }
 
 /* Write the encoded means of some rows of pixels. */
-void write_codes(
+EXPORT void write_codes(
     int64_t height, int64_t width, const double light[height][width][4],
     const int32_t counts[height][width], float codes[height][width][4], int64_t start, int64_t stop)
 {
@@ -158,7 +158,7 @@ static double change_around(
 }
 
 /* Estimate the error of pixels due to too few shadings. */
-void judge_shading(
+EXPORT void judge_shading(
     int64_t height, int64_t width, const float codes[height][width][4],
     const int32_t shaded[height][width], const float changes[height][width],
     float errors[height][width], int64_t start, int64_t stop)
@@ -224,7 +224,7 @@ static double edge_error(
 }
 
 /* Estimate the error of pixels due to too few samples of their edges. */
-void judge_edges(
+EXPORT void judge_edges(
     int64_t height, int64_t width, const double light[height][width][4],
     const double squares[height][width][4], const int32_t counts[height][width],
     float errors[height][width], int64_t start, int64_t stop)

@@ -193,7 +193,7 @@ static void add_face_row(
 
 /* Add the colors of the samples that each face covers, and their number, to `sums`. Samples within
    `half_edge` of an edge have their color multiplied by `edge_light`; `top` is the y of row 0. */
-int64_t cover_faces(
+EXPORT int64_t cover_faces(
     int64_t n_faces, int64_t n_rows, int64_t n_columns,
     const double corners[n_faces][3][2], const double colors[n_faces][3], double top,
     double half_edge, double edge_light, double sums[n_rows][n_columns][4])
@@ -257,7 +257,7 @@ static void add_line_row(
 }
 
 /* Set the bit of each sample that lies within `radius` of a line; `top` is the y of row 0. */
-int64_t cover_lines(
+EXPORT int64_t cover_lines(
     int64_t n_lines, int64_t n_rows, int64_t n_columns,
     const double ends[n_lines][2][2], double top, double radius,
     uint16_t masks[n_rows][n_columns])

@@ -163,7 +163,7 @@ static void draw_triangle(
 }
 
 /* Draw all triangles, with the weights of the second and third corner at each sample. */
-void draw_scanlines(
+EXPORT void draw_scanlines(
     int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t height, int64_t width,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],

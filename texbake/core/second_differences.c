@@ -176,7 +176,7 @@ static double judge_texel(
 }
 
 /* Judge texels from `first` on, and write their means; partly covered ones get -1. */
-void judge_samples(
+EXPORT void judge_samples(
     int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
     int64_t height, int64_t width, int64_t first, const uint8_t counts[n_texels],
     const int32_t charts[n_room], const float values[n_room][n_channels],
@@ -190,7 +190,7 @@ void judge_samples(
 }
 
 /* Judge partly covered texels by the wholly covered ones beside them. */
-int64_t judge_partly_covered(
+EXPORT int64_t judge_partly_covered(
     int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
     int64_t height, int64_t width, const uint8_t counts[n_texels], const int64_t masks[n_texels],
     const int32_t charts[n_room], const float values[n_room][n_channels],

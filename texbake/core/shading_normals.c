@@ -13,7 +13,7 @@
 #include "unit_normals.h"
 
 /* Write the unit normal of each fragment, on the visible side. */
-void interpolate_normals(
+EXPORT void interpolate_normals(
     int64_t n_normals, int64_t n_faces, int64_t n, const double normals[n_normals][3],
     const int32_t corners[n_faces][3], const int32_t faces[n], const double weights[n][2],
     const bool back_facing[n], const double back[3], float out[n][3])
@@ -31,7 +31,7 @@ void interpolate_normals(
 }
 
 /* Write the normals of a tangent-space map in world space. */
-void bend_normals(
+EXPORT void bend_normals(
     int64_t n_normals, int64_t n_faces, int64_t n, const double normals[n_normals][3],
     const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], const int32_t faces[n],
     const double weights[n][2], const float texels[n][3], double strength,
@@ -65,7 +65,7 @@ void bend_normals(
 }
 
 /* Write the normals of a map in another space, transformed by a matrix. */
-void turn_normals(
+EXPORT void turn_normals(
     int64_t n, const float texels[n][3], const double matrix[3][3], const bool back_facing[n],
     const double back[3], float out[n][3])
 {

@@ -36,7 +36,7 @@ static void extend_bounds(
 }
 
 /* Extend each object's bounds along a light's axes by its visible samples. */
-void find_seen_bounds(
+EXPORT void find_seen_bounds(
     int64_t height, int64_t width, int64_t n_objects, const int32_t face_ids[height][width],
     const float depths[height][width], const double rays[3][3], const double eye[3], double near,
     const int64_t starts[n_objects + 1], const bool receives[n_objects], const double axes[3][3],
@@ -231,7 +231,7 @@ static double share_at(
 
 /* Write a light's radiance times the lit share from its shadow map. All points lie on faces from
    `first_own` to before `stop_own`. */
-void dim_by_shadow(
+EXPORT void dim_by_shadow(
     int64_t n, int64_t n_positions, int64_t n_faces, int64_t n_views, int64_t height,
     int64_t width, int64_t n_directions, int64_t n_radiance, const double points[n][3],
     const float normals[n][3], const int32_t own_faces[n], int64_t first_own, int64_t stop_own,

@@ -51,7 +51,7 @@ static uint8_t sides_that_see(const struct shell *shell, int64_t x, int64_t y, i
 }
 
 /* Tell for the points of blocks start to stop - 1 from which sides they are seen. */
-void see_shell(
+EXPORT void see_shell(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], const int32_t corners[n_slots][3],
     const float distances[n_slots][512], const uint8_t labels[width][height][depth],
@@ -86,7 +86,7 @@ static bool has_core_near(
 
 /* The signed field at the points of blocks start to stop - 1, negative in the solid, and which of
    the points belong to a sheet. */
-void sign_shell(
+EXPORT void sign_shell(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], const int32_t corners[n_slots][3],
     const float distances[n_slots][512], const uint8_t labels[width][height][depth],

@@ -17,7 +17,7 @@
 
 /* Write the filtered rows from `start` on. By noise, two values with the mean m may differ by up to
    `of_shares` times sqrt(m (1 - m)), for shares of rays, and by up to `relative` times m. */
-void filter_by_noise(
+EXPORT void filter_by_noise(
     int64_t height, int64_t width, const float values[height][width],
     const int32_t charts[height][width], const bool has_data[height][width], double of_shares,
     double relative, int64_t start, int64_t stop, float filtered[height][width])

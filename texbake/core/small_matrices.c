@@ -17,7 +17,7 @@ static const double ORTHOGONAL = 0x1p-53;
 static const int MOST_ROUNDS = 60;
 
 /* Sums of products of the rows of two arrays. */
-void sum_row_products(
+EXPORT void sum_row_products(
     int64_t n, int64_t inner, const double a[n][inner], const double b[n][inner], double out[n])
 {
     for (int64_t i = 0; i < n; i++) {
@@ -29,7 +29,7 @@ void sum_row_products(
 }
 
 /* Products of matrices; either list may be a single matrix, used for all of the other list. */
-void multiply_matrices(
+EXPORT void multiply_matrices(
     int64_t n_a, int64_t n_b, int64_t n, int64_t rows, int64_t inner, int64_t columns,
     const double a[n_a][rows][inner], const double b[n_b][inner][columns],
     double out[n][rows][columns])
@@ -59,7 +59,7 @@ static void swap_rows(int64_t n, double *a, double *b)
 
 /* Replace right sides by solutions, and write determinants; solutions of singular systems are not
    finite. */
-void solve_systems(
+EXPORT void solve_systems(
     int64_t n, int64_t size, int64_t columns, double matrices[n][size][size],
     double sides[n][size][columns], double determinants[n])
 {
@@ -119,7 +119,7 @@ static double rotation_tangent(double p_square, double q_square, double product)
 
 /* Rotate the columns of matrices until they are orthogonal; write the rotations, whose columns are
    the right singular vectors. The lengths of the columns are the singular values. */
-void orthogonalize_columns(
+EXPORT void orthogonalize_columns(
     int64_t n, int64_t rows, int64_t columns, double matrices[n][rows][columns],
     double rotations[n][columns][columns])
 {
@@ -153,7 +153,7 @@ void orthogonalize_columns(
 
 /* Diagonalize symmetric matrices by rotations of rows and columns; write the rotations, whose
    columns are the eigenvectors. */
-void diagonalize(
+EXPORT void diagonalize(
     int64_t n, int64_t size, double matrices[n][size][size], double rotations[n][size][size])
 {
     for (int64_t i = 0; i < n; i++) {

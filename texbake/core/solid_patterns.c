@@ -47,7 +47,7 @@ static inline void write_color(
 
 /* Layers across a direction, bent by turbulence. `frequency` is of the layers,
    `turbulence_frequency` and `amount` of the turbulence, `variance` that of one octave. */
-void fill_marble(
+EXPORT void fill_marble(
     int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
     const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
     const uint8_t permutation[512], const double gradients[256][3], const double direction[3],
@@ -96,7 +96,7 @@ static double drawn_noise(
 
 /* Rings about an axis, with fibers along it. Rings bend over several of their widths and hardly along
    the trunk; fibers are thin and long. `bound` is the upper bound on the size of noise. */
-void fill_wood(
+EXPORT void fill_wood(
     int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
     const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
     const uint8_t permutation[512], const double gradients[256][3], const double axis[3],
@@ -134,7 +134,7 @@ static inline double even_out(double total, double variance)
 
 /* Grains: a fractal sum, taken to an even distribution. `squares` is the sum of the squared amplitudes
    of the octaves, `variance` that of one octave. */
-void fill_granite(
+EXPORT void fill_granite(
     int64_t n, int64_t n_coordinates, int64_t n_widths, int64_t n_stops, int64_t n_channels,
     const double points[n][n_coordinates], OPTIONAL const float widths[n][n_widths],
     const uint8_t permutation[512], const double gradients[256][3],

@@ -71,7 +71,7 @@ static inline void read_plain(struct layout layout, int64_t vertex, double point
 }
 
 /* Write the positions of some vertices. */
-void read_vertices(
+EXPORT void read_vertices(
     int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
     const int32_t vertices[n], double positions[n][3])
 {
@@ -85,7 +85,7 @@ void read_vertices(
 }
 
 /* Write the positions of all vertices from `first` on. */
-void read_run(
+EXPORT void read_run(
     int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
     int64_t first, double positions[n][3])
 {
@@ -99,7 +99,7 @@ void read_run(
 }
 
 /* Least and greatest coordinates of points; NaN is left out. */
-void bound_points(int64_t n, const double points[n][3], double box[6])
+EXPORT void bound_points(int64_t n, const double points[n][3], double box[6])
 {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (int64_t i = 0; i < n; i++)
@@ -112,7 +112,7 @@ void bound_points(int64_t n, const double points[n][3], double box[6])
 }
 
 /* Least and greatest coordinates of the corners of faces. */
-void bound_corners(
+EXPORT void bound_corners(
     int64_t n_vertices, int64_t n, const double positions[n_vertices][3], const int32_t faces[n][3],
     double box[6])
 {
@@ -129,7 +129,7 @@ void bound_corners(
 }
 
 /* First of the vertices start to stop - 1 with a coordinate that is not finite, or -1. */
-int64_t find_not_finite(
+EXPORT int64_t find_not_finite(
     int64_t n_bytes, const uint8_t bytes[n_bytes], const int64_t layout[9], int64_t start,
     int64_t stop)
 {
@@ -167,7 +167,7 @@ static inline void set_bit(uint64_t *bits, uint64_t at)
 }
 
 /* Set the bit of each number. */
-void set_bits(int64_t n, int64_t n_words, const int32_t numbers[n], uint64_t bits[n_words])
+EXPORT void set_bits(int64_t n, int64_t n_words, const int32_t numbers[n], uint64_t bits[n_words])
 {
     for (int64_t i = 0; i < n; i++)
         set_bit(bits, (uint64_t)numbers[i]);
@@ -181,7 +181,8 @@ static inline uint64_t bits_of(uint64_t hash)
 }
 
 /* Set the bits of the hash of each point, in a power of two of words. */
-void set_hashes(int64_t n, int64_t n_words, const double points[n][3], uint64_t table[n_words])
+EXPORT void set_hashes(
+    int64_t n, int64_t n_words, const double points[n][3], uint64_t table[n_words])
 {
     for (int64_t i = 0; i < n; i++) {
         const uint64_t hash = hash_point(points[i]);
@@ -190,7 +191,7 @@ void set_hashes(int64_t n, int64_t n_words, const double points[n][3], uint64_t 
 }
 
 /* Set the bits of those vertices, from start to stop - 1, whose hash has its bits set. */
-void mark_by_hash(
+EXPORT void mark_by_hash(
     int64_t n_bytes, int64_t n_table, int64_t n_words, const uint8_t bytes[n_bytes],
     const int64_t layout[9], const uint64_t table[n_table], int64_t start, int64_t stop,
     uint64_t bits[n_words])
@@ -210,7 +211,7 @@ void mark_by_hash(
 }
 
 /* Number the bits that are set: `ranks` is how many come before each word. Returns how many there are. */
-int64_t rank_bits(int64_t n_words, const uint64_t bits[n_words], int32_t ranks[n_words])
+EXPORT int64_t rank_bits(int64_t n_words, const uint64_t bits[n_words], int32_t ranks[n_words])
 {
     int64_t n = 0;
     for (int64_t i = 0; i < n_words; i++) {
@@ -221,7 +222,7 @@ int64_t rank_bits(int64_t n_words, const uint64_t bits[n_words], int32_t ranks[n
 }
 
 /* Write the places of the bits that are set. */
-void list_bits(int64_t n_words, int64_t n, const uint64_t bits[n_words], int32_t places[n])
+EXPORT void list_bits(int64_t n_words, int64_t n, const uint64_t bits[n_words], int32_t places[n])
 {
     int64_t at = 0;
     for (int64_t i = 0; i < n_words; i++)
@@ -237,7 +238,7 @@ static inline int32_t number_of(const uint64_t *bits, const int32_t *ranks, int3
 
 /* Of some faces, keep those that have a marked vertex; also write the numbers of the marks at their
    corners, -1 where there is none. Returns how many faces are kept. */
-int64_t keep_marked_faces(
+EXPORT int64_t keep_marked_faces(
     int64_t n, int64_t n_words, const int32_t faces[n][3], const uint64_t bits[n_words],
     const int32_t ranks[n_words], int32_t kept[n][3], int32_t numbers[n][3])
 {

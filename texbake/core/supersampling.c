@@ -14,7 +14,7 @@
 #include "texture_lookup.h"
 
 /* Fill rows `start` to `stop` of `out`; `samples` are places in a pixel, (0, 0) in its middle. */
-int64_t sample_supersampled(
+EXPORT int64_t sample_supersampled(
     int64_t n_texels, int64_t n_channels, int64_t n_levels, int64_t n, int64_t n_samples,
     const float texels[n_texels][n_channels], const int64_t sizes[n_levels][2],
     const double uvs[n][2], const float derivatives[n][4], const double samples[n_samples][2],

@@ -17,7 +17,7 @@
 static const double END_SHARE = 0.05;
 
 /* Mark the solid points of planes start to stop - 1: by the field where there is one. */
-void mark_solid(
+EXPORT void mark_solid(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], const float field[n_slots][512],
     const uint8_t labels[width][height][depth], bool solid[width][height][depth], int64_t start,
@@ -36,7 +36,7 @@ void mark_solid(
 }
 
 /* Count the vertices and the quads of layers start to stop - 1. */
-void count_nets(
+EXPORT void count_nets(
     int64_t width, int64_t height, int64_t depth, const bool solid[width][height][depth],
     int64_t n_vertices[width], int64_t n_quads[width], int64_t start, int64_t stop)
 {
@@ -126,7 +126,7 @@ static void quad_around(
 }
 
 /* Write the vertices and quads of layers start to stop - 1. */
-int64_t build_nets(
+EXPORT int64_t build_nets(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, int64_t n_vertices, int64_t n_quads, const int32_t slots[nx][ny][nz],
     const float field[n_slots][512], const bool thin[n_slots][512],

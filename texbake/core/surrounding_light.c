@@ -16,7 +16,7 @@
 
 /* Add light from above and below, weighted by how far the normal points up; without normals, all of
    it comes from above. */
-void reflect_ambient(
+EXPORT void reflect_ambient(
     int64_t n_normals, int64_t n_base, int64_t n_share, int64_t n, const float normals[n_normals][3],
     const double up[3], const float sky[1][3], const float ground[1][3],
     const float base[n_base][3], const float share[n_share], float out[n][3])
@@ -37,7 +37,7 @@ void reflect_ambient(
 }
 
 /* Write the reflected view directions, 2 (N·V) N - V. */
-void mirror_directions(
+EXPORT void mirror_directions(
     int64_t n, const float normals[n][3], const float to_eye[n][3], float out[restrict n][3])
 {
     for (int64_t i = 0; i < n; i++) {
@@ -71,7 +71,7 @@ static inline struct split_sum look_up_split_sum(
 }
 
 /* Add an environment's light: diffuse, and specular unless `mirrored` is empty. */
-void reflect_environment(
+EXPORT void reflect_environment(
     int64_t n, int64_t n_mirrored, int64_t size, int64_t n_base, int64_t n_roughness,
     int64_t n_metalness, int64_t n_share, const float normals[n][3], const float to_eye[n][3],
     const float diffuse[n][3], const float mirrored[n_mirrored][3],
@@ -99,7 +99,7 @@ void reflect_environment(
 }
 
 /* Write the view directions refracted by Snell's law. */
-void refract_directions(
+EXPORT void refract_directions(
     int64_t n, const float normals[n][3], const float to_eye[n][3], const bool back_facing[n],
     double index, float out[restrict n][3])
 {
@@ -119,7 +119,7 @@ void refract_directions(
 }
 
 /* Replace a share of the fragments' light by the environment's. */
-void mix_in_environment(
+EXPORT void mix_in_environment(
     int64_t n, int64_t n_strength, const float normals[n][3], const float to_eye[n][3],
     const float strength[n_strength][3], const float seen[n][3], bool fresnel, float out[n][3])
 {
@@ -150,7 +150,7 @@ static double left_after(double distance, int64_t mode, double density, double s
 }
 
 /* Mix light with the fog's color by the distance from the camera. */
-void fade_into_fog(
+EXPORT void fade_into_fog(
     int64_t n, const double positions[n][3], const double eye[3], int64_t mode, double density,
     double start, double end, const double color[3], float out[n][3])
 {

@@ -9,7 +9,7 @@
 /* How samples are combined, as in texbake/baking/sums.py. */
 enum { MEAN, UNIT_MEAN, FIRST };
 
-void add_samples(
+EXPORT void add_samples(
     int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
     const float values[n][n_channels], float sums[n_texels][n_channels])
 {
@@ -19,7 +19,7 @@ void add_samples(
 }
 
 /* Give texels that have no sample yet the first of their values. */
-void keep_first_samples(
+EXPORT void keep_first_samples(
     int64_t n, int64_t n_texels, int64_t n_channels, const int32_t texel_ids[n],
     const float values[n][n_channels], const uint8_t counts[n_texels],
     float sums[n_texels][n_channels])
@@ -30,7 +30,7 @@ void keep_first_samples(
                 sums[texel_ids[i]][channel] = values[i][channel];
 }
 
-void count_samples(
+EXPORT void count_samples(
     int64_t n, int64_t n_texels, const int32_t texel_ids[n], uint8_t counts[n_texels])
 {
     for (int64_t i = 0; i < n; i++)
@@ -38,7 +38,7 @@ void count_samples(
 }
 
 /* Combine sums in place: their mean, their direction, or as they are. */
-void combine_samples(
+EXPORT void combine_samples(
     int64_t n, int64_t n_channels, float sums[n][n_channels], const uint8_t counts[n],
     const float neutral[n_channels], int64_t mode)
 {

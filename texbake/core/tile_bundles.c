@@ -876,7 +876,7 @@ static void cast_together(
    each other. `nearest`, `backs` and the other results begin with what other trees gave: the
    distances of the nearest hit and of the nearest back face, as the test has computed them, and the
    hit itself, refined. */
-int64_t cast_bundles(
+EXPORT int64_t cast_bundles(
     int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
     const double leaves[n_leaves][9][8], const int32_t ids[n_leaves][8],
     const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
@@ -918,7 +918,7 @@ static uint64_t spread_bits(double cell)
 
 /* Write numbers that sort rays so that similar ones follow each other: by where they head, by their
    direction in 8 x 8 steps, and by their middle on a Morton curve. */
-void sort_keys_of_rays(
+EXPORT void sort_keys_of_rays(
     int64_t n, const double origins[n][3], const double directions[n][3], const double lengths[n],
     uint64_t keys[n])
 {

@@ -40,7 +40,7 @@ static double squared_distance(const double a[3], const double b[3])
 }
 
 /* Mark the longest edge of every triangle with a marked edge; return the number of cuts. */
-int64_t close_marks(
+EXPORT int64_t close_marks(
     int64_t n, int64_t n_points, int64_t n_edges, const int32_t faces[n][3],
     const int32_t face_edges[n][3], const double points[n_points][3], bool marked[n_edges])
 {
@@ -75,7 +75,7 @@ int64_t close_marks(
 }
 
 /* Write the number of triangles added by all triangles before each one. */
-void count_pieces(
+EXPORT void count_pieces(
     int64_t n, int64_t n_edges, const int32_t face_edges[n][3], const bool marked[n_edges],
     int64_t added[n + 1])
 {
@@ -87,7 +87,7 @@ void count_pieces(
 }
 
 /* Write both halves of marked edges, and copy the other edges. */
-void halve_edges(
+EXPORT void halve_edges(
     int64_t n, int64_t n_out, const int32_t ends[n][2], const bool marked[n],
     const int32_t halves[n], const int32_t middles[n], int32_t out[n_out][2])
 {
@@ -191,7 +191,7 @@ static void write_pieces(
 
 /* Write the pieces of triangles whose edges were halved. New inner edges come after the
    `n_halves` edges that there are. */
-void cut_triangles(
+EXPORT void cut_triangles(
     int64_t n, int64_t n_edges, int64_t n_points, int64_t n_out, int64_t n_ends, int64_t n_places,
     const int32_t faces[n][3], const int32_t face_edges[n][3], const int32_t base_faces[n],
     const float weights[n][3][2], const int32_t ends[n_edges][2], const bool marked[n_edges],

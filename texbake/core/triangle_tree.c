@@ -20,7 +20,7 @@
 enum { LEAF_SIZE = 4 };
 
 /* Keys of faces start to stop - 1: the Morton code of their center, then their id. */
-void morton_keys(
+EXPORT void morton_keys(
     int64_t n_vertices, int64_t n_faces,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3], const double low[3],
     double cells_a_unit, int64_t axis_bits, int64_t id_bits, int64_t start, int64_t stop,
@@ -86,7 +86,7 @@ static void bound_faces(
 }
 
 /* Split ranges of the order from the top, then join boxes from the bottom; return how many nodes. */
-int64_t build_triangle_tree(
+EXPORT int64_t build_triangle_tree(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_most,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t ids[n_kept], const uint64_t codes[n_kept], float boxes[n_most][6],
@@ -182,12 +182,13 @@ static int32_t closest_face(
 
 /* Find the closest face to points start to stop - 1; where directions are given, the closest of those
    that face the way the point's direction points. */
-void closest_points(
+EXPORT void closest_points(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
-    const double points[n][3], const double directions[n][3], double max_distance, int64_t start,
-    int64_t stop, double distances[n], int32_t face_ids[n], double barycentrics[n][3])
+    const double points[n][3], OPTIONAL const double directions[n][3], double max_distance,
+    int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
+    double barycentrics[n][3])
 {
     const struct triangle_tree tree = {positions, faces, order, boxes, nodes};
     const double limit = max_distance * max_distance;

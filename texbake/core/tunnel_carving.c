@@ -55,7 +55,7 @@ static bool is_outside_joined(const bool *solid, const int64_t steps[6])
 
 /* Remove points of the solid that are not kept, at most so many steps from outside; return how many.
    No point at the border of the grid is solid. */
-int64_t carve_tunnels(
+EXPORT int64_t carve_tunnels(
     int64_t nx, int64_t ny, int64_t nz, const bool kept[nx][ny][nz], bool solid[nx][ny][nz],
     int64_t most_steps)
 {

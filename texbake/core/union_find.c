@@ -13,7 +13,7 @@
 
 /* Merge the groups of each pair, then replace the label of each item by the number of its group.
    `labels` comes with each item's own number. */
-void merge_labels(
+EXPORT void merge_labels(
     int64_t n_items, int64_t n_pairs,
     int32_t labels[n_items], const int32_t firsts[n_pairs], const int32_t seconds[n_pairs])
 {

@@ -51,7 +51,7 @@ static double value_at(
 }
 
 /* Values in [0, 1], which fade to 1/2 where the pixel is wide. */
-void fill_value_noise(
+EXPORT void fill_value_noise(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
     const double values[256], float out[n][1], int64_t interpolation, int64_t start, int64_t stop)

@@ -15,7 +15,7 @@
 #include "core.h"
 
 /* Widen the range of each channel, minimum and maximum, to the finite values of covered texels. */
-void measure_ranges(
+EXPORT void measure_ranges(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     float ranges[n_channels][2], int64_t start, int64_t stop)
 {
@@ -34,7 +34,7 @@ void measure_ranges(
 }
 
 /* Values of covered texels whose level, value / scale + mid, is below `least` or above `most`. */
-int64_t count_outside(
+EXPORT int64_t count_outside(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     double scale, double mid, double least, double most, int64_t start, int64_t stop)
 {
@@ -52,7 +52,7 @@ int64_t count_outside(
 
 /* Write the squared lengths of vectors to those that have a face, not below 0, one after the other from
    `start` on; return how many there are. */
-int64_t measure_lengths(
+EXPORT int64_t measure_lengths(
     int64_t n, const float vectors[n][3], const int32_t faces[n], int64_t start, int64_t stop,
     double squares[n])
 {
@@ -74,7 +74,7 @@ static inline uint32_t bits_of_size(float value)
 }
 
 /* Count the covered values by the upper half of the bits of their size. */
-void count_upper_halves(
+EXPORT void count_upper_halves(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     int64_t counts[1 << 16], int64_t start, int64_t stop)
 {
@@ -84,7 +84,7 @@ void count_upper_halves(
 }
 
 /* Count those with the upper half `upper` by the lower half. */
-void count_lower_halves(
+EXPORT void count_lower_halves(
     int64_t n, int64_t n_channels, const float values[n][n_channels], const bool covered[n],
     int64_t counts[1 << 16], int64_t upper, int64_t start, int64_t stop)
 {

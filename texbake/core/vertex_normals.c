@@ -38,7 +38,7 @@ static inline double area_length(
 }
 
 /* Write the unit normals of faces start to stop - 1. */
-void face_normals(
+EXPORT void face_normals(
     int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], double scale, double rounding, int64_t start, int64_t stop,
     double normals[n_faces][3])
@@ -63,7 +63,7 @@ static inline void add_weighted(double normal[3], double angle, struct vector un
 
 /* Add every face to the normals of its corners that lie in start to stop - 1. `rows` are the normals
    of the corners, -1 for none; they are not normalized. */
-void add_vertex_normals(
+EXPORT void add_vertex_normals(
     int64_t n_vertices, int64_t n_faces, int64_t n_normals, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], const int32_t rows[n_faces][3], double scale, double rounding,
     int64_t start, int64_t stop, double normals[n_normals][3])
@@ -94,7 +94,7 @@ void add_vertex_normals(
 }
 
 /* Give sums of normals unit length, or 0 where they cancel. Return how many are zero. */
-int64_t normalize_sums(int64_t n, double normals[n][3])
+EXPORT int64_t normalize_sums(int64_t n, double normals[n][3])
 {
     int64_t n_zero = 0;
     for (int64_t row = 0; row < n; row++) {

@@ -95,7 +95,7 @@ static bool box_of_clipped(const struct clipped_triangle *clipped, struct box *b
 /* Find the triangles from `start` to `stop` that may cover a sample of a part of the screen, and the
    bands of the part that each spans. Writes from `start` on; adds to the count of each band; returns
    how many there are. */
-int64_t sort_triangles(
+EXPORT int64_t sort_triangles(
     int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_bands,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],
@@ -141,7 +141,7 @@ int64_t sort_triangles(
 }
 
 /* Write triangles to the places of their bands. */
-void scatter_triangles(
+EXPORT void scatter_triangles(
     int64_t n, int64_t n_bands, int64_t n_places, const int32_t survivors[n],
     const int16_t spans[n][2], int64_t next_places[n_bands], int32_t sorted_faces[n_places])
 {
@@ -270,7 +270,7 @@ static void draw_triangle(
 
 /* Draw the triangles of a band of rows of a part of the screen. With a layer, only what lies behind it (or at the same depth
    with a higher index) and in front of the last depths is drawn. */
-void draw_triangles(
+EXPORT void draw_triangles(
     int64_t n_vertices, int64_t n_faces, int64_t n_objects, int64_t n_in_band, int64_t n_rows,
     int64_t n_columns, const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_objects + 1], const uint8_t modes[n_objects],

@@ -40,7 +40,7 @@ static inline struct texel_cell slice_cell(
 }
 
 /* Nearest or trilinear values at points (s, t, r), t up. */
-void sample_volume(
+EXPORT void sample_volume(
     int64_t depth, int64_t height, int64_t width, int64_t n_channels, int64_t n,
     const float volume[depth][height][width][n_channels], const double points[n][3], bool nearest,
     int64_t wrap, const float border[n_channels], float out[n][n_channels], int64_t start,

@@ -18,7 +18,7 @@
 #include "core.h"
 
 /* Hash rows start to stop - 1. The last key stands alone, the others are factors of the columns. */
-void hash_rows(
+EXPORT void hash_rows(
     int64_t n, int64_t k, const uint32_t words[n][k], const uint64_t keys[k + 1], int64_t start,
     int64_t stop, uint32_t hashes[n])
 {
@@ -33,7 +33,7 @@ void hash_rows(
 }
 
 /* Weld the rows whose hash begins with the bits `part`, with open addressing and linear probing. */
-int64_t weld_part(
+EXPORT int64_t weld_part(
     int64_t n, int64_t k, const uint32_t words[n][k], const uint32_t hashes[n], int64_t part_bits,
     int64_t part, int32_t firsts[n])
 {

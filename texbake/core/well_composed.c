@@ -69,7 +69,7 @@ static void add_bad_cells(struct cells *cells, const struct solid_grid *grid)
 }
 
 /* Fill points, those nearest to the solid first; return how many. */
-int64_t compose_well(
+EXPORT int64_t compose_well(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], bool solid[width][height][depth],
     float field[n_slots][512])

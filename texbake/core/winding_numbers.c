@@ -21,7 +21,7 @@ static const double FAR = 4.0;
 static const double FULL_SPHERE = 12.566370614359172;
 
 /* The center, the vector area and the radius of clusters start to stop - 1. */
-void gather_clusters(
+EXPORT void gather_clusters(
     int64_t n_vertices, int64_t n_faces, int64_t n_clusters, const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], const int64_t starts[n_clusters + 1],
     double clusters[n_clusters][7], int64_t start, int64_t stop)
@@ -65,7 +65,7 @@ static double solid_angle(const double (*positions)[3], const int32_t face[3], s
 
 /* The winding numbers of points start to stop - 1, none of which lies on the surface. The faces of
    cluster k are those from starts[k] to starts[k + 1]. */
-void measure_winding(
+EXPORT void measure_winding(
     int64_t n_vertices, int64_t n_faces, int64_t n_clusters, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int64_t starts[n_clusters + 1], const double clusters[n_clusters][7],

@@ -88,7 +88,7 @@ static struct two_nearest find_two_nearest(
 }
 
 /* F1 or F2 - F1 in cell widths, clamped to 1; wide pixels show `mean`. */
-void fill_cells(
+EXPORT void fill_cells(
     int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
     OPTIONAL const float widths[n][n_widths], const uint8_t permutation[512],
     const double places[256][3], float out[n][1], double jitter, bool is_solid, int64_t feature,
