@@ -1,20 +1,23 @@
-"""The images of a high-poly mesh's materials, decoded once, and their values at hits."""
+"""Values of a high-poly mesh's materials at hits: factors, times images that are decoded once."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import Hits
-from texbake.core import core
-from texbake.mesh.materials import ChannelImage, Placing
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.baking.hits import Float32Array, Hits
+from texbake.core import core, portable_math as pm
+from texbake.mesh.materials import CHANNELS, Channel, ChannelImage, ChannelSource, Placing
+from texbake.mesh.mesh import FloatArray, IntArray, frozen
+from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
 from texbake.texture.lookup import lookup
 
-Float32Array = npt.NDArray[np.float32]
+if TYPE_CHECKING:
+    from texbake.baking.inputs import BakeInputs
 
 _BAND = 1 << 15
 
@@ -49,14 +52,12 @@ class MaterialPoints:
 
 def points_by_material(hits: Hits, face_materials: IntArray, n: int) -> list[MaterialPoints]:
     """Divide the points hit by the materials of their faces, numbered from 0 to n."""
+    faces, barycentrics = hits.high_faces, hits.high_barycentrics
     if n == 1:
-        return [MaterialPoints(slice(None), hits.high_faces, hits.high_barycentrics)]
-    ids = face_materials[hits.high_faces]
-    found = []
-    for i in range(n):
-        rows = np.flatnonzero(ids == i)
-        found.append(MaterialPoints(rows, hits.high_faces[rows], hits.high_barycentrics[rows]))
-    return found
+        return [MaterialPoints(slice(None), faces, barycentrics)]
+    ids = face_materials[faces]
+    rows_of = (np.flatnonzero(ids == i) for i in range(n))
+    return [MaterialPoints(rows, faces[rows], barycentrics[rows]) for rows in rows_of]
 
 
 @dataclass(eq=False)
@@ -128,3 +129,77 @@ def _wrapped(places: FloatArray, wraps: tuple[str, str], sizes: tuple[int, int])
             # Half a texel from the edges, where the outermost texels alone count.
             np.clip(wrapped[:, axis], 0.5 / size, 1.0 - 0.5 / size, out=wrapped[:, axis])
     return wrapped
+
+
+def values_at_hits(name: str, hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """(n, C) float32: linear values of a channel; its default where a material does not set it."""
+    assert inputs.materials is not None
+    channel = CHANNELS[name]
+    values = np.empty((len(hits), len(channel.default)), dtype=np.float32)
+    sources = inputs.materials.sources(name)
+    for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
+        values[points.rows] = _source_values(channel, source, points, inputs)
+    colors = inputs.high.colors
+    if inputs.materials.has_vertex_colors and colors is not None:
+        factors = None
+        if name == "base-color":
+            factors = inputs.high_surface.colors
+        elif name == "alpha" and colors.shape[1] == 4:
+            factors = frozen(np.ascontiguousarray(colors[:, 3:]))
+        if factors is not None:
+            values *= hits.interpolated(factors, inputs.high.faces, inputs.options.threads)
+    return values
+
+
+def _source_values(
+    channel: Channel, source: ChannelSource | None, points: MaterialPoints, inputs: BakeInputs
+) -> Float32Array:
+    """(n, C) float32, or (C,) for all points: a channel of one material."""
+    factor = np.array(channel.default if source is None else source.factor, dtype=np.float32)
+    if source is None or source.image is None:
+        return factor
+    values = inputs.high_surface.images.values(source.image, points, is_color=channel.is_color)
+    if (factor != 1.0).any():
+        values *= factor
+    if source.offset != 0.0:
+        values += np.float32(source.offset)
+    return values
+
+
+def replace_by_normal_maps(hits: Hits, inputs: BakeInputs, normals: Float32Array) -> None:
+    """Replace normals of hits, in place, where a material of the high-poly mesh has a normal map.
+
+    Kernel: `core/barycentric.c`.
+    """
+    assert inputs.materials is not None
+    sources = inputs.materials.sources("normal")
+    for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):
+        if source is not None and source.image is not None:
+            normals[points.rows] = _mapped_normals(source, source.image, points, inputs)
+
+
+def _mapped_normals(
+    source: ChannelSource, image: ChannelImage, points: MaterialPoints, inputs: BakeInputs
+) -> Float32Array:
+    """(n, 3) float32: unit normals of a normal map at points of the high-poly faces."""
+    surface = inputs.high_surface
+    normals, corners = surface.normals
+    tangents = surface.tangents
+    vectors = surface.images.values(image, points, is_color=False)
+    factor = np.array(source.factor, np.float32)
+    axes = np.eye(2, dtype=np.float32)
+    if inputs.high.tangents is None:
+        axes = image_axes(np.array(image.placing)[:, :2])
+    is_turned = (axes != np.eye(2)).any()
+
+    def work(start: int, stop: int) -> None:
+        band = slice(start, stop)
+        vectors[band] = (vectors[band] * 2.0 - 1.0) * factor
+        if is_turned:
+            vectors[band, :2] = pm.matmul(vectors[band, :2], axes)
+        core.from_tangent_space(
+            points.faces[band], points.barycentrics[band], normals, corners, tangents, vectors[band]
+        )
+
+    run_bands(work, len(points.faces), band=_BAND, threads=inputs.options.threads)
+    return vectors

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,14 @@ import numpy.typing as npt
 from texbake.baking.texels import Samples
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
-from texbake.raycast.rays import RayHits, Rays, Rows
+from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+from texbake.raycast.rays import NO_HIT, RayHits, Rays, Rows
+
+Float32Array = npt.NDArray[np.float32]
+
+# Hits whose values stay in a processor's cache while they are computed.
+_BAND = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,19 +26,19 @@ class Hits(Rows):
     """The hits of a bake, one row for each sample that a face of the low-poly mesh owns."""
 
     # (n,) int32; row times width plus column of the texel of the sample, row 0 at the top.
-    texel_ids: npt.NDArray[np.int32]
-    low_faces: npt.NDArray[np.int32]  # (n,) int32; face of the low-poly mesh
+    texel_ids: IntArray
+    low_faces: IntArray  # (n,) int32; face of the low-poly mesh
     # (n, 2) float32; weights of the second and third corner of that face.
-    low_barycentrics: npt.NDArray[np.float32]
-    high_faces: npt.NDArray[np.int32]  # (n,) int32; face of the high-poly mesh, `NO_HIT` for a miss
+    low_barycentrics: Float32Array
+    high_faces: IntArray  # (n,) int32; face of the high-poly mesh, `NO_HIT` for a miss
     # (n, 2) float32; weights of the second and third corner of that face.
-    high_barycentrics: npt.NDArray[np.float32]
+    high_barycentrics: Float32Array
     # (n, 3) float32; from the sample on the low-poly mesh to the point hit, in model units; 0 for a
     # miss.
-    offsets: npt.NDArray[np.float32]
+    offsets: Float32Array
     # (n, S) float32; what rays from the point hit have met, where a map needs it; 0 for a miss. The
     # columns are those of `texbake.raycast.hemispheres`, lengths in model units.
-    secondary: npt.NDArray[np.float32] | None = None
+    secondary: Float32Array | None = None
 
     @classmethod
     def empty(cls, samples: Samples) -> Hits:
@@ -44,6 +52,41 @@ class Hits(Rows):
             np.empty((n, 2), dtype=np.float32),
             np.empty((n, 3), dtype=np.float32),
         )
+
+    @property
+    def is_hit(self) -> npt.NDArray[np.bool_]:
+        """Which rows are hits; the others are misses."""
+        return np.asarray(self.high_faces != NO_HIT)
+
+    def computed(
+        self,
+        values: Float32Array | int,
+        kernel: Callable[[Hits, Float32Array], object],
+        threads: int | None,
+    ) -> Float32Array:
+        """(n, C) float32: values that a kernel writes, given them or the number of their channels.
+
+        The kernel gets one band of hits after another, with their values.
+        """
+        if isinstance(values, int):
+            values = np.empty((len(self), values), dtype=np.float32)
+
+        def work(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            kernel(self.where(band), values[band])
+
+        run_bands(work, len(self), band=_BAND, threads=threads)
+        return values
+
+    def interpolated(
+        self, values: Float32Array, corners: IntArray, threads: int | None
+    ) -> Float32Array:
+        """(n, C) float32: values (N, C) of the corners (F, 3) of high-poly faces, at the hits."""
+
+        def interpolate(some: Hits, out: Float32Array) -> None:
+            core.interpolate_corners(some.high_faces, some.high_barycentrics, values, corners, out)
+
+        return self.computed(values.shape[1], interpolate, threads)
 
     def take(self, others: Hits, rows: npt.NDArray[np.intp] | None = None) -> None:
         """Replace rows by those of other hits, in place; None for all of them."""

@@ -102,7 +102,7 @@ def _reduced_to_hit_faces(hits: Hits, inputs: BakeInputs) -> tuple[Hits, BakeInp
     """Hits and inputs reduced to the high-poly faces that were hit, or to one face if none was."""
     high = inputs.high
     used = np.zeros(high.n_faces, dtype=np.bool_)
-    used[hits.high_faces[hits.high_faces != NO_HIT]] = True
+    used[hits.high_faces[hits.is_hit]] = True
     used[0] |= not used.any()
     chosen = np.flatnonzero(used)
     numbers = np.append(np.cumsum(used, dtype=np.int32) - 1, NO_HIT)
@@ -202,7 +202,7 @@ def _unpack(header: dict[str, Any], arrays: Arrays) -> BakeResult:
     _check(hits, texel_faces, high, low, (options.height_px, options.width_px))
     _check_shapes(hits, high, arrays)
     has_data = np.zeros(texel_faces.size, dtype=np.bool_)
-    has_data[hits.texel_ids[hits.high_faces != NO_HIT]] = True
+    has_data[hits.texel_ids[hits.is_hit]] = True
     inputs = BakeInputs.of(
         high,
         low,

@@ -196,7 +196,7 @@ class BakeInputs:
         stream = self.stream
         if stream is None:
             return self, hits
-        is_hit = hits.high_faces != NO_HIT
+        is_hit = hits.is_hit
         # One face, if none was hit.
         face_ids = np.unique(hits.high_faces[is_hit] if is_hit.any() else np.zeros(1, np.int32))
         faces = np.where(is_hit, np.searchsorted(face_ids, hits.high_faces), NO_HIT)

@@ -18,7 +18,6 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import INNER, OUTER
 from texbake.baking.scenes import BakeScenes
 from texbake.core import core
-from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
@@ -31,7 +30,6 @@ from texbake.raycast.hemispheres import (
     direction_sets,
     mixed,
 )
-from texbake.raycast.rays import NO_HIT
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -73,7 +71,7 @@ class SecondaryRays:
         """Return the hits with what their secondary rays met, and the number of rays cast."""
         options, frame = self.inputs.options, scenes.frame
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
-        is_hit = hits.high_faces != NO_HIT
+        is_hit = hits.is_hit
         found = hits if is_hit.all() else hits.where(is_hit)
         hemispheres = hemispheres_of(
             found,
@@ -99,16 +97,6 @@ class SecondaryRays:
             met[is_hit] = scene.cast_hemispheres(hemispheres, sets, occlusion_range)
         met[:, DEPTH] /= np.float32(frame.scale)
         return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
-
-
-def secondary_values(hits: Hits, columns: int | slice, name: str) -> Float32Array:
-    """Return columns of what secondary rays met, for the map of that name."""
-    met = None if hits.secondary is None else hits.secondary[:, columns]
-    if met is None or (len(met) and np.isnan(met).any()):
-        raise OptionError(
-            f"{name}: the kept hits lack the rays for it; bake with it among the maps"
-        )
-    return met
 
 
 def hemispheres_of(

@@ -13,7 +13,6 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
 from texbake.core import core
 from texbake.parallel import run_bands
-from texbake.raycast.rays import NO_HIT
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -65,7 +64,7 @@ class TexelSums:
             band = hits.where(slice(start, stop))
             if self._n_samples is not None:
                 self._add_values(band, of_misses, self._n_samples, inputs)
-            is_hit = band.high_faces != NO_HIT
+            is_hit = band.is_hit
             if not is_hit.all():
                 band = band.where(is_hit)
             self._add_values(band, of_hits, self.n_hits, inputs)

@@ -260,7 +260,7 @@ class SampleCaster:
 
         Where back faces are hit as well, every face counts. A miss stays one where no face does.
         """
-        rows = np.flatnonzero(hits.high_faces == NO_HIT)
+        rows = np.flatnonzero(~hits.is_hit)
         if len(rows) == 0:
             return
         options, scenes = self.trace.options, self.scenes

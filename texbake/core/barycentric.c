@@ -2,7 +2,7 @@
 
    Weights are float32; products of two float32 are rounded to float32.
 
-   Called from texbake/baking/maps/normals.py, heights.py and per_hit.py. */
+   Called from texbake/baking/maps/geometry.py, hits.py and channel_images.py. */
 
 #include <math.h>
 

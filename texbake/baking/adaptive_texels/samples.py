@@ -35,7 +35,6 @@ from texbake.baking.trace import SampleCaster, Trace
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
-from texbake.raycast.rays import NO_HIT
 from texbake.sampling.report import check_random, n_to_check, percent_within
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
@@ -171,8 +170,7 @@ class ValidationBake:
 def _cast(caster: SampleCaster, samples: CellSamples, grid: SampleGrid) -> tuple[Hits, IntArray]:
     """Cast samples; return the hits, and the places of their samples."""
     hits = caster.cast(samples.samples, grid)
-    is_hit = hits.high_faces != NO_HIT
-    return hits.where(is_hit), samples.places[is_hit]
+    return hits.where(hits.is_hit), samples.places[hits.is_hit]
 
 
 def _chosen(candidates: IdArray) -> IdArray:

@@ -24,7 +24,6 @@ from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
 from texbake.baking.trace import SampleCaster, Trace
 from texbake.mesh.mesh import IntArray
 from texbake.progress import Stages
-from texbake.raycast.rays import NO_HIT
 
 # So few that what one step writes is still in the cache when the next one reads it.
 _SAMPLES_AT_ONCE = 1 << 17
@@ -162,7 +161,7 @@ class TexelSampler:
         with self.stages.part("make maps"):
             if of_texels:
                 self._distances.add(hits, threads=self.threads)
-            is_hit = hits.high_faces != NO_HIT
+            is_hit = hits.is_hit
             if not is_hit.all():
                 places, hits = places[is_hit], hits.where(is_hit)
             charts = self.inputs.low_surface.charts[hits.low_faces]

@@ -1,4 +1,4 @@
-"""Maps of what rays from the hits meet: ambient occlusion, bent normals and thickness.
+"""Maps of what rays meet: opacity, and ambient occlusion, bent normals and thickness from the hits.
 
 Based on: Zhukov, Iones, Kronin, "An Ambient Light Illumination Model", 1998; Landis, "Production-
 Ready Global Illumination", 2002, for the name ambient occlusion and for bent normals.
@@ -6,15 +6,25 @@ Ready Global Illumination", 2002, for the name ambient occlusion and for bent no
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
-from texbake.baking.hits import Hits
-from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.normals import to_tangent_space
-from texbake.baking.maps.per_hit import Float32Array
-from texbake.baking.secondary_rays import secondary_values
-from texbake.core import portable_math as pm
-from texbake.raycast.hemispheres import DEPTH, OPEN, OPEN_DIRECTION
+from texbake.baking.maps.geometry import to_tangent_space
+from texbake.baking.maps.kind import FLAT, INNER, OUTER, MapKind
+from texbake.errors import OptionError
+
+if TYPE_CHECKING:
+    from texbake.baking.hits import Float32Array, Hits
+    from texbake.baking.inputs import BakeInputs
+
+# Measured with 64 rays: 0.057 sqrt(v (1 - v)) of ao, for all v; 1.7 % of thickness.
+_NOISE_OF_SHARES, _RELATIVE_NOISE = 1.3, 0.4
+
+
+def opacity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """1 for a hit, 0 for a miss, so that a texel gets the share of its samples that hit: (n, 1)."""
+    import numpy as np
+
+    return hits.is_hit.astype(np.float32)[:, np.newaxis]
 
 
 def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -23,7 +33,9 @@ def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     Weighted by the cosine of the angle to the normal: 1 for a convex surface, 1/2 everywhere in a
     hemispherical bowl.
     """
-    return np.ascontiguousarray(secondary_values(hits, OPEN, "ao")[:, np.newaxis])
+    from texbake.raycast.hemispheres import OPEN
+
+    return _met(hits, slice(OPEN, OPEN + 1), "ao")
 
 
 def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -33,9 +45,13 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     the options specify. It is the high-poly normal where no direction is open, and flat, (0, 0, 1),
     where the tangent frame is singular.
     """
-    values = secondary_values(hits, OPEN_DIRECTION, "bent-normal")
+    import numpy as np
+
+    from texbake.core import portable_math as pm
+    from texbake.raycast.hemispheres import OPEN_DIRECTION
+
+    values = _met(hits, OPEN_DIRECTION, "bent-normal")
     if inputs.options.space == "tangent":
-        values = np.ascontiguousarray(values)
         to_tangent_space(hits, inputs, values, normalize=True)
         return values
     lengths = pm.norm(values, axis=1, keepdims=True)
@@ -50,4 +66,39 @@ def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     convex body is 4 times its volume divided by its surface area (Cauchy's mean chord theorem). A
     ray that meets no far side counts with its full length.
     """
-    return np.ascontiguousarray(secondary_values(hits, DEPTH, "thickness")[:, np.newaxis])
+    from texbake.raycast.hemispheres import DEPTH
+
+    return _met(hits, slice(DEPTH, DEPTH + 1), "thickness")
+
+
+def _met(hits: Hits, columns: slice, name: str) -> Float32Array:
+    """Return a copy of columns of what secondary rays met, for the map of that name."""
+    import numpy as np
+
+    met = None if hits.secondary is None else hits.secondary[:, columns].copy()
+    if met is None or np.isnan(met).any():
+        raise OptionError(
+            f"{name}: the kept hits lack the rays for it; bake with it among the maps"
+        )
+    return met
+
+
+KINDS = (
+    MapKind("opacity", 1, "mask", opacity_values, of_misses=True, plain=(1.0,)),
+    MapKind(
+        "ao",
+        1,
+        "mask",
+        ambient_occlusion_values,
+        needs=OUTER,
+        noise=(_NOISE_OF_SHARES, 0.0),
+        empty=1.0,
+        plain=(1.0,),
+    ),
+    MapKind(
+        "bent-normal", 3, "normal", bent_normal_values, combine="unit mean", needs=OUTER, plain=FLAT
+    ),
+    MapKind(
+        "thickness", 1, "thickness", thickness_values, needs=INNER, noise=(0.0, _RELATIVE_NOISE)
+    ),
+)

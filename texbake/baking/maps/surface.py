@@ -1,26 +1,42 @@
-"""Maps of what the high-poly surface carries: ids, vertex colors, curvature, and opacity."""
+"""Maps of what the high-poly surface carries: curvature, ids and vertex colors."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
-from texbake.baking.hits import Hits
-from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps.per_hit import Float32Array, interpolated, per_hit
+from texbake.baking.maps.kind import MapKind
 from texbake.errors import MeshError
-from texbake.mesh.mesh import IntArray
-from texbake.raycast.rays import NO_HIT
 
-# Ids
+if TYPE_CHECKING:
+    from texbake.baking.hits import Float32Array, Hits
+    from texbake.baking.inputs import BakeInputs
+    from texbake.mesh.mesh import IntArray
 
 
-def _ids_of_hits(hits: Hits, face_ids: IntArray, threads: int | None) -> Float32Array:
-    """Ids of the faces hit, from 1 on: (n, 1) float32; `face_ids` (F,) count from 0."""
+def curvature_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """Mean curvature at each hit, per model unit, positive where convex: (n, 1).
 
-    def look_up(some: Hits, ids: Float32Array) -> None:
-        np.add(face_ids[some.high_faces], 1, out=ids[:, 0], casting="unsafe")
+    Computed once at the vertices of the high-poly mesh (see `texbake.mesh.normals`) and
+    interpolated over its faces.
+    """
+    high = inputs.high_surface
+    return hits.interpolated(high.curvatures, high.mesh.faces, inputs.options.threads)
 
-    return per_hit(hits, 1, look_up, threads)
+
+def convexity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """Curvature where it is convex, else 0: (n, 1)."""
+    import numpy as np
+
+    values = curvature_values(hits, inputs)
+    return np.maximum(values, 0.0, out=values)
+
+
+def concavity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
+    """Curvature where it is concave, as a positive number, else 0: (n, 1)."""
+    import numpy as np
+
+    values = np.negative(curvature_values(hits, inputs))
+    return np.maximum(values, 0.0, out=values)
 
 
 def object_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
@@ -28,10 +44,7 @@ def object_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
     Groups are the objects and groups of OBJ files and the nodes of glTF files.
     """
-    groups = inputs.high.face_groups
-    if groups is None:
-        return np.ones((len(hits), 1), dtype=np.float32)
-    return _ids_of_hits(hits, groups, inputs.options.threads)
+    return _ids_of_hits(hits, inputs.high.face_groups, inputs.options.threads)
 
 
 def object_names(inputs: BakeInputs) -> tuple[str, ...]:
@@ -52,12 +65,19 @@ def material_names(inputs: BakeInputs) -> tuple[str, ...]:
     return object_names(inputs) if inputs.materials is None else inputs.materials.names
 
 
-# Colors
+def _ids_of_hits(hits: Hits, face_ids: IntArray | None, threads: int | None) -> Float32Array:
+    """Ids of the faces hit, from 1 on: (n, 1) float32; `face_ids` (F,) count from 0."""
+
+    def look_up(some: Hits, ids: Float32Array) -> None:
+        ids[:, 0] = 1 if face_ids is None else face_ids[some.high_faces] + 1
+
+    return hits.computed(1, look_up, threads)
 
 
 def vertex_color_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     """Vertex color at each hit, interpolated in linear light: (n, 3) float32."""
-    return interpolated(hits, inputs.high_surface.colors, inputs.high.faces, inputs.options.threads)
+    high = inputs.high_surface
+    return hits.interpolated(high.colors, high.mesh.faces, inputs.options.threads)
 
 
 def require_colors(inputs: BakeInputs) -> None:
@@ -69,33 +89,20 @@ def require_colors(inputs: BakeInputs) -> None:
         )
 
 
-# Curvature and opacity
-
-
-def curvature_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Mean curvature at each hit, per model unit, positive where convex: (n, 1).
-
-    Computed once at the vertices of the high-poly mesh (see `texbake.mesh.normals`) and
-    interpolated over its faces.
-    """
-    return interpolated(
-        hits, inputs.high_surface.curvatures, inputs.high.faces, inputs.options.threads
-    )
-
-
-def convexity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Curvature where it is convex, else 0: (n, 1)."""
-    values = curvature_values(hits, inputs)
-    return np.maximum(values, 0.0, out=values)
-
-
-def concavity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Curvature where it is concave, as a positive number, else 0: (n, 1)."""
-    values = np.negative(curvature_values(hits, inputs))
-    return np.maximum(values, 0.0, out=values)
-
-
-def opacity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """1 for a hit, 0 for a miss, so that a texel gets the share of its samples that hit: (n, 1)."""
-    values: Float32Array = (hits.high_faces != NO_HIT).astype(np.float32)
-    return values[:, np.newaxis]
+KINDS = (
+    MapKind("curvature", 1, "curvature", curvature_values, of_neighbors=True),
+    MapKind("convexity", 1, "curvature", convexity_values, of_neighbors=True, mid=0.0),
+    MapKind("concavity", 1, "curvature", concavity_values, of_neighbors=True, mid=0.0),
+    MapKind("object-id", 1, "id", object_id_values, combine="first", legend_function=object_names),
+    MapKind(
+        "material-id", 1, "id", material_id_values, combine="first", legend_function=material_names
+    ),
+    MapKind(
+        "vertex-color",
+        3,
+        "color",
+        vertex_color_values,
+        hides_misses=True,
+        require_function=require_colors,
+    ),
+)

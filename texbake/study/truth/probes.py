@@ -161,7 +161,7 @@ def mean_normals(
     inputs = BakeInputs.of(pair.high, pair.low, options)
     sums = np.zeros((size * size, 3))
     for hits in Trace(pair.high, pair.low, options, None, Stages()).hits():
-        _add(hits.where(hits.high_faces != NO_HIT), inputs, size, sums)
+        _add(hits.where(hits.is_hit), inputs, size, sums)
     lengths = pm.norm(sums, axis=1, keepdims=True)
     means = sums / np.where(lengths > 0.0, lengths, 1.0)
     return means.reshape(size, size, 3), (lengths > 0.0).reshape(size, size)
