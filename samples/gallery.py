@@ -57,10 +57,10 @@ SECTIONS = {
 }  # fmt: skip
 # Options of `side_by_side_options` beside the scene.
 COMPARED = {
-    "filters": {"filters": ("nearest", "bilinear", "trilinear", "ewa", "supersampled")},
-    "magnified": {"filters": ("nearest", "bilinear", "bicubic")},
-    "affine": {"interpolations": ("affine", "perspective")},
-    "mapping_orders": {"mapping_orders": ("screen", "texture", "texture-coverage")},
+    "filters": {"filter": ("nearest", "bilinear", "trilinear", "ewa", "supersampled")},
+    "magnified": {"filter": ("nearest", "bilinear", "bicubic")},
+    "affine": {"interpolation": ("affine", "perspective")},
+    "mapping_orders": {"mapping_order": ("screen", "texture", "texture-coverage")},
 }
 # For each buffer, the scene that shows it and its caption.
 BUFFERS = {
@@ -92,7 +92,7 @@ every picture has. Nothing else was run.
 class Shot:
     """A picture of the page: a scene, and the options it is drawn with.
 
-    `ways` are options of `side_by_side_options`; several pictures stand in a row.
+    `ways` are choices of `side_by_side_options`; several pictures stand in a row.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Shot:
     def options(self) -> str:
         """Command-line options beside the scene."""
         return " ".join(
-            f"--{key[:-1].replace('_', '-')} {','.join(names)}" for key, names in self.ways.items()
+            f"--{key.replace('_', '-')} {','.join(names)}" for key, names in self.ways.items()
         )
 
 
@@ -124,7 +124,7 @@ def shots() -> list[Shot]:
     for name in (name for names in SECTIONS.values() for name in names):
         kind, _, buffer = name.partition("_")
         if kind == "buffer":
-            found.append(Shot(name, *BUFFERS[buffer], {"buffers": (buffer,)}))
+            found.append(Shot(name, *BUFFERS[buffer], {"buffer": (buffer,)}))
         else:
             found.append(Shot(name, name, caption(name), COMPARED.get(name, {})))
     return found
@@ -142,8 +142,8 @@ def caption(scene: str) -> str:
 
 def opened(shot: Shot, **changes: object) -> tuple[texbake.Scene, list]:
     """Return the scene, and the options of every picture in the row with their captions."""
-    scene, options = open_preview(shot.scene_file, options=changes)
-    return scene, side_by_side_options(options, **shot.ways)
+    scene, options = open_preview(shot.scene_file, changes)
+    return scene, side_by_side_options(options, shot.ways)
 
 
 def passes(shot: Shot) -> list[str]:

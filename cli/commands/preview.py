@@ -139,20 +139,18 @@ def preview(
         raise click.UsageError("Missing option '-o' / '--output'.")
     _take_targets(picture, choices, n_views)
     from texbake.jobs.preview import preview_files
+    from texbake.jobs.preview_scene import MeshMaps
 
+    maps = MeshMaps(normal_map=normal_map, displacement=displacement, albedo=albedo, space=space)
+    side_by_side = {name.removesuffix("s"): choices[name] for name in _SIDE_BY_SIDE}
+    side_by_side["interpolation"] = _interpolations(choices)
     with terminal.progress() as progress:
         done = preview_files(
             input,
             None if choices["plan_only"] else output,
             picture,
-            normal_map=normal_map,
-            space=space,
-            displacement=displacement,
-            albedo=albedo,
-            filters=choices["filters"],
-            interpolations=_interpolations(choices),
-            buffers=choices["buffers"],
-            mapping_orders=choices["mapping_orders"],
+            maps=maps,
+            side_by_side=side_by_side,
             n_views=n_views,
             contributions=choices["explain"] == "changes",
             report=choices["report"],

@@ -147,7 +147,7 @@ def test_pictures_side_by_side_share_one_exposure(tmp_path):
         tmp_path / "ball.glb",
         tmp_path / "both.png",
         SMALL,
-        interpolations=("perspective", "affine"),
+        side_by_side={"interpolation": ("perspective", "affine")},
     )
     pixels = read_image(tmp_path / "both.png", color=False).pixels
     assert pixels.max() < 1.0

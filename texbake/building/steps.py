@@ -153,14 +153,14 @@ CHECK = StepKind(
 
 def _preview(job: Job) -> dict[str, Any]:
     from texbake.jobs.preview import preview_files
+    from texbake.jobs.preview_scene import MeshMaps
 
     maps: dict[str, Any] = {name: job.input(name) for name in _SHOWN}
     preview_files(
         job.file("mesh"),
         job.outputs["picture"],
         vars(PREVIEW.made(job.settings)),
-        **maps,
-        as_mesh=True,
+        maps=MeshMaps(**maps, replaces=True),
         threads=job.threads,
     )
     return {}

@@ -23,7 +23,7 @@ from texbake.jobs.outputs import (
     given,
     write_report,
 )
-from texbake.jobs.preview_scene import open_preview
+from texbake.jobs.preview_scene import MeshMaps, open_preview
 from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.contributions import Contribution, contributions_of
@@ -94,22 +94,19 @@ class PreviewFiles(JobResult[Frame | None]):
         return [*rows]
 
 
+_NO_MAPS = MeshMaps()
+_ONE_PICTURE: Mapping[str, Sequence[str]] = {}
+
+
 @appearing_together()
 def preview_files(
     path: PathLike,
     output: PathLike | None,
     options: Mapping[str, Any] | None = None,
     *,
-    normal_map: PathLike | None = None,
-    displacement: PathLike | None = None,
-    albedo: PathLike | None = None,
-    space: str | None = None,
-    filters: Sequence[str] = (),
-    interpolations: Sequence[str] = (),
-    buffers: Sequence[str] = (),
-    mapping_orders: Sequence[str] = (),
+    maps: MeshMaps = _NO_MAPS,
+    side_by_side: Mapping[str, Sequence[str]] = _ONE_PICTURE,
     n_views: int | None = None,
-    as_mesh: bool = False,
     contributions: bool = False,
     report: PathLike | None = None,
     html: PathLike | None = None,
@@ -118,38 +115,27 @@ def preview_files(
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
 ) -> PreviewFiles:
-    """Draw a mesh file with its maps, or a scene file."""
+    """Draw a mesh file with its maps, or a scene file.
+
+    `output` is a folder if there are `n_views`, and None to plan the passes and draw nothing. All
+    combinations of `side_by_side`, choices by the name of an option, are drawn in one picture.
+    """
     clock = clock or BudgetClock()
-    several = (filters, interpolations, buffers, mapping_orders)
-    if n_views is not None and max(map(len, several)) > 1:
+    is_several = any(len(choices) > 1 for choices in side_by_side.values())
+    if n_views is not None and is_several:
         raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
     measures = contributions or html is not None
-    if measures and (output is None or n_views is not None or max(map(len, several)) > 1):
+    if measures and (output is None or n_views is not None or is_several):
         raise OptionError("contributions: they are those of one picture; draw one")
-    check_distinct([output, report, html], [path, normal_map, displacement, albedo])
+    check_distinct([output, report, html], [path, *maps.files.values()])
     check_report(report)
     check_page(html)
     if output is not None:
         (check_picture if n_views is None else check_folder)(output)
-    scene, asked = open_preview(
-        path,
-        normal_map=normal_map,
-        displacement=displacement,
-        albedo=albedo,
-        space=space,
-        options=options,
-        as_mesh=as_mesh,
-        progress=progress,
-    )
+    scene, asked = open_preview(path, options, maps=maps, progress=progress)
     check_distinct([*_pictures(output, n_views), report, html], scene.files)
     view = default_view(path, scene, asked)
-    variants = side_by_side_options(
-        view.options,
-        filters=filters,
-        interpolations=interpolations,
-        buffers=buffers,
-        mapping_orders=mapping_orders,
-    )
+    variants = side_by_side_options(view.options, side_by_side)
     frame = None
     if output is not None and n_views is not None:
         frame = write_turntable(
@@ -173,7 +159,7 @@ def preview_files(
         contributions=changes,
         plan=plan_scene(scene, variants[0][1], camera=view.camera) if frame is None else frame.plan,
         chosen=() if frame is None or n_views is not None else tuple(view.table(frame)),
-        warnings=(*space_warnings(normal_map, space), *_warnings(view, frame, n_views)),
+        warnings=(*space_warnings(maps.normal_map, maps.space), *_warnings(view, frame, n_views)),
     )
     if report is not None:
         write_report(report, done.to_json())

@@ -6,7 +6,7 @@ A mesh is lit by the studio, and so is a scene without lights. Pictures in this 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
-from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
@@ -32,27 +31,47 @@ _WITHOUT_MATERIALS = (".ply", ".stl", ".off")
 _ROOM_SIZE = 128
 
 
+@dataclass(frozen=True, kw_only=True)
+class MeshMaps:
+    """Maps of a mesh in place of its file's materials, and the space of the normal map.
+
+    `replaces` says whether they are in their place even if there is none.
+    """
+
+    normal_map: PathLike | None = None
+    displacement: PathLike | None = None
+    albedo: PathLike | None = None
+    space: str | None = None
+    replaces: bool = False
+
+    @property
+    def files(self) -> dict[str, PathLike]:
+        """The maps that there are, by name."""
+        names = "normal_map", "displacement", "albedo"
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
+
+_NO_MAPS = MeshMaps()
+
+
 def open_preview(
     path: PathLike,
-    *,
-    normal_map: MapSource | None = None,
-    displacement: MapSource | None = None,
-    albedo: MapSource | None = None,
-    space: str | None = None,
     options: Mapping[str, Any] | None = None,
-    as_mesh: bool = False,
+    *,
+    maps: MeshMaps = _NO_MAPS,
     progress: ProgressSink | None = None,
 ) -> tuple[Scene, RenderOptions]:
     """Read a scene to draw, and the options to draw it with."""
-    maps: Any = {"normal_map": normal_map, "displacement": displacement, "albedo": albedo}
-    named = [name for name, source in maps.items() if source is not None]
+    files: dict[str, Any] = {**maps.files}
     suffix = Path(path).suffix.lower()
-    if suffix == ".toml" and named:
-        raise OptionError(f"{named[0]}: a scene has its own materials; name the map in {path}")
-    if space is not None and normal_map is None:
+    if suffix == ".toml" and files:
+        name = next(iter(files))
+        raise OptionError(f"{name}: a scene has its own materials; name the map in {path}")
+    if maps.space is not None and maps.normal_map is None:
         raise OptionError("space: it needs a normal map; give `normal_map` as well")
     changes = dict(options or {})
-    if suffix == ".toml" or (suffix in _MODELS and not (named or as_mesh)):
+    as_mesh = bool(files) or maps.replaces
+    if suffix == ".toml" or (suffix in _MODELS and not as_mesh):
         scene = read_scene(path, progress=progress)
         if suffix in _MODELS and changes.get("back_faces") is not None:
             scene = _with_sides_as_asked(scene)
@@ -60,9 +79,9 @@ def open_preview(
         chosen = replace(RenderOptions(), **changes)
         with parsed_once():
             mesh = read_mesh(path, progress=progress)
-            materials = None if named or as_mesh else _materials(path, mesh)
+            materials = None if as_mesh else _materials(path, mesh)
         if materials is None:
-            scene = studio_scene(mesh, **maps, space=space, options=chosen)
+            scene = studio_scene(mesh, **files, space=maps.space, options=chosen)
             return scene, _exposing(chosen)
         # Imported here, so that files without materials do not load it.
         from texbake.rendering.scene.read import scene_from_materials

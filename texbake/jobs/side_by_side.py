@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -20,21 +20,10 @@ from texbake.texture.image import FloatImage
 
 
 def side_by_side_options(
-    options: RenderOptions,
-    *,
-    filters: Sequence[str] = (),
-    interpolations: Sequence[str] = (),
-    buffers: Sequence[str] = (),
-    mapping_orders: Sequence[str] = (),
+    options: RenderOptions, choices: Mapping[str, Sequence[str]]
 ) -> list[tuple[str, RenderOptions]]:
-    """Return options for every combination of what is given, each with a caption."""
-    given = {
-        "filter": filters,
-        "interpolation": interpolations,
-        "buffer": buffers,
-        "mapping_order": mapping_orders,
-    }
-    several = {name: tuple(choices) for name, choices in given.items() if choices}
+    """Return options for every combination of choices by option name, each with a caption."""
+    several = {name: tuple(words) for name, words in choices.items() if words}
     combined = []
     for choice in product(*several.values()):
         changes: dict[str, Any] = dict(zip(several, choice, strict=True))
