@@ -52,4 +52,4 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
     if (n_more := len(result.failed) - _MOST_SHOWN) > 0:
         complain(f"{n_more:,} more asset{'s' * (n_more > 1)} failed; build.json lists them")
     terminal.summary(result.table())
-    terminal.wrote([result.folder / "build.json"] if result.is_written else [])
+    terminal.wrote([result.folder / "build.json"])

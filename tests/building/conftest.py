@@ -60,7 +60,7 @@ class Inline:
         if timeout == 0.0:
             return []
         number, task = self._begun.pop(0)
-        return [(number, TaskOutcome(**run_task(task.to_json())))]
+        return [(number, run_task(task))]
 
     def close(self) -> None:
         pass

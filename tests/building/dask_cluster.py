@@ -26,13 +26,13 @@ if Store.commit.__name__ != "logged":
 DEADLY = ("3", "maps")
 ENDING = f"""
 import os
-from texbake.building import dask_task
-def ending(values, run_task=dask_task.run_task):
-    if (values["asset"], values["step"]) == {DEADLY}:
+from texbake.building import dask_scheduler
+def ending(task, run_task=dask_scheduler.run_task):
+    if (task.asset, task.step) == {DEADLY}:
         os._exit(9)
-    return run_task(values)
-if dask_task.run_task.__name__ != "ending":
-    dask_task.run_task = ending
+    return run_task(task)
+if dask_scheduler.run_task.__name__ != "ending":
+    dask_scheduler.run_task = ending
 """
 # Workers that something is wrong with.
 OTHER_VERSION = "import texbake\ntexbake.__version__ = '0.0.1'\n"

@@ -3,14 +3,13 @@
 import errno
 import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from texbake_cli.main import texbake as command
 
 from texbake import FileError, OptionError
 from texbake.building import locations
@@ -19,7 +18,7 @@ from texbake.building.digests import checksum
 from texbake.building.options import BuildOptions, parse_bytes
 from texbake.building.progress import BuildEvent
 from texbake.building.store import Store
-from texbake.building.task import Task, TaskOutcome, run_task
+from texbake.building.task import Task, TaskOutcome
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.raycast.morton_tree import MortonTree
@@ -246,115 +245,52 @@ def believe(digests: Path, file: Path) -> None:
 
 
 def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
-    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch, inline: Any
+    scans: Path, run: Run, contents: Contents
 ) -> None:
     first, _ = run(scans)
+    before = contents(scans.parent / "build")
     key = first.assets[0].steps[0].key
     entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
     (file,) = [path for path in entry.iterdir() if path.suffix == ".ply"]
-    data = bytearray(file.read_bytes())
-    data[-9] ^= 1
-    file.write_bytes(data)
-    # A disk changes bits silently: the remembered signature is set to the present one.
-    digests = scans.parent / "build" / ".texbake" / "digests.json"
-    believe(digests, file)
-    assert run(scans)[1] == []
-    scans.write_text(scans.read_text().replace('"spherical"', '"box"'))
-    result, steps = run(scans)
-    assert result.ok
-    assert steps.count("a.clean") == 1 and steps.count("a.low") == 2  # put off once
-    assert any("damaged" in note for note in result.assets[0].steps[0].notes)
 
-    data = bytearray(file.read_bytes())
-    data[-9] ^= 1
-    file.write_bytes(data)
-    believe(digests, file)
+    def rot() -> None:
+        """Change a bit as a disk does: the remembered signature stays that of the file."""
+        data = bytearray(file.read_bytes())
+        data[-9] ^= 1
+        file.write_bytes(data)
+        digests = scans.parent / "build" / ".texbake" / "digests.json"
+        known = json.loads(digests.read_text())["files"]
+        known[str(file)][0] = list(locations.file_signature(file) or ())
+        digests.write_text(json.dumps({"checksum": checksum(known), "files": known}))
+
+    rot()
+    assert run(scans)[1] == []
+    text = scans.read_text()
+    scans.write_text(text.replace('"spherical"', '"box"'))
+    result, _ = run(scans)
+    (failed,) = result.failed
+    assert failed.name == "a"
+    damage = (
+        "low: a stored input is damaged: .*/repaired.ply does not have its checksum; build again"
+    )
+    assert re.fullmatch(damage, failed.error)
+    assert run(scans)[1] == ["a.clean", "a.low"]
+    rot()
+    scans.write_text(text)
     assert run(scans)[1] == []
     assert run(scans, verify=True)[1] == ["a.clean"]
+    assert contents(scans.parent / "build") == before
 
 
-FANS = """
-[steps.clean]
-do = "repair"
-mesh = "high"
-""" + "".join(
-    f"""[steps.low{number}]
-do = "simplify"
-mesh = "clean"
-faces = {20 + number}
-output = "{{asset}}_{number}.{{ext}}"
-"""
-    for number in range(5)
-)
-
-
-@pytest.fixture
-def rotten(tmp_path: Path, write: Write, run: Run) -> Path:
-    """Two equal meshes with a damaged store, of each of which five steps are made anew."""
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        write_mesh(uv_sphere(8, 12), tmp_path / name / "a.ply")
-    path = write('[[assets]]\nname = "{folder}"\ninputs.high = "*/a.ply"\n', FANS)
-    first, _ = run(path)
-    assert first.ok
-    key = first.assets[0].steps[0].key
-    inside = path.parent / "build" / ".texbake"
-    file = inside / "store" / key[:2] / key / "repaired.ply"
-    data = bytearray(file.read_bytes())
-    data[-9] ^= 1
-    file.write_bytes(data)
-    believe(inside / "digests.json", file)
-    path.write_text(path.read_text().replace("faces = 2", "faces = 3"))
-    return path
-
-
-@pytest.mark.parametrize("slots", [1, 2, 3, 9])
-@pytest.mark.parametrize("order", ["first", "last"])
-def test_a_damaged_result_that_many_steps_read_is_made_again_once(
-    rotten: Path, inline: Any, slots: int, order: str
-) -> None:
-    class Eager(inline):  # type: ignore[misc]
-        """Does tasks at once and reports them in some order: damage may be reported late."""
-
-        def submit(self, number: int, task: Task) -> None:
-            self.tasks.append(task)
-            self._begun.append((number, TaskOutcome(**run_task(task.to_json()))))
-
-        def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
-            return [] if timeout == 0.0 else [self._begun.pop(0 if order == "first" else -1)]
-
-    crew = Eager(slots)
-    heard: list[BuildEvent] = []
-    result = build(rotten, workers=crew, listener=heard.append)
-    assert result.ok, [asset.error for asset in result.failed]
-    assert sum(step.endswith(".clean") for step in crew.steps) == 1
-    # Each runs once, and those that read the damage once more.
-    assert len(crew.steps) <= 1 + 5 + slots
-    assert heard[-1].done == heard[-1].total == 12
-    assert heard[-2].seconds_left == 0.0
-    (note,) = result.assets[0].steps[0].notes
-    assert "damaged and was made again" in note
-
-
-def test_a_damaged_result_under_real_workers(rotten: Path) -> None:
-    assert build(rotten, BuildOptions(jobs=2)).ok
-
-
-def test_a_damaged_result_that_cannot_be_made_again_blocks_its_readers(
-    rotten: Path, inline: Any
-) -> None:
-    crew = inline(slots=2)
-    submit = crew.submit
-
-    def submit_and_lose(number: int, task: Task) -> None:
-        for file in rotten.parent.glob("*/a.ply"):
-            file.write_bytes(b"ply\nnonsense")
-        submit(number, task)
-
-    crew.submit = submit_and_lose
-    result = build(rotten, workers=crew)
-    states = [[step.state for step in asset.steps] for asset in result.assets]
-    assert states == [["failed"] + ["blocked"] * 5] * 2
+def test_a_step_is_blocked_by_any_step_before_it_that_failed(scans: Path, run: Run) -> None:
+    (scans.parent / "b.ply").write_bytes(b"ply\nnonsense\n")
+    later = '[steps.{}]\ndo = "repair"\nmesh = "{}"\n'
+    scans.write_text(scans.read_text() + later.format("two", "low") + later.format("own", "high"))
+    result, _ = run(scans)
+    steps = {step.step: (step.state, step.error) for step in result.assets[1].steps}
+    blocked = "blocked", "it needs clean, which failed"
+    assert steps["low"] == steps["two"] == blocked
+    assert steps["clean"][0] == steps["own"][0] == "failed"
 
 
 def test_steps_that_are_one_are_expected_once(write: Write, inline: Any) -> None:
@@ -690,22 +626,3 @@ def test_invalid_options() -> None:
         with pytest.raises(OptionError):
             BuildOptions(**choice)  # type: ignore[arg-type]
     assert parse_bytes("2 GiB") == 2 * 1024**3
-
-
-def test_a_build_with_nothing_to_do_needs_no_lock(scans: Path, contents: Contents) -> None:
-    folder = scans.parent / "build"
-    first = build(scans)
-    lock = folder / ".texbake" / "lock"
-    lock.unlink(missing_ok=True)
-    lock.mkdir()  # no lock can be had, as on a file system that is read-only
-    before, events = contents(folder), list[BuildEvent]()
-    again = build(scans, listener=events.append)
-    states = {step.state for asset in again.assets for step in asset.steps}
-    assert again.ok and states == {"current"}
-    assert first.is_written and not again.is_written
-    assert "wrote" not in CliRunner().invoke(command, ["build", str(scans)]).output
-    assert len(events) == 2 + len(first.assets) * 2
-    assert contents(folder) == before
-    write_mesh(uv_sphere(9, 8), scans.parent / "a.ply")
-    with pytest.raises(FileError, match="cannot be locked"):
-        build(scans)

@@ -8,10 +8,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -34,7 +33,7 @@ from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent
 from texbake.building.store import Store
-from texbake.building.task import DONE, Task, TaskOutcome
+from texbake.building.task import Task, TaskOutcome
 
 pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 
@@ -117,8 +116,7 @@ def test_a_scheduler_that_is_not_there(
         build(write(), BuildOptions(scheduler="tcp://127.0.0.1:9", jobs=2))
 
 
-def test_workers_that_are_not_fit(write: Any, tmp_path: Path, cluster: Cluster, run: Any,
-                                  contents: Callable[..., Any]) -> None:  # fmt: skip
+def test_workers_that_are_not_fit(write: Any, tmp_path: Path, cluster: Cluster) -> None:
     path = write(ASSETS)
     options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
     for preload, fault in (
@@ -132,24 +130,6 @@ def test_workers_that_are_not_fit(write: Any, tmp_path: Path, cluster: Cluster, 
             build(path, options)
         cluster.end(worker)
     assert not cluster.steps_made
-
-    # One that joins later gets no steps, and the steps that Dask has given it are not lost.
-    notes: list[str] = []
-
-    def join(event: BuildEvent) -> None:
-        if event.event == "note" and event.message:
-            notes.append(event.message)
-        elif event.state == "built" and len(cluster.workers) == 2:
-            cluster.add_worker(OTHER_VERSION)
-            cluster.wait(3)
-
-    result = build(path, options, listener=join)
-    assert result.ok
-    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
-    (note,) = notes
-    assert "gets no steps: it has texbake 0.0.1, this is" in note
-    run(path, folder=tmp_path / "here")
-    assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 
 def test_two_builds_at_one_store_share_their_steps(
@@ -199,6 +179,12 @@ def test_a_cluster_whose_workers_all_go(
     assert len(steps) == 18 - len(kept)
 
 
+TASK = Task(
+    key="a", asset="a", step="bake", kind="bake", settings={}, inputs={}, outputs={},
+    ingredients={}, store="here", threads=1, memory_bytes=8 << 30,
+)  # fmt: skip
+
+
 def test_workers_that_come_back_have_a_minute_again(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [1000.0]
     monkeypatch.setattr(dask_scheduler.time, "monotonic", lambda: now[0])
@@ -207,11 +193,12 @@ def test_workers_that_come_back_have_a_minute_again(monkeypatch: pytest.MonkeyPa
     notes: list[str] = []
     vars(workers).update(
         _address="tcp://here:1", _client=client, _outcomes=queue.SimpleQueue(), _gone=None,
-        _looked=0.0, _tasks={0: None}, _futures={}, _limited_to={}, _tell=notes.append,
+        _looked=0.0, _submissions={}, _note=notes.append,
     )  # fmt: skip
     workers.finished(0)  # there are none
     now[0] += 50
-    workers._outcomes.put((0, TaskOutcome(status=DONE)))
+    workers._submissions[0] = dask_scheduler._Submission(TASK, None, None, 0)
+    workers._outcomes.put((0, TaskOutcome()))
     assert len(workers.finished(0)) == 1
     now[0] += 50
     workers.finished(0)  # none again, for the first time
@@ -238,7 +225,7 @@ class Submissions:
 
     def submit(self, *arguments: Any, **options: Any) -> SimpleNamespace:
         future = SimpleNamespace(
-            **options, done=[], released=[], result=lambda timeout: asdict(TaskOutcome(status=DONE))
+            **options, done=[], released=[], result=lambda timeout: TaskOutcome()
         )
         future.add_done_callback = future.done.append
         future.release = lambda: future.released.append(True)
@@ -252,15 +239,11 @@ def test_a_step_runs_on_workers_that_have_the_memory(monkeypatch: pytest.MonkeyP
     workers = object.__new__(dask_scheduler.DaskWorkers)
     vars(workers).update(
         _address="tcp://here:1", _client=client, _outcomes=queue.SimpleQueue(), _gone=None,
-        _looked=0.0, _tasks={}, _futures={}, _limited_to={}, _times=defaultdict(int), _unfit=set(),
-        _memory=dask_scheduler._memory_of_a_task(client.workers), _max_memory=None, _mark="",
+        _looked=0.0, _submissions={}, _max_memory=None,
+        _memory=dask_scheduler._memory_of_a_task(client.workers),
     )  # fmt: skip
-    task = Task(
-        key="a", asset="a", step="bake", kind="bake", settings={}, inputs={}, outputs={},
-        ingredients={}, store="here", threads=1, memory_bytes=8 << 30,
-    )  # fmt: skip
-    workers.submit(0, task)
-    workers.submit(1, replace(task, key="b", memory_bytes=1 << 20))
+    workers.submit(0, TASK)
+    workers.submit(1, replace(TASK, key="b", memory_bytes=1 << 20))
     first, other = client.made
     assert (first.workers, first.allow_other_workers) == (["large"], False)
     assert (other.workers, other.allow_other_workers) == (None, False)

@@ -8,7 +8,7 @@ import pytest
 
 from texbake.building.digests import Digests, file_digest
 from texbake.building.locations import file_signature
-from texbake.building.resolve import LastKeys
+from texbake.building.resolve import PreviousKeys
 
 
 @pytest.fixture
@@ -41,12 +41,12 @@ def test_a_flipped_bit_discards_the_digests(mesh: Path, kept: Path) -> None:
 def test_files_of_another_form_are_ignored(content: str, mesh: Path, kept: Path) -> None:
     kept.write_text(content)
     assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
-    assert LastKeys(kept)["a", "b"] is None
+    assert PreviousKeys(kept)["a", "b"] is None
 
 
 def test_last_keys_come_back(kept: Path) -> None:
     kept.write_text(json.dumps({"a": {"b": "key"}}))
-    assert LastKeys(kept)["a", "b"] == "key"
+    assert PreviousKeys(kept)["a", "b"] == "key"
 
 
 def test_digests_of_results_that_no_step_has_are_forgotten(write: Any, run: Any) -> None:

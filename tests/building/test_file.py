@@ -182,7 +182,7 @@ def test_odd_names(name: str, write: Write, tmp_path: Path) -> None:
     assert (step.asset, step.state) == (name, "runs")
 
 
-def test_companions_are_found_by_the_stem(write: Write, tmp_path: Path) -> None:
+def test_sidecars_are_found_by_the_stem(write: Write, tmp_path: Path) -> None:
     for name in "a_high.ply", "b_high.ply", "a_high_cage.ply":
         (tmp_path / name).write_text(name)
     assets = '[[assets]]\ninputs.high = "?_high.ply"\ninputs.cage = "{stem}_cage.ply"\n'

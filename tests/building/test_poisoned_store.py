@@ -134,19 +134,6 @@ def test_a_manifest_that_is_none_is_damage(
     assert not result.failed
 
 
-@pytest.mark.parametrize(
-    "files", [{"PATH": 5}, {"PATH": []}, {"PATH": [[], {}]}, {"PATH": [[], "x", 7]}, [5], "x"]
-)
-def test_remembered_digests_of_any_form_are_digests_or_nothing(
-    files: Any, built: Path, run: Callable[..., Any]
-) -> None:
-    (path,) = (built.parent / "build").rglob("digests.json")
-    if isinstance(files, dict):
-        files = dict.fromkeys(json.loads(path.read_text())["files"], files["PATH"])
-    path.write_text(json.dumps({"files": files, "checksum": checksum(files)}))
-    assert run(built)[0].count_steps("current") == 1
-
-
 @pytest.mark.parametrize("name", ["digests.json", "last.json"])
 @pytest.mark.parametrize("content", ["[" * 100_000, '{"a": {"clean": [1]}}', '{"a": 5}', "5"])
 def test_what_a_build_remembers_may_be_anything(

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.assets import PipelineAsset, absolute, find_assets
+from texbake.building.assets import absolute, find_assets
 from texbake.building.digests import Digests
-from texbake.building.disk import LockError, locked
+from texbake.building.disk import locked
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, plan_nodes
 from texbake.building.locations import is_url
 from texbake.building.memory import machine_memory
 from texbake.building.options import BuildOptions
-from texbake.building.progress import BuildEvent, BuildListener, noted
+from texbake.building.progress import BuildEvent, BuildListener
 from texbake.building.report import (
     FINISHED,
     INSIDE,
@@ -31,11 +30,11 @@ from texbake.building.report import (
     asset_results,
     write_build_report,
 )
-from texbake.building.resolve import LastKeys, Resolver, StepState
-from texbake.building.schedule import Schedule, states_of
+from texbake.building.resolve import PreviousKeys, Resolver, StepState
+from texbake.building.schedule import Schedule
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
-from texbake.errors import OptionError, TexbakeError
+from texbake.errors import TexbakeError
 from texbake.files import PathLike, check_name, make_folder, replacing
 from texbake.jobs.outputs import check_page
 from texbake.parallel import default_threads
@@ -99,19 +98,20 @@ def build(
         scheduler does not answer or disappears.
     """
     options = options or BuildOptions()
-    listener = listener or _nobody
+    listener = listener or (lambda event: None)
     check_page(html)
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
     site.make()
-    try:
-        with locked(site.inside / "lock", wait=options.wait, note=noted(listener)):
-            result = _build(pipeline, site, options, listener, workers)
-    except LockError:  # the folder may be read-only
-        current = _current_result(pipeline, site, options, listener)
-        if current is None:
-            raise
-        result = current
+
+    def note(message: str) -> None:
+        listener(BuildEvent(event="note", message=message))
+
+    with (
+        locked(site.inside / "lock", wait=options.wait, note=note),
+        _executor(options, site, workers, note) as executor,
+    ):
+        result = _build(pipeline, site, options, listener, executor)
     if html is not None:
         from texbake.building.overview import write_overview
 
@@ -124,15 +124,10 @@ def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[Plan
     options = options or BuildOptions()
     pipeline = read_pipeline(path)
     site = Site(pipeline, options)
-    return _planned_steps(pipeline, site, find_assets(pipeline, options.only))[1]
-
-
-def _planned_steps(
-    pipeline: Pipeline, site: Site, assets: Sequence[PipelineAsset]
-) -> tuple[dict[Id, StepState], list[PlannedStep]]:
-    states = states_of(plan_nodes(pipeline, assets, site.outputs))
-    resolver, publisher = site.resolver(states)
-    return states, [_planned(state, states, resolver, publisher) for state in states.values()]
+    nodes = plan_nodes(pipeline, find_assets(pipeline, options.only), site.outputs)
+    states = {step: StepState(node) for step, node in nodes.items()}
+    resolver = site.resolver(states)
+    return [_planned(state, states, resolver, site.publisher) for state in states.values()]
 
 
 class Site:
@@ -149,14 +144,14 @@ class Site:
     def __init__(self, pipeline: Pipeline, options: BuildOptions) -> None:
         self.folder = Path(options.folder or pipeline.folder).absolute()
         self.inside = self.folder / INSIDE
-        self._verify = options.verify
         self.outputs = _place(pipeline, pipeline.outputs, self.folder)
         self.store = Store(_place(pipeline, pipeline.store, self.inside / "store"))
         for place in (str(self.folder), self.outputs, self.store.place):
             if not is_url(place):
                 check_name(place)
         self.digests = Digests(self.inside / "digests.json", trusting=not options.verify)
-        self.last = LastKeys(self.inside / "last.json")
+        self.previous = PreviousKeys(self.inside / "last.json")
+        self.publisher = Publisher(self.outputs, self.store, self.digests)
 
     def make(self) -> None:
         """Make the folders."""
@@ -166,14 +161,13 @@ class Site:
             with replacing(ignore) as temporary:
                 temporary.write_text("*\n", encoding="utf-8")
 
-    def resolver(self, states: dict[Id, StepState]) -> tuple[Resolver, Publisher]:
-        """Return what finds the state of steps, and what publishes outputs."""
-        resolver = Resolver(states, self.store, self.digests, self.last)
-        return resolver, Publisher(self.outputs, self.store, self.digests)
+    def resolver(self, states: dict[Id, StepState]) -> Resolver:
+        """Return what finds out which steps have results."""
+        return Resolver(states, self.store, self.digests, self.previous)
 
 
-def _place(pipeline: Pipeline, given: str | None, default: Path) -> str:
-    return str(default) if given is None else absolute(pipeline, given)
+def _place(pipeline: Pipeline, place: str | None, default: Path) -> str:
+    return str(default) if place is None else absolute(pipeline, place)
 
 
 def _build(
@@ -181,171 +175,79 @@ def _build(
     site: Site,
     options: BuildOptions,
     listener: BuildListener,
-    workers: Executor | None,
+    executor: Executor,
 ) -> BuildResult:
-    started, start = _now()
+    started, start = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
     assets = find_assets(pipeline, options.only)
-    states = states_of(plan_nodes(pipeline, assets, site.outputs))
+    nodes = plan_nodes(pipeline, assets, site.outputs)
+    states = {step: StepState(node) for step, node in nodes.items()}
     site.store.clean()
-    resolver, publisher = site.resolver(states)
-    begun: dict[str, Any] = {
+    begun = {
         "texbake": __version__, "state": RUNNING, "pipeline": str(pipeline.path),
         "started": started, "assets": [],
     }  # fmt: skip
     write_build_report(site.folder / REPORT, begun)
-
-    def result(state: str) -> BuildResult:
-        return _result(pipeline, site, options, assets, states, state, (started, start))
-
     listener(BuildEvent(event="began", total=len(states)))
+    memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())
+    schedule = Schedule(
+        states,
+        site.resolver(states),
+        site.store,
+        site.publisher,
+        executor,
+        memory_bytes=None if options.scheduler else memory,
+        listener=listener,
+    )
     state = INTERRUPTED
     try:
-        _run(states, site, resolver, publisher, options, listener, workers)
+        schedule.run()
         if options.prune:
             site.store.prune({step.key for step in states.values()})
         state = FINISHED
     finally:
-        site.last.save(states)
-        site.store.forget_others(site.last.all(), site.digests)
+        site.previous.save(states)
+        site.store.forget_others(site.previous.all(), site.digests)
         site.digests.save()
-        ended = result(state)
-        write_build_report(site.folder / REPORT, ended.to_json())
-    listener(BuildEvent(event="ended", done=len(states), total=len(states)))
-    return ended
-
-
-def _current_result(
-    pipeline: Pipeline, site: Site, options: BuildOptions, listener: BuildListener
-) -> BuildResult | None:
-    """Return the result of a build with nothing to do, which writes nothing, or None."""
-    begun = _now()
-    assets = find_assets(pipeline, options.only)
-    states, steps = _planned_steps(pipeline, site, assets)
-    if any((step.state, step.why) != (progress.CURRENT, "") for step in steps):
-        return None
-    listener(BuildEvent(event="began", total=len(steps)))
-    for done, step in enumerate(steps, start=1):
-        listener(
-            BuildEvent(
-                event="step",
-                asset=step.asset,
-                step=step.step,
-                state=step.state,
-                done=done,
-                total=len(steps),
-            )
+        result = BuildResult(
+            pipeline=str(pipeline.path),
+            folder=site.folder,
+            state=state,
+            started=started,
+            seconds=time.perf_counter() - start,
+            options={**asdict(options), "folder": str(site.folder)},
+            assets=asset_results([asset.name for asset in assets], states, site.outputs),
         )
-    listener(BuildEvent(event="ended", done=len(steps), total=len(steps)))
-    result = _result(pipeline, site, options, assets, states, FINISHED, begun)
-    return replace(result, is_written=False)
-
-
-def _now() -> tuple[str, float]:
-    """Return the time of day, and a clock time to measure durations from."""
-    return datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
-
-
-def _result(
-    pipeline: Pipeline,
-    site: Site,
-    options: BuildOptions,
-    assets: Sequence[PipelineAsset],
-    states: dict[Id, StepState],
-    state: str,
-    begun: tuple[str, float],
-) -> BuildResult:
-    started, start = begun
-    return BuildResult(
-        pipeline=str(pipeline.path),
-        folder=site.folder,
-        state=state,
-        started=started,
-        seconds=time.perf_counter() - start,
-        options={**asdict(options), "folder": str(site.folder)},
-        assets=asset_results([asset.name for asset in assets], states, site.outputs),
-    )
-
-
-def _run(
-    states: dict[Id, StepState],
-    site: Site,
-    resolver: Resolver,
-    publisher: Publisher,
-    options: BuildOptions,
-    listener: BuildListener,
-    workers: Executor | None,
-) -> None:
-    memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())
-    with _crew(options, site, workers, noted(listener)) as executor:
-        Schedule(
-            states,
-            resolver,
-            site.store,
-            publisher,
-            executor,
-            memory_bytes=None if options.scheduler else memory,
-            listener=listener,
-            slots=_slots(options, executor),
-        ).run()
-
-
-def _slots(options: BuildOptions, executor: Callable[[], Executor]) -> int:
-    """Return how many steps run at once, without starting workers on this machine for it."""
-    return default_jobs(options) if options.scheduler is None else executor().slots
-
-
-def default_jobs(options: BuildOptions) -> int:
-    """Return how many steps run at once on this machine."""
-    return options.jobs or default_threads()
+        write_build_report(site.folder / REPORT, result.to_json())
+    listener(BuildEvent(event="ended", done=len(states), total=len(states)))
+    return result
 
 
 def local_workers(options: BuildOptions) -> LocalWorkers:
     """Return workers on this machine, as the options say."""
-    jobs = default_jobs(options)
+    jobs = options.jobs or default_threads()
     return LocalWorkers(jobs, options.threads or max(1, default_threads() // jobs))
 
 
-@contextmanager
-def _crew(
+def _executor(
     options: BuildOptions, site: Site, workers: Executor | None, note: Callable[[str], None]
-) -> Iterator[Callable[[], Executor]]:
-    """Yield a function that makes workers when they are first needed; end them afterwards."""
-    made: list[Executor] = []
+) -> AbstractContextManager[Executor]:
+    """Return workers that end with the block, unless they are given."""
+    if workers is not None:
+        return nullcontext(workers)
+    if options.scheduler is None:
+        return closing(local_workers(options))
+    from texbake.building.dask_scheduler import DaskWorkers, check_shared
 
-    def executor() -> Executor:
-        if workers is not None:
-            return workers
-        if options.scheduler is None:
-            made.append(local_workers(options))
-        else:
-            from texbake.building.dask_scheduler import DaskWorkers, check_shared
-
-            for place in (site.store.place, site.outputs):
-                check_shared(place)
-            made.append(
-                DaskWorkers(
-                    options.scheduler,
-                    site.store,
-                    options.threads,
-                    max_memory=options.memory_bytes,
-                    note=note,
-                )
-            )
-        return made[0]
-
-    try:
-        if options.scheduler is not None:
-            if options.jobs is not None:
-                raise OptionError(
-                    "jobs, scheduler: a cluster sets the number itself; give one of them"
-                )
-            ready = executor()  # a missing scheduler is found before anything is begun
-            yield lambda: ready
-        else:
-            yield executor
-    finally:
-        for crew in made:
-            crew.close()
+    check_shared((site.store.place, site.outputs))
+    return closing(
+        DaskWorkers(
+            options.scheduler,
+            site.store,
+            options.threads,
+            max_memory=options.memory_bytes,
+            note=note,
+        )
+    )
 
 
 def _planned(
@@ -369,7 +271,3 @@ def _planned(
     n_missing = len(publisher.missing(state.node, state.manifest))
     what = "restored" if resolver.is_as_before(state) else "written"
     return planned("current", f"{n_missing} outputs are {what}" if n_missing else "")
-
-
-def _nobody(event: BuildEvent) -> None:
-    """Ignore an event."""

@@ -11,20 +11,21 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import queue
 import time
-from collections import defaultdict
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 from texbake import __version__
-from texbake.building.dask_task import processors_here, run_here, sees, version_here
 from texbake.building.digests import checksum
 from texbake.building.store import Store
-from texbake.building.task import FAILED, LOST, Task, TaskOutcome, memory_advice
-from texbake.errors import DependencyError, FileError, OptionError
+from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
+from texbake.errors import DependencyError, FileError, OptionError, TexbakeError
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer
 _LOAD_SECONDS = 60  # within which its workers must answer, who load texbake first
@@ -32,11 +33,54 @@ _LOOK_SECONDS = 5  # between looks at whether there are workers, while nothing e
 _GONE_SECONDS = 60  # without any worker, before a build gives up
 _LOUD = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
 _AHEAD = 2  # tasks submitted per thread, so that no thread waits for this process
-_MOST_REFUSALS = 5  # of one task, by workers that joined later
+# Share of its memory that the steps on a worker may take; Dask pauses a worker at 0.8.
+_MEMORY_SHARE = 0.75
+
+
+def version_here() -> str:
+    """Return the version of texbake on a worker."""
+    return __version__
+
+
+def processors_here() -> int:
+    """Return the number of processors of a worker's machine."""
+    return os.cpu_count() or 1
+
+
+def sees(place: str, mark: str) -> bool:
+    """Whether a worker finds the mark of a build in its store."""
+    try:
+        return Store(place).has(mark)
+    except TexbakeError:
+        return False
+
+
+def run_here(task: Task, max_memory: int | None) -> TaskOutcome:
+    """Run a task on a worker, in up to `max_memory` bytes and in its share of the worker's."""
+    from distributed import get_worker
+
+    worker: Any = get_worker()
+    limit = worker.memory_manager.memory_limit
+    own = int(_MEMORY_SHARE * limit / worker.state.nthreads) if limit else None
+    limits = [most for most in (own, max_memory) if most is not None]
+    outcome = run_task(replace(task, most_memory=min(limits, default=None)))
+    if outcome.manifest is None:
+        return replace(outcome, error=f"{outcome.error} (on {worker.address})")
+    return outcome
 
 
 class SchedulerLostError(FileError):
     """A scheduler, or all its workers, disappeared during a build."""
+
+
+@dataclass
+class _Submission:
+    """A task that a scheduler has, and the workers that may run it; None for all."""
+
+    task: Task
+    future: Any
+    workers: list[str] | None
+    attempt: int
 
 
 class DaskWorkers:
@@ -51,71 +95,63 @@ class DaskWorkers:
         max_memory: int | None = None,
         note: Callable[[str], None] = lambda message: None,
     ) -> None:
-        self._address, self._place, self._tell = address, store.place, note
+        self._address, self._note = address, note
         self._max_memory = max_memory
         self._client = _connected(address)
         self._outcomes: queue.SimpleQueue[tuple[int, TaskOutcome]] = queue.SimpleQueue()
-        self._futures: dict[int, Any] = {}
-        self._tasks: dict[int, Task] = {}
-        self._limited_to: dict[int, list[str]] = {}  # workers that may run a task, if not all
-        self._times: dict[str, int] = defaultdict(int)  # that a key was submitted
-        self._refusals: dict[int, int] = defaultdict(int)
-        self._unfit: set[str] = set()
-        self._memory: dict[str, int] = {}  # for one task on each worker
+        self._submissions: dict[int, _Submission] = {}
         self._looked = time.monotonic()
         self._gone: float | None = None  # since when there have been no workers
-        self._stack = ExitStack()
         try:
-            self._mark = self._stack.enter_context(store.marked())
-            shared = self._inspected()
+            workers = self._workers()
+            if not workers:
+                raise FileError(
+                    f"{address}: it has no workers; start one with: dask worker {address}"
+                )
+            self._check(workers, store)
+            n_threads: Counter[str] = Counter()  # of the workers of each machine
+            processors: dict[str, int] = {}
+            answers = self._ask(workers, processors_here)
+            for worker, about in workers.items():
+                n_threads[about["host"]] += about["nthreads"]
+                processors[about["host"]] = answers.get(worker) or 1
         except BaseException:
             self.close()
             raise
-        self.threads = threads or shared
+        self._memory = _memory_of_a_task(workers)  # on each worker
+        self.slots = _AHEAD * n_threads.total()
+        shares = (processors[host] // n for host, n in n_threads.items())
+        self.threads = threads or max(1, min(shares))
 
-    def _inspected(self) -> int:
-        """Set the slots; return the threads of each task."""
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        if not workers:
-            raise FileError(
-                f"{self._address}: it has no workers; start one with: dask worker {self._address}"
-            )
-        for worker, fault in self._faults(workers).items():
-            raise FileError(f"{self._address}: the worker {worker} {fault}")
-        processors: dict[str, int] = {}
-        taken: dict[str, int] = defaultdict(int)
-        counts = self._asked(workers, processors_here)
-        for worker, about in workers.items():
-            processors[about["host"]] = counts.get(worker) or 1
-            taken[about["host"]] += about["nthreads"]
-        self._memory = _memory_of_a_task(workers)
-        self.slots = _AHEAD * sum(taken.values())
-        return max(1, min(processors[host] // taken[host] for host in taken))
+    def _workers(self) -> dict[str, Any]:
+        """Return what the scheduler knows of each worker, by their addresses."""
+        workers: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
+        return workers
 
-    def _faults(self, workers: dict[str, Any]) -> dict[str, str]:
-        """Return what is wrong with workers that cannot run tasks of this build."""
-        faults = {}
-        for worker, version in self._asked(workers, version_here).items():
+    def _check(self, workers: dict[str, Any], store: Store) -> None:
+        """Raise if a worker has another texbake, or does not see the store."""
+        for worker, version in self._ask(workers, version_here).items():
+            who = f"{self._address}: the worker {worker}"
             if isinstance(version, Exception):
                 said = " ".join(f"{type(version).__name__}: {version}".split())[:200]
-                faults[worker] = f"does not load texbake ({said}); install {__version__} there"
-            elif version != __version__:
-                faults[worker] = (
-                    f"has texbake {version}, this is {__version__}; install the same there"
+                raise FileError(
+                    f"{who} does not load texbake ({said}); install {__version__} there"
                 )
-        good = {worker: about for worker, about in workers.items() if worker not in faults}
-        for worker, seen in self._asked(good, sees, self._place, self._mark).items():
-            if seen is not True:
-                faults[worker] = (
-                    f"does not see the store, {self._place}; share this folder with it, at the "
-                    "same path, or give a URL that all workers reach as `store`"
+            if version != __version__:
+                raise FileError(
+                    f"{who} has texbake {version}, this is {__version__}; install the same there"
                 )
-        return faults
+        with store.marked() as mark:
+            for worker, seen in self._ask(workers, sees, store.place, mark).items():
+                if seen is not True:
+                    raise FileError(
+                        f"{self._address}: the worker {worker} does not see the store, "
+                        f"{store.place}; share this folder with it, at the same path, or give a "
+                        "URL that all workers reach as `store`"
+                    )
 
-    def _asked(self, workers: dict[str, Any], function: Any, *arguments: Any) -> dict[str, Any]:
+    def _ask(self, workers: dict[str, Any], function: Any, *arguments: Any) -> dict[str, Any]:
         """Return the answers of workers, busy or not; errors in place of those that have none."""
-        if not workers:
-            return {}
         client = self._client
         try:
             answers: dict[str, Any] = client.sync(
@@ -130,56 +166,48 @@ class DaskWorkers:
             ) from error
         return answers
 
-    def submit(self, number: int, task: Task) -> None:
+    def submit(self, number: int, task: Task, attempt: int = 0) -> None:
         """Submit a task to the scheduler."""
         if self._client.status != "running":
             raise self._lost()
-        # Two builds that make one key at the same time share its task. A task that is submitted
-        # again is another one: what Dask remembers may have been removed from the store.
+        # Two builds that make one key at the same time share its task.
         key = checksum([task.key, task.store])[:32]
-        time_of_key, self._times[key] = self._times[key], self._times[key] + 1
-        suited = self._suited(task)
+        workers = self._suitable(task)
         future = self._client.submit(
             run_here,
-            task.to_json(),
+            task,
             self._max_memory,
-            self._mark,
-            key=f"texbake-{task.step}-{key}-{time_of_key}",
+            key=f"texbake-{task.step}-{key}-{attempt}",
             pure=False,
-            workers=suited,
+            workers=workers,
             # Where others may, each that is idle for a moment takes the task from a busy one.
             allow_other_workers=False,
         )
-        self._tasks[number], self._futures[number] = task, future
-        self._limited_to[number] = suited or []
-        future.add_done_callback(lambda done: self._note(number, done))
+        self._submissions[number] = _Submission(task, future, workers, attempt)
+        future.add_done_callback(lambda done: self._receive(number, done))
 
-    def _suited(self, task: Task) -> list[str] | None:
-        """Return the workers that may run a task; None for all of them.
+    def _suitable(self, task: Task) -> list[str] | None:
+        """Return the workers with enough memory for a task if others have less; None for all.
 
-        Those with enough memory, if others have less; a bake that has less goes through its meshes
-        in chunks, and other steps may end their worker.
+        A bake that has less goes through its meshes in chunks, and other steps may end their
+        worker.
         """
-        known = [worker for worker in self._memory if worker not in self._unfit]
-        large = [worker for worker in known if self._memory[worker] >= task.memory_bytes]
-        if self._unfit:
-            return large or known or None
-        return large if 0 < len(large) < len(known) else None
+        large = [name for name, most in self._memory.items() if most >= task.memory_bytes]
+        return large if 0 < len(large) < len(self._memory) else None
 
-    def _note(self, number: int, future: Any) -> None:
+    def _receive(self, number: int, future: Any) -> None:
         """Receive the outcome of a task; called by one of Dask's threads."""
-        if self._futures.get(number) is not future:  # the task was submitted again
+        submission = self._submissions.get(number)
+        if submission is None or submission.future is not future:  # it was submitted again
             return
         try:
-            outcome = TaskOutcome(**self._result(future))
-        except (ImportError, AttributeError, TypeError) as error:  # another texbake, or none
-            outcome = TaskOutcome(status=LOST, error=f"{type(error).__name__}: {error}")
+            outcome = self._result(future)
         except BaseException as error:
-            message = _ending(error, self._tasks[number])
-            outcome = TaskOutcome(status=FAILED, error=" ".join(message.split()))
+            message = _ending(error, submission.task)
+            outcome = TaskOutcome(error=" ".join(message.split()))
         self._outcomes.put((number, outcome))
 
-    def _result(self, future: Any) -> Any:
+    def _result(self, future: Any) -> TaskOutcome:
         """Return the result of a task that is done.
 
         It may have to come from a worker that has gone since, and then the task runs again; or this
@@ -187,7 +215,8 @@ class DaskWorkers:
         """
         while True:
             try:
-                return future.result(timeout=_ANSWER_SECONDS)
+                outcome: TaskOutcome = future.result(timeout=_ANSWER_SECONDS)
+                return outcome
             except TimeoutError:
                 if future.status == "error" or self._client.status != "running":
                     raise
@@ -205,35 +234,13 @@ class DaskWorkers:
             self._gone = None  # a worker was there
         elif time.monotonic() > self._looked + _LOOK_SECONDS:
             self._look_for_workers()
-        return [
-            (number, ended)
-            for number, ended in found
-            if number in self._tasks and not self._tried_again(number, ended)
-        ]
-
-    def _tried_again(self, number: int, outcome: TaskOutcome) -> bool:
-        """Forget a task that has ended; submit it again if its worker could not run it."""
-        task = self._tasks.pop(number)
-        self._futures.pop(number, None)
-        self._limited_to.pop(number, None)
-        if outcome.status != LOST:
-            return False
-        self._refusals[number] += 1
-        if self._refusals[number] > _MOST_REFUSALS:
-            raise FileError(f"{self._address}: no worker can run {task.step}: {outcome.error}")
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        for worker, fault in self._faults(workers).items():
-            if worker not in self._unfit:
-                self._tell(f"{self._address}: the worker {worker} gets no steps: it {fault}")
-                self._unfit.add(worker)
-        self.submit(number, task)
-        return True
+        return [item for item in found if self._submissions.pop(item[0], None) is not None]
 
     def _look_for_workers(self) -> None:
         """Raise if there have been no workers for too long."""
         self._looked = now = time.monotonic()
         with suppress(OSError):  # a scheduler that disappears just now is reported as such
-            workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            workers = self._workers()
             if workers:
                 self._gone = None
                 self._memory = _memory_of_a_task(workers)
@@ -242,7 +249,7 @@ class DaskWorkers:
         start = f"start some with: dask worker {self._address}"
         if self._gone is None:
             self._gone = now
-            self._tell(f"{self._address}: it has no workers left; {start}")
+            self._note(f"{self._address}: it has no workers left; {start}")
         elif now > self._gone + _GONE_SECONDS:
             raise SchedulerLostError(
                 f"{self._address}: all its workers have disappeared; {start}, and build again; "
@@ -251,19 +258,17 @@ class DaskWorkers:
 
     def _submit_to_others(self, workers: set[str]) -> None:
         """Submit tasks again of which all workers that may run them have disappeared."""
-        for number, limited_to in list(self._limited_to.items()):
-            if limited_to and workers.isdisjoint(limited_to) and number in self._tasks:
-                future = self._futures[number]
-                self.submit(number, self._tasks[number])
-                future.release()
+        for number, old in list(self._submissions.items()):
+            if old.workers and workers.isdisjoint(old.workers):
+                self.submit(number, old.task, old.attempt + 1)
+                old.future.release()
 
     def close(self) -> None:
         """Cancel unfinished tasks, and disconnect from the scheduler."""
         with suppress(Exception):
-            self._client.cancel(list(self._futures.values()))
+            self._client.cancel([item.future for item in self._submissions.values()])
         with suppress(Exception):
             self._client.close(timeout=2)
-        self._stack.close()
 
     def _lost(self) -> SchedulerLostError:
         return SchedulerLostError(
@@ -308,8 +313,8 @@ async def _greeted(address: str) -> None:
     """Return when whatever listens at an address has answered as Dask does."""
     from distributed.comm import connect
 
-    made: Any = await connect(address, timeout=_ANSWER_SECONDS)
-    made.abort()
+    connection: Any = await connect(address, timeout=_ANSWER_SECONDS)
+    connection.abort()
 
 
 def _ending(error: BaseException, task: Task) -> str:
@@ -327,9 +332,10 @@ def _ending(error: BaseException, task: Task) -> str:
     return f"its worker ended: {type(error).__name__}: {str(error)[:200]}"
 
 
-def check_shared(place: str) -> None:
+def check_shared(places: Sequence[str]) -> None:
     """Raise if a cluster cannot reach a place."""
-    if place.startswith("memory://"):
-        raise OptionError(
-            f"scheduler: {place} is in this process; give a place that all workers can reach"
-        )
+    for place in places:
+        if place.startswith("memory://"):
+            raise OptionError(
+                f"scheduler: {place} is in this process; give a place that all workers can reach"
+            )

@@ -17,8 +17,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from texbake.building.companions import SUFFIXES, companions, is_followed
 from texbake.building.locations import file_signature, is_url, location_of
+from texbake.building.sidecars import SUFFIXES, followed_files, sidecars
 from texbake.errors import FileError
 from texbake.files import replacing, require_file, scratch_folder
 
@@ -35,16 +35,6 @@ def canonical(value: Any) -> bytes:
 def checksum(value: Any) -> str:
     """Return the SHA-256 of the canonical JSON of a value."""
     return hashlib.sha256(canonical(value)).hexdigest()
-
-
-def _is_entry(known: Any) -> bool:
-    """Whether it can be what is remembered of a file; whoever may write to a store chooses it."""
-    return (
-        isinstance(known, list)
-        and 2 <= len(known) <= 3
-        and isinstance(known[1], str)
-        and all(isinstance(names, list) for names in known[2:])
-    )
 
 
 def file_digest(path: str | os.PathLike[str]) -> str:
@@ -67,8 +57,7 @@ class Digests:
             with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, RecursionError):
                 kept = json.loads(path.read_bytes())
                 if checksum(kept["files"]) == kept["checksum"]:
-                    files = kept["files"].items()
-                    self._known = {path: known for path, known in files if _is_entry(known)}
+                    self._known = kept["files"]
         self._changed = False
 
     def digest(self, path: str) -> str:
@@ -88,20 +77,12 @@ class Digests:
             self.remember(path, signature, digest)
         return digest
 
-    def companions(self, path: str) -> list[tuple[str, str]]:
+    def sidecars(self, path: str) -> list[tuple[str, str]]:
         """Return the files that are read with a file, and their digests or `MISSING`.
 
         The names in a file are remembered as long as it is unchanged.
         """
-        found: dict[str, str] = {}
-        looked = [path]
-        while looked:
-            file = looked.pop()
-            for name in self._named(file):
-                if name not in found and name != path and is_followed(file, name):
-                    looked.append(name)
-                    found[name] = self._digest_if_there(name)
-        return list(found.items())
+        return [(name, self._digest_if_there(name)) for name in followed_files(path, self._named)]
 
     def _digest_if_there(self, path: str) -> str:
         with suppress(FileError):
@@ -114,7 +95,7 @@ class Digests:
         known = self._known.get(path)
         if known is not None and len(known) > 2 and known[0] == _signature(path):
             return [str(name) for name in known[2]]
-        names = _named_at(path) if is_url(path) else [str(name) for name in companions(Path(path))]
+        names = _named_at(path) if is_url(path) else [str(name) for name in sidecars(Path(path))]
         if known is not None and len(known) == 2 and known[0] == _signature(path):
             known.append(names)
             self._changed = True
@@ -171,12 +152,12 @@ def _named_at(url: str) -> list[str]:
     scheme, _, root = folder.partition("://")
     with scratch_folder() as copies, suppress(FileError):
         copy = location_of(folder).fetch(name, copies)
-        below = [os.path.relpath(found, copy.parent) for found in companions(copy)]
+        below = [os.path.relpath(found, copy.parent) for found in sidecars(copy)]
         return [f"{scheme}://{posixpath.normpath(posixpath.join(root, path))}" for path in below]
     return []
 
 
-def companion_changed(path: str, digest: str) -> bool:
+def sidecar_changed(path: str, digest: str) -> bool:
     """Whether a file that is read with another one has changed since the build looked at it."""
     try:
         return file_digest(path) != digest

@@ -23,10 +23,6 @@ _POLL_SECONDS = 0.2
 _FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
 
 
-class LockError(FileError):
-    """A lock file cannot be created, or its file system has no locks."""
-
-
 @contextmanager
 def locked(
     path: Path, *, wait: bool = True, note: Callable[[str], None] | None = None
@@ -48,7 +44,7 @@ def locked(
     except FileError:
         raise
     except OSError as error:
-        raise LockError(
+        raise FileError(
             f"{path}: cannot be locked: {error.strerror or error}; "
             "give a `folder` on a file system that has locks"
         ) from error

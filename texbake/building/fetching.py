@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 
-from texbake.building.digests import MISSING, checksum, companion_changed, file_digest
+from texbake.building.digests import MISSING, checksum, file_digest, sidecar_changed
 from texbake.building.locations import is_url, location_of
 from texbake.building.store import Store, StoredFile
 from texbake.errors import FileError
@@ -27,7 +26,7 @@ class TaskInput:
         Path or URL of a file outside the store.
     sha256 : str or None
         Checksum of that file.
-    companions : tuple of (str, str)
+    sidecars : tuple of (str, str)
         Files that are read with it, and their digests or `MISSING`.
     key : str or None
         Key of the stored result that it belongs to.
@@ -38,16 +37,9 @@ class TaskInput:
     called: str
     path: str | None = None
     sha256: str | None = None
-    companions: tuple[tuple[str, str], ...] = ()
+    sidecars: tuple[tuple[str, str], ...] = ()
     key: str | None = None
     files: tuple[StoredFile, ...] = ()
-
-    @classmethod
-    def from_json(cls, item: dict[str, Any]) -> TaskInput:
-        """Return an input from plain values."""
-        files = tuple(StoredFile(**file) for file in item["files"])
-        companions = tuple((path, digest) for path, digest in item["companions"])
-        return cls(**{**item, "files": files, "companions": companions})
 
 
 class DamagedInputError(Exception):
@@ -63,15 +55,15 @@ def fetched(store: Store, item: TaskInput, copies: Path) -> Path:
     if item.path is None:
         return _stored(store, item, copies)
     path = Path(item.path)
-    places = {name: Path(name) for name, _ in item.companions}
+    places = {name: Path(name) for name, _ in item.sidecars}
     if is_url(item.path):
-        there = [name for name, digest in item.companions if digest != MISSING]
+        there = [name for name, digest in item.sidecars if digest != MISSING]
         places = _downloaded([item.path, *there], copies)
         path = places[item.path]
     if file_digest(path) != item.sha256:
         raise _changed(item.path)
-    for name, digest in item.companions:
-        if name in places and companion_changed(str(places[name]), digest):
+    for name, digest in item.sidecars:
+        if name in places and sidecar_changed(str(places[name]), digest):
             raise _changed(name)
     return path
 

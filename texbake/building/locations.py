@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from texbake.building.disk import copy_file
 from texbake.errors import DependencyError, FileError, TexbakeError
@@ -22,42 +22,6 @@ from texbake.files import make_folder, replacing
 def is_url(place: str) -> bool:
     """Whether a place is a URL, not a path."""
     return "://" in place
-
-
-class Location(Protocol):
-    """A place that holds files by name, with `/` between folders.
-
-    Methods raise `FileError` if the place cannot be reached or written.
-    """
-
-    place: str
-
-    def path(self, name: str) -> str:
-        """Return the full path or URL of a name."""
-
-    def read(self, name: str) -> bytes | None:
-        """Return the content of a file, None if it is missing."""
-
-    def signature(self, name: str) -> tuple[Any, ...] | None:
-        """Return a value that changes when a file is written; None if it is missing."""
-
-    def fetch(self, name: str, folder: Path) -> Path:
-        """Return a local file: the file itself, or a copy of it in `folder`."""
-
-    def put(self, source: Path, name: str) -> None:
-        """Copy a file to a name; it appears whole or not at all."""
-
-    def put_folder(self, source: Path, name: str, last: str) -> None:
-        """Move a folder to a name; the file `last` in it appears after all others."""
-
-    def remove(self, name: str) -> None:
-        """Remove a folder if it exists."""
-
-
-def location_of(place: str | os.PathLike[str]) -> Location:
-    """Return the place of a path or a URL."""
-    text = os.fspath(place)
-    return RemoteFolder(text) if is_url(text) else LocalFolder(text)
 
 
 def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
@@ -73,7 +37,7 @@ def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
 
 
 class LocalFolder:
-    """A folder, which several machines may share."""
+    """A folder, which several machines may share; names of files in it have `/` between folders."""
 
     def __init__(self, place: str) -> None:
         self.place = place
@@ -145,7 +109,7 @@ class RemoteFolder:
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a file, None if it is missing."""
-        with remote_errors(self.path(name)):
+        with file_errors(self.path(name)):
             try:
                 content: bytes = self._fs.cat_file(self._at(name))
             except (FileNotFoundError, NotADirectoryError, KeyError):
@@ -154,7 +118,7 @@ class RemoteFolder:
 
     def signature(self, name: str) -> tuple[str, ...] | None:
         """Return what the file system reports on a file, as one word; None if it is missing."""
-        with remote_errors(self.path(name)):
+        with file_errors(self.path(name)):
             try:
                 self._fs.invalidate_cache()
                 return (str(self._fs.ukey(self._at(name))),)
@@ -163,7 +127,7 @@ class RemoteFolder:
 
     def fetch(self, name: str, folder: Path) -> Path:
         """Copy the file into a folder of this machine."""
-        with remote_errors(self.path(name)):
+        with file_errors(self.path(name)):
             copy = folder / secrets.token_hex(4) / name.rsplit("/", 1)[-1]
             copy.parent.mkdir(parents=True)
             self._fs.get_file(self._at(name), str(copy))
@@ -171,7 +135,7 @@ class RemoteFolder:
 
     def put(self, source: Path, name: str) -> None:
         """Upload a file under a temporary name and rename it."""
-        with remote_errors(self.path(name)):
+        with file_errors(self.path(name)):
             self._make_parent(name)
             temporary = f"{self._at(name)}.{secrets.token_hex(4)}.part"
             try:
@@ -191,7 +155,7 @@ class RemoteFolder:
 
     def remove(self, name: str) -> None:
         """Remove a folder if it exists."""
-        with remote_errors(self.path(name)), suppress(FileNotFoundError):
+        with file_errors(self.path(name)), suppress(FileNotFoundError):
             self._fs.rm(self._at(name), recursive=True)
 
     def _at(self, name: str) -> str:
@@ -199,6 +163,15 @@ class RemoteFolder:
 
     def _make_parent(self, name: str) -> None:
         self._fs.makedirs(self._at(name).rsplit("/", 1)[0], exist_ok=True)
+
+
+Location = LocalFolder | RemoteFolder
+
+
+def location_of(place: str | os.PathLike[str]) -> Location:
+    """Return the place of a path or a URL."""
+    text = os.fspath(place)
+    return RemoteFolder(text) if is_url(text) else LocalFolder(text)
 
 
 def matches(pattern: str, folder: Path) -> list[str]:
@@ -209,7 +182,7 @@ def matches(pattern: str, folder: Path) -> list[str]:
     """
     if is_url(pattern):
         fs, root = _file_system(pattern)
-        with remote_errors(pattern):
+        with file_errors(pattern):
             found = [fs.unstrip_protocol(name) for name in fs.glob(root) if fs.isfile(name)]
         return sorted(found)
     full = os.path.join(folder, pattern)  # noqa: PTH118
@@ -238,27 +211,13 @@ def _file_system(url: str) -> tuple[Any, str]:
 
 @contextmanager
 def file_errors(place: object) -> Iterator[None]:
-    """Turn system errors at a place into a `FileError`."""
+    """Turn any error at a place into a `FileError`; each file system has its own types of them."""
     try:
         yield
-    except FileError:
-        raise
-    except (OSError, shutil.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{place}: cannot be used: {reason}; nothing in it was changed") from error
-
-
-@contextmanager
-def remote_errors(url: str) -> Iterator[None]:
-    """Turn any error of a file system behind a URL into a `FileError`.
-
-    Each such file system has its own types of errors, besides those of the system.
-    """
-    try:
-        with file_errors(url):
-            yield
     except TexbakeError:
         raise
     except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise FileError(f"{url}: cannot be used: {reason}; nothing in it was changed") from error
+        reason = getattr(error, "strerror", None)
+        if reason is None:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise FileError(f"{place}: cannot be used: {reason}; nothing in it was changed") from error

@@ -91,6 +91,8 @@ class BuildOptions(CheckedOptions):
             raise OptionError(
                 f"scheduler: {quoted(self.scheduler)} is not an address; use one such as tcp://host:8786"
             )
+        if self.scheduler is not None and self.jobs is not None:
+            raise OptionError("jobs, scheduler: a cluster sets the number itself; give one of them")
         if self.prune and self.only:
             raise OptionError(
                 "prune, only: this would remove what other assets need; give one of them"

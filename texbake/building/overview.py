@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +78,7 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
         for step, place in (found,)
     }
     folder = make_folder(result.folder / INSIDE / _THUMBNAILS)
-    kept = {file.stem: file for file in folder.glob("*.jpg") if _is_whole(file)}
+    kept = {file.stem: file for file in folder.glob("*.jpg")}
     names = list(sources)
     pictures: dict[str, bytes] = {}
 
@@ -100,13 +99,6 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
         if file.stem not in used:
             file.unlink(missing_ok=True)
     return pictures
-
-
-def _is_whole(picture: Path) -> bool:
-    """Whether a JPEG is complete; a power cut may have cut off its end."""
-    with suppress(OSError):
-        return picture.read_bytes().endswith(b"\xff\xd9")
-    return False
 
 
 def _made(place: str) -> bytes:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
-from collections.abc import Callable
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -46,67 +46,57 @@ class BuildEvent:
     seconds_left: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the known fields as plain values."""
+        """Return the fields that are set as plain values."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 BuildListener = Callable[[BuildEvent], None]
 
 
-def noted(listener: BuildListener) -> Callable[[str], None]:
-    """Return a function that gives a listener a note."""
-    return lambda message: listener(BuildEvent(event="note", message=message))
+class EtaEstimator:
+    """Estimates the time left from the time that steps of each kind have taken so far.
 
+    `kinds` has the kind of each step that may have to run.
+    """
 
-class Outlook:
-    """Estimates the time left from the time that steps of each kind have taken so far."""
-
-    def __init__(self, slots: int) -> None:
-        self._slots = slots
+    def __init__(self, kinds: Mapping[tuple[str, str], str], slots: int) -> None:
+        self._kinds, self._slots = dict(kinds), slots
+        self._left = Counter(kinds.values())
         self._seconds: dict[str, float] = defaultdict(float)
-        self._counts: dict[str, int] = defaultdict(int)
-        self._expected: dict[tuple[str, str], str] = {}
-        self._left: dict[str, int] = defaultdict(int)
-        self._started: dict[tuple[str, str], tuple[str, float]] = {}
-
-    def expect(self, step: tuple[str, str], kind: str) -> None:
-        """Count a step as one that may have to run; a second call changes nothing."""
-        if step not in self._expected:
-            self._expected[step] = kind
-            self._left[kind] += 1
+        self._counts: Counter[str] = Counter()
+        self._started: dict[tuple[str, str], float] = {}
 
     def drop(self, step: tuple[str, str]) -> None:
         """Stop counting a step: it has ended, or another step does the same."""
-        kind = self._expected.pop(step, None)
-        if kind is not None:
-            self._left[kind] -= 1
+        if step in self._kinds:
+            self._left[self._kinds.pop(step)] -= 1
 
-    def started(self, step: tuple[str, str], kind: str) -> None:
+    def started(self, step: tuple[str, str]) -> None:
         """Record that a step has started."""
-        self._started[step] = kind, time.perf_counter()
+        self._started[step] = time.perf_counter()
 
     def ended(self, step: tuple[str, str]) -> float:
         """Record that a step has ended; return the seconds since it started."""
-        kind, start = self._started.pop(step)
-        seconds = time.perf_counter() - start
+        seconds = time.perf_counter() - self._started.pop(step)
+        kind = self._kinds[step]
         self._seconds[kind] += seconds
         self._counts[kind] += 1
         self.drop(step)
         return seconds
 
     def seconds_left(self) -> float | None:
-        """Return the seconds until all expected steps are done; None before any step has run.
+        """Return the seconds until all steps have ended; None before any step has run.
 
         A kind that has not run yet counts as the mean of those that have.
         """
-        n_done = sum(self._counts.values())
+        n_done = self._counts.total()
         if n_done == 0:
             return None
-        usual = sum(self._seconds.values()) / n_done
+        mean = sum(self._seconds.values()) / n_done
         left = 0.0
         for kind, n in self._left.items():
             count = self._counts[kind]
-            left += n * (self._seconds[kind] / count if count else usual)
+            left += n * (self._seconds[kind] / count if count else mean)
         now = time.perf_counter()
-        left -= sum(min(now - start, usual) for _, start in self._started.values())
+        left -= sum(min(now - start, mean) for start in self._started.values())
         return max(left, 0.0) / self._slots

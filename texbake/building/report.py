@@ -104,8 +104,6 @@ class BuildResult:
         `finished`, or `interrupted`.
     started : str
         ISO 8601, UTC.
-    is_written : bool
-        Whether `build.json` was written; False if there was nothing to do in a read-only folder.
     """
 
     pipeline: str
@@ -115,7 +113,6 @@ class BuildResult:
     seconds: float
     options: Mapping[str, Any]
     assets: tuple[AssetResult, ...]
-    is_written: bool = True
 
     @property
     def failed(self) -> list[AssetResult]:

@@ -61,10 +61,9 @@ class StepState:
     trace: str = ""
     seconds: float = 0.0
     attempts: int = 0
-    worker: str = ""
 
 
-class LastKeys:
+class PreviousKeys:
     """Keys that steps had in the last build, from which changes are found."""
 
     def __init__(self, path: Path) -> None:
@@ -94,7 +93,7 @@ class Resolver:
     """Finds what steps depend on, from files and from the results of other steps."""
 
     def __init__(
-        self, states: Mapping[Id, StepState], store: Store, digests: Digests, last: LastKeys
+        self, states: Mapping[Id, StepState], store: Store, digests: Digests, last: PreviousKeys
     ) -> None:
         self._states, self._store, self.digests, self._last = states, store, digests, last
 
@@ -145,7 +144,7 @@ class Resolver:
                 "sha256": self.digests.digest(source.path),
             }
             # Files that it names are read with it and count as well.
-            names = self.digests.companions(source.path)
+            names = self.digests.sidecars(source.path)
             if names:
                 described["with"] = [digest for _, digest in names]
             return described
@@ -182,7 +181,7 @@ class Resolver:
                 called=described["called"],
                 path=source.path,
                 sha256=described["sha256"],
-                companions=tuple(self.digests.companions(source.path)),
+                sidecars=tuple(self.digests.sidecars(source.path)),
             )
         maker = self._states[source.node]
         assert maker.manifest is not None

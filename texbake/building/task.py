@@ -1,8 +1,7 @@
 """One step, as a worker runs it: fetch and check the inputs, run the job, store the outputs.
 
-A task and its outcome are plain values, so that they can be sent through any pipe. A task may run
-twice, or on two workers at once: the stored entry of its key appears whole or not at all, and the
-second worker finds that of the first.
+A task may run twice, or on two workers at once: the stored entry of its key appears whole or not at
+all, and the second worker finds that of the first.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import socket
 import time
 import traceback
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from texbake import __version__
@@ -23,8 +22,6 @@ from texbake.files import scratch_folder
 from texbake.jobs.outputs import plain_figures
 from texbake.progress import peak_memory_bytes
 from texbake.verbs.step import Job
-
-DONE, FAILED, DAMAGED, LOST = "done", "failed", "damaged", "lost"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,18 +60,6 @@ class Task:
     most_memory: int | None = None
     version: str = __version__
 
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, values: dict[str, Any]) -> Task:
-        """Return a task from plain values."""
-        inputs = {
-            role: tuple(map(TaskInput.from_json, items)) for role, items in values["inputs"].items()
-        }
-        return cls(**{**values, "inputs": inputs})
-
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOutcome:
@@ -82,58 +67,39 @@ class TaskOutcome:
 
     Attributes
     ----------
-    status : str
-        `done`; `failed`; `damaged`, where a stored input is not what was stored; `lost`, where the
-        worker ended before it answered.
     manifest : dict or None
-        Of the result, made now or found in the store.
+        Of the result, made now or found in the store; None if the task has failed.
     error : str
         One line.
     trace : str
         Traceback of an error in texbake itself.
-    damaged : str
-        Key of the damaged input.
-    worker : str
-        Which worker ran it.
     """
 
-    status: str
     manifest: Manifest | None = None
     error: str = ""
     trace: str = ""
-    damaged: str = ""
-    worker: str = ""
     attempts: int = 1
 
 
-def run_task(values: dict[str, Any]) -> dict[str, Any]:
+def run_task(task: Task) -> TaskOutcome:
     """Run a task; the outcome reports whatever goes wrong."""
-    worker = socket.gethostname()
-    if values["version"] != __version__:
-        error = (
-            f"the worker on {worker} has texbake {__version__}, this build {values['version']}; "
-            "install the same there"
+    if task.version != __version__:
+        return TaskOutcome(
+            error=f"the worker on {socket.gethostname()} has texbake {__version__}, this build "
+            f"{task.version}; install the same there"
         )
-        return asdict(TaskOutcome(status=FAILED, error=error, worker=worker))
-    task = Task.from_json(values)
     try:
-        return asdict(TaskOutcome(status=DONE, manifest=_done(task), worker=worker))
-    except DamagedInputError as damaged:
-        outcome = TaskOutcome(
-            status=DAMAGED, error=str(damaged), damaged=damaged.key, worker=worker
-        )
+        return TaskOutcome(manifest=_done(task))
+    except DamagedInputError as damage:
+        Store(task.store).remove(damage.key)  # the next build makes it again
+        return TaskOutcome(error=f"a stored input is damaged: {damage}; build again")
     except TexbakeError as error:
-        outcome = TaskOutcome(status=FAILED, error=_one_line(str(error)), worker=worker)
+        return TaskOutcome(error=_one_line(str(error)))
     except Exception as error:
         if is_out_of_memory(error):
-            message = f"out of memory; {memory_advice(task)}"
-            return asdict(TaskOutcome(status=FAILED, error=message, worker=worker))
+            return TaskOutcome(error=f"out of memory; {memory_advice(task)}")
         message = _one_line(f"{type(error).__name__}: {error}")
-        trace = traceback.format_exc()
-        outcome = TaskOutcome(
-            status=FAILED, error=f"texbake itself failed: {message}", trace=trace, worker=worker
-        )
-    return asdict(outcome)
+        return TaskOutcome(error=f"texbake itself failed: {message}", trace=traceback.format_exc())
 
 
 def _done(task: Task) -> Manifest:
@@ -195,7 +161,7 @@ def _gigabytes(n_bytes: int) -> str:
 def _signatures(task: Task) -> dict[str, Any]:
     inputs = [item for items in task.inputs.values() for item in items if item.path]
     paths = [str(item.path) for item in inputs]
-    paths += [path for item in inputs for path, _ in item.companions]
+    paths += [path for item in inputs for path, _ in item.sidecars]
     return {path: file_signature(path) for path in paths if not is_url(path)}
 
 

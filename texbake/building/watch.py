@@ -9,13 +9,13 @@ from typing import Any
 
 from texbake.building.assets import find_assets
 from texbake.building.build import build, local_workers
-from texbake.building.companions import companions, is_followed
 from texbake.building.file import read_pipeline
 from texbake.building.graph import FileSource, plan_nodes
 from texbake.building.locations import file_signature
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildListener
 from texbake.building.report import BuildResult
+from texbake.building.sidecars import followed_files, sidecars
 from texbake.errors import TexbakeError
 from texbake.files import PathLike
 
@@ -88,11 +88,6 @@ def _signatures(path: PathLike, options: BuildOptions) -> Signatures:
         }
     except TexbakeError:
         pass  # the build has reported it
-    looked = list(files)
-    while looked:  # a named file may name others
-        file = looked.pop()
-        named = {str(name) for name in companions(Path(file)) if is_followed(file, str(name))}
-        named -= files
-        files |= named
-        looked += named
+    for file in list(files):
+        files.update(followed_files(file, lambda name: map(str, sidecars(Path(name)))))
     return {file: file_signature(Path(file)) for file in sorted(files)}

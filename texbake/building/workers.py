@@ -8,14 +8,14 @@ Run as a program (`python -m texbake.building.workers`), this module is one work
 
 from __future__ import annotations
 
-import json
+import pickle
 import queue
 import threading
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Protocol
 
-from texbake.building.task import FAILED, Task, TaskOutcome, memory_advice, run_task
+from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
 from texbake.child import Child, ChildError, serve
 
 _PATIENCE = 2.0  # seconds for threads to notice the end of their processes
@@ -57,8 +57,7 @@ class LocalWorkers:
         if len(self._children) < self.slots:
             child = Child("texbake.building.workers", threads=self.threads)
             self._children.append(child)
-            arguments = child, str(len(self._children))
-            thread = threading.Thread(target=self._serve, args=arguments, daemon=True)
+            thread = threading.Thread(target=self._serve, args=(child,), daemon=True)
             thread.start()
             self._threads.append(thread)
         self._tasks.put((number, task))
@@ -80,19 +79,19 @@ class LocalWorkers:
         for thread in self._threads:  # each notices the end of its process and cleans up
             thread.join(_PATIENCE)
 
-    def _serve(self, child: Child, name: str) -> None:
+    def _serve(self, child: Child) -> None:
         """Run one task after another in a child."""
         try:
             while (item := self._tasks.get()) is not None:
                 number, task = item
                 try:
-                    outcome = TaskOutcome(**json.loads(child.ask(json.dumps(task.to_json()))))
+                    # What comes back is not unpickled: a worker reads files of strangers.
+                    outcome = TaskOutcome(**child.ask(pickle.dumps(task)))
                 except ChildError as error:
-                    outcome = TaskOutcome(status=FAILED, error=_ending(error, task))
+                    outcome = TaskOutcome(error=_ending(error, task))
                 except Exception as error:  # a step without an outcome would be waited for
-                    outcome = TaskOutcome(status=FAILED, error=_describe(error, started=child.id))
-                outcome = replace(outcome, attempts=child.attempts, worker=name)
-                self._outcomes.put((number, outcome))
+                    outcome = TaskOutcome(error=_describe(error, started=child.id))
+                self._outcomes.put((number, replace(outcome, attempts=child.attempts)))
         finally:
             child.end()
 
@@ -116,4 +115,4 @@ def _ending(error: ChildError, task: Task) -> str:
 
 
 if __name__ == "__main__":
-    serve(lambda text: json.dumps(run_task(json.loads(text))))
+    serve(lambda task: asdict(run_task(pickle.loads(task))))

@@ -14,7 +14,7 @@ import pytest
 import texbake
 from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.building.build import build
-from texbake.building.companions import companions, is_followed
+from texbake.building.sidecars import is_followed, sidecars
 from texbake.limits import raised_limits
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import uv_sphere
@@ -28,14 +28,14 @@ STEPS = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
 def test_those_of_an_obj_file(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     # As one name and as two: which is meant depends on which files there are.
-    found = [path.name for path in companions(tmp_path / "a.obj")]
+    found = [path.name for path in sidecars(tmp_path / "a.obj")]
     assert found == ["my stuff.mtl", "my", "stuff.mtl", "a.uvs.npz"]
     (tmp_path / "my stuff.mtl").write_text(MTL)
     (tmp_path / "my wood.png").write_text("x")
-    names = [path.name for path in companions(tmp_path / "my stuff.mtl")]
+    names = [path.name for path in sidecars(tmp_path / "my stuff.mtl")]
     assert names == ["my wood.png", "gone.png"]
     (tmp_path / "my wood.png").unlink()
-    assert [path.name for path in companions(tmp_path / "my stuff.mtl")] == names
+    assert [path.name for path in sidecars(tmp_path / "my stuff.mtl")] == names
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_the_image_that_the_reader_finds_counts(
     (tmp_path / name).write_bytes(b"image")
     found = texbake.read_materials(tmp_path / "a.obj", texbake.read_mesh(tmp_path / "a.obj"))
     assert found is not None and not found.missing
-    assert companions(tmp_path / "a.mtl")[-1] == tmp_path / name
+    assert sidecars(tmp_path / "a.mtl")[-1] == tmp_path / name
 
 
 def test_those_of_an_fbx_file(tmp_path: Path) -> None:
@@ -62,10 +62,10 @@ def test_those_of_an_fbx_file(tmp_path: Path) -> None:
     file = ("RelativeFilename", ["maps\\wood.png"], [])
     nodes[1][2].append(("Texture", [60, "paint\0\1Texture", ""], [file]))
     (tmp_path / "a.fbx").write_bytes(binary(nodes))
-    names = [path.relative_to(tmp_path).as_posix() for path in companions(tmp_path / "a.fbx")]
+    names = [path.relative_to(tmp_path).as_posix() for path in sidecars(tmp_path / "a.fbx")]
     assert names == ["maps/wood.png", "wood.png"]
     (tmp_path / "a.fbx").write_bytes(b"none")
-    assert companions(tmp_path / "a.fbx") == []
+    assert sidecars(tmp_path / "a.fbx") == []
 
 
 def test_further_uv_sets_of_an_obj_file_count(
@@ -95,12 +95,12 @@ def test_those_of_a_gltf_file(tmp_path: Path) -> None:
         '{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}],'
         ' "images": [{"uri": "c.png"}]}'
     )
-    assert [path.name for path in companions(tmp_path / "a.gltf")] == ["a b.bin", "c.png"]
+    assert [path.name for path in sidecars(tmp_path / "a.gltf")] == ["a b.bin", "c.png"]
     (tmp_path / "w.gltf").write_text('{"buffers": [{"uri": "parts\\\\a.bin"}]}')
-    assert tmp_path / "parts" / "a.bin" in companions(tmp_path / "w.gltf")
+    assert tmp_path / "parts" / "a.bin" in sidecars(tmp_path / "w.gltf")
     (tmp_path / "b.gltf").write_text("{")
-    assert companions(tmp_path / "b.gltf") == []
-    assert companions(tmp_path / "nothing.obj") == []
+    assert sidecars(tmp_path / "b.gltf") == []
+    assert sidecars(tmp_path / "nothing.obj") == []
 
 
 def test_a_name_that_readers_do_not_follow_is_not_read(
@@ -145,18 +145,18 @@ def test_no_other_machine_is_asked_for_a_file(
 
 def test_names_without_measure_take_no_more_than_the_file(tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd " + "a " * 100_000)
-    assert len(companions(tmp_path / "a.mtl")) == 1
+    assert len(sidecars(tmp_path / "a.mtl")) == 1
     (tmp_path / "a.obj").write_text("mtllib " + " ".join(map(str, range(10_000))))
-    assert len(companions(tmp_path / "a.obj")) == 10_002
+    assert len(sidecars(tmp_path / "a.obj")) == 10_002
     (tmp_path / "a.gltf").write_text("[" * 100_000)
-    assert companions(tmp_path / "a.gltf") == []
+    assert sidecars(tmp_path / "a.gltf") == []
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("suffix", [".mtl", ".gltf", ".glb"])
 def test_a_pipe_is_not_waited_for(suffix: str, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / f"a{suffix}")
-    assert companions(tmp_path / f"a{suffix}") == []
+    assert sidecars(tmp_path / f"a{suffix}") == []
 
 
 @pytest.mark.parametrize("name", ["my stuff.mtl", "my wood.png", "gone.png"])
@@ -220,9 +220,9 @@ def test_those_of_a_binary_gltf_file(tmp_path: Path) -> None:
     document = b'{"images": [{"uri": "c%20d.png"}, {"bufferView": 0}]}   '
     head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(document), len(document), 0x4E4F534A)
     (tmp_path / "a.glb").write_bytes(head + document)
-    assert [path.name for path in companions(tmp_path / "a.glb")] == ["c d.png"]
+    assert [path.name for path in sidecars(tmp_path / "a.glb")] == ["c d.png"]
     (tmp_path / "a.glb").write_bytes(head[:11])
-    assert companions(tmp_path / "a.glb") == []
+    assert sidecars(tmp_path / "a.glb") == []
 
 
 def test_those_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -238,11 +238,11 @@ def test_those_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) 
         (tmp_path / "sub" / f"{name}.usda").write_text(text)
     for name in ("t.png", "deep.png"):
         (tmp_path / "sub" / name).write_bytes(b"")
-    found = {path.relative_to(tmp_path).as_posix() for path in companions(tmp_path / "a.usda")}
+    found = {path.relative_to(tmp_path).as_posix() for path in sidecars(tmp_path / "a.usda")}
     layers = {f"sub/{name}.usda" for name in ("layer", "none", "ref", "pay")}
     assert found == {*layers, "sub/t.png", "sub/deep.png"}
     (tmp_path / "b.usda").write_text("#usda 1.0\nno{")
-    assert companions(tmp_path / "b.usda") == []
+    assert sidecars(tmp_path / "b.usda") == []
     assert "".join(capfd.readouterr()) == ""
 
 

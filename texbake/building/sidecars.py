@@ -11,7 +11,7 @@ import json
 import posixpath
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import IO
@@ -34,7 +34,7 @@ _MAP = re.compile(
 )
 
 
-def companions(path: Path) -> list[Path]:
+def sidecars(path: Path) -> list[Path]:
     """Return the files that a mesh or .mtl file names, in its order; none for other files.
 
     For a USD file these are all files that it is composed of, if usd-core is installed, and the
@@ -63,6 +63,19 @@ def is_followed(path: str, name: str) -> bool:
         PurePosixPath(posixpath.normpath(url.partition("://")[2])) for url in (path, name)
     )
     return named.is_relative_to(place.parts[0] if allows_outside() else place.parent)
+
+
+def followed_files(path: str, named: Callable[[str], Iterable[str]]) -> list[str]:
+    """Return the files that are read with a file: those that it names, those that they name ..."""
+    found: dict[str, None] = {}
+    pending = [path]
+    while pending:
+        file = pending.pop()
+        for name in named(file):
+            if name not in found and name != path and is_followed(file, name):
+                pending.append(name)
+                found[name] = None
+    return list(found)
 
 
 def _of_gltf(path: Path) -> Iterator[str]:
