@@ -9,7 +9,7 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
-from texbake.jobs.maps import bake_files
+from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     CHANNELS,
@@ -203,7 +203,7 @@ def test_an_image_that_the_file_does_not_name_is_baked_for_any_channel(tmp_path,
     write_mesh(plane(), tmp_path / "a.obj")
     done = bake_files(
         tmp_path / "a.obj", tmp_path / "a.obj", {channel: tmp_path / "b.png"},
-        BakeOptions(size=16, padding=0, bits=8), high_texture=tmp_path / "a.png",
+        BakeOptions(size=16, padding=0, bits=8), files=BakeFiles(high_texture=tmp_path / "a.png"),
     )  # fmt: skip
     assert done.files == (tmp_path / "b.png",)
     found = read_image(tmp_path / "b.png", color=False)
@@ -217,7 +217,12 @@ def test_one_image_is_for_one_channel(tmp_path):
     write_mesh(plane(), tmp_path / "a.obj")
     files = {name: tmp_path / f"{name}.png" for name in ("normal", "base-color", "roughness")}
     with pytest.raises(OptionError, match="is the image of one map, and base-color, rough"):
-        bake_files(tmp_path / "a.obj", tmp_path / "a.obj", files, high_texture=tmp_path / "a.png")
+        bake_files(
+            tmp_path / "a.obj",
+            tmp_path / "a.obj",
+            files,
+            files=BakeFiles(high_texture=tmp_path / "a.png"),
+        )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj", "a.png"]
 
 

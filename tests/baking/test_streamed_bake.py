@@ -10,7 +10,7 @@ from texbake.baking.maps import MAPS, MATERIAL_MAPS
 from texbake.baking.memory import STREAMED_CHUNKS, STREAMED_FACE, bake_memory
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
-from texbake.jobs.maps import bake_files
+from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -162,9 +162,10 @@ def test_what_needs_the_whole_mesh(
 def test_files_that_need_the_whole_mesh(folder: Path, tmp_path: Path, name: str) -> None:
     maps = ("normal",) if name == "html" else ("base-color",)
     options = BakeOptions(maps=maps, size=16, max_memory="1M")
-    given = {name: tmp_path / f"file.{name}" if name == "html" else folder / "low.obj"}
+    file = tmp_path / f"file.{name}" if name == "html" else folder / "low.obj"
+    files = BakeFiles(**{name: file})
     with pytest.raises(OptionError, match=f"max_memory, {name}: high.ply"):
-        bake_files(folder / "high.ply", folder / "low.obj", tmp_path / "maps", options, **given)  # type: ignore[arg-type]
+        bake_files(folder / "high.ply", folder / "low.obj", tmp_path / "maps", options, files)
     assert list(tmp_path.iterdir()) == []
 
 

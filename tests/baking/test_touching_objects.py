@@ -9,7 +9,7 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
-from texbake.jobs.maps import bake_files
+from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run
 from texbake.mapping.unwrap import unwrap
@@ -187,10 +187,10 @@ def test_a_bake_names_the_cause_of_missed_texels(tmp_path, change, settings, cau
     for mesh, path in zip((high, low, wider), files, strict=True):
         write_mesh(mesh, path)
     more = {name: settings[name] for name in settings if name == "join_objects"}
-    more |= {"cage": files[2]} if "cage" in settings else {}
+    others = BakeFiles(cage=files[2] if "cage" in settings else None)
     bake_settings = {k: settings[k] for k in settings if k not in ("join_objects", "cage")}
     options = BakeOptions(size=128, **bake_settings)
-    done = bake_files(files[0], files[1], tmp_path, options, **more)
+    done = bake_files(files[0], files[1], tmp_path, options, others, **more)
     assert len([line for line in done.warnings if re.search(cause, line)]) == 1
 
 

@@ -79,7 +79,8 @@ def run_here(kind, name, size, output, report, options):
         meshes = [DATA / "pairs" / name / file for file in ("high.obj", "low_uv.obj")]
         # Without padding, texels that are not covered are flat.
         options = texbake.BakeOptions(size=size, threads=threads, padding=0, **options)
-        bake_files(*meshes, {"normal": output}, options, **same)
+        done = bake_files(*meshes, {"normal": output}, options, clock=same["clock"])
+        Path(report).write_text(json.dumps(done.to_json()))
     else:
         options |= {"width": size, "height": size * 5 // 8}
         preview_files(SCENES / f"{name}.toml", output, options, threads=threads, **same)

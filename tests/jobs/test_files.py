@@ -11,7 +11,7 @@ from texbake import BakeOptions, OptionError
 from texbake.errors import FileFormatError, MeshError
 from texbake.jobs.check_meshes import check_mesh_files
 from texbake.jobs.comparison import compare_files
-from texbake.jobs.maps import bake_files
+from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.meshes import info_file
 from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import uv_sphere
@@ -35,8 +35,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
-    done = bake_files("ball.obj", "ball.obj", "maps", OPTIONS, report="bake.json")
-    assert done.files == (Path("maps/normal.png"), Path("maps/displacement.png"), Path("bake.json"))
+    done = bake_files("ball.obj", "ball.obj", "maps", OPTIONS)
+    assert done.files == (Path("maps/normal.png"), Path("maps/displacement.png"))
     assert all(path.is_file() for path in done.files)
     mesh = texbake.read_mesh("ball.obj")
     texbake.bake(mesh, mesh, OPTIONS).maps["normal"].write("expected.png")
@@ -46,7 +46,7 @@ def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
 
 
 def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) -> None:
-    done = bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, hits="h.npz")
+    done = bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, BakeFiles(hits="h.npz"))
     assert set(done.maps) == {"normal"} and done.files == (Path("n.tga"), Path("h.npz"))
     again = remap_files("h.npz", "again", format="tga")
     assert Path("again/normal.tga").read_bytes() == Path("n.tga").read_bytes()
@@ -87,7 +87,6 @@ def test_a_repair_counts_its_changes(folder: Path) -> None:
     "job",
     [
         lambda: bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
-        lambda: bake_files("ball.obj", "ball.obj", "m", OPTIONS, report="ball.obj"),
         lambda: compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
         lambda: preview_files("ball.obj", "p.png", report="ball.obj"),
         lambda: check_mesh_files("ball.obj", sides="s.png", layout="s.png"),

@@ -7,7 +7,7 @@ import pytest
 
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
-from texbake.jobs.maps import bake_files
+from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane
@@ -27,7 +27,7 @@ def bake_with(folder: Path, image: str, *maps: str) -> Path:
     options = BakeOptions(maps=maps, size=8, front=0.1, back=0.1)
     bake_files(
         folder / "high.obj", folder / "low.obj", folder / "maps", options,
-        high_texture=folder / image,
+        BakeFiles(high_texture=folder / image),
     )  # fmt: skip
     return folder / "maps"
 
@@ -38,7 +38,8 @@ def test_an_image_without_a_map_that_takes_it(folder: Path) -> None:
     with pytest.raises(OptionError, match="high_texture, maps"):
         bake_parts_files(
             [folder / "high.obj"], [folder / "low.obj"], folder / "maps",
-            BakeOptions(maps=("normal",), size=8), high_texture=folder / "gray.png",
+            BakeOptions(maps=("normal",), size=8),
+            files=BakeFiles(high_texture=folder / "gray.png"),
         )  # fmt: skip
     assert not (folder / "maps").exists()
 

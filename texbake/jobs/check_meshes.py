@@ -20,7 +20,7 @@ from texbake.jobs.outputs import (
     check_distinct,
     check_picture,
     check_report,
-    given,
+    present_paths,
     write_report,
 )
 from texbake.mesh.frame import LocalFrame
@@ -82,7 +82,7 @@ def check_mesh_files(
         warnings.append(f"{sides}: not drawn; no finding is at any face")
     if report is not None:
         write_report(report, checked.to_json())
-    return JobResult(files=given(*files, report), report=checked, warnings=tuple(warnings))
+    return JobResult(files=present_paths(*files, report), report=checked, warnings=tuple(warnings))
 
 
 def render_findings(

@@ -14,7 +14,7 @@ from texbake.jobs.outputs import (
     check_page,
     check_picture,
     check_report,
-    given,
+    present_paths,
     write_report,
 )
 from texbake.mesh.files import read_mesh
@@ -82,7 +82,7 @@ def compare_files(
             picture=options,
         )
         write_asset_page(html, page)
-    return JobResult(files=given(output, report, html), report=comparison)
+    return JobResult(files=present_paths(output, report, html), report=comparison)
 
 
 def page_file(
@@ -129,7 +129,7 @@ def page_file(
         picture=options,
     )
     write_asset_page(html, page)
-    return JobResult(files=given(html), report=comparison)
+    return JobResult(files=present_paths(html), report=comparison)
 
 
 def comparison_report(comparison: Comparison) -> dict[str, Any]:

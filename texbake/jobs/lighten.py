@@ -28,7 +28,7 @@ from texbake.jobs.carried import (
 from texbake.jobs.fit import explained
 from texbake.jobs.lighten_options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, make_low_poly
-from texbake.jobs.outputs import JobResult, given
+from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -204,7 +204,7 @@ def lighten(
         stages=tuple(stages.records),
     )
     lines = _once([*warnings, *made.warnings], comparison)
-    done = JobResult(files=given(output, html), report=figures, warnings=lines)
+    done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done

@@ -28,16 +28,9 @@ from texbake.files import (
 )
 from texbake.jobs.fit import check_fit, explained
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    check_page,
-    check_picture,
-    check_report,
-    given,
-    write_report,
-)
+from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
@@ -69,88 +62,100 @@ class MapFiles(JobResult[BakeReport]):
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class BakeFiles:
+    """What a bake reads and writes besides its meshes and maps."""
+
+    cage: PathLike | None = None
+    high_texture: PathLike | None = None
+    skew_mask: PathLike | None = None
+    offset_map: PathLike | None = None
+    miss_map: PathLike | None = None
+    hits: PathLike | None = None
+    html: PathLike | None = None
+    command: str = ""  # which the page shows
+
+    @property
+    def inputs(self) -> tuple[PathLike | None, ...]:
+        """What is read."""
+        return self.cage, self.high_texture, self.skew_mask, self.offset_map
+
+    @property
+    def outputs(self) -> tuple[Path, ...]:
+        """What is written."""
+        return present_paths(self.miss_map, self.html, self.hits)
+
+
 @appearing_together()
 def bake_files(
     high: PathLike,
     low: PathLike,
     output: PathLike | Mapping[str, PathLike],
     options: BakeOptions | None = None,
+    files: BakeFiles | None = None,
     *,
     format: str | None = None,  # noqa: A002
     name_pattern: str = DEFAULT_PATTERN,
-    cage: PathLike | None = None,
-    high_texture: PathLike | None = None,
-    skew_mask: PathLike | None = None,
-    offset_map: PathLike | None = None,
-    miss_map: PathLike | None = None,
     join_objects: bool = False,
-    hits: PathLike | None = None,
-    report: PathLike | None = None,
-    html: PathLike | None = None,
-    command: str = "",
     progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
 ) -> MapFiles:
     """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them."""
-    clock = clock or BudgetClock()
-    options = options or BakeOptions()
+    clock, options, files = clock or BudgetClock(), options or BakeOptions(), files or BakeFiles()
+    if files.html is not None:  # pages load the renderer
+        from texbake.pages.asset_page import as_asked, page_options, write_bake_page
     folder = None if isinstance(output, Mapping) else Path(output)
     if isinstance(output, Mapping):
-        files = {name: Path(path) for name, path in output.items()}
-        options = replace(options, maps=tuple(files))
+        maps = {name: Path(path) for name, path in output.items()}
+        options = replace(options, maps=tuple(maps))
     else:
-        files = named_maps(Path(output), name_pattern, Path(low).stem, options.maps, format)
-    if hits is not None:
+        maps = named_maps(Path(output), name_pattern, Path(low).stem, options.maps, format)
+    if files.hits is not None:
         options = replace(options, keep_hits=True)
-    if hits is None:  # other maps can be made from hits
-        check_high_texture(high_texture, files)
-    inputs = (high, low, cage, high_texture, skew_mask, offset_map)
-    check_distinct([*files.values(), miss_map, report, html, hits], inputs)
-    _check_outputs(files, folder, options, miss_map, html, (report, hits))
+    else:  # other maps can be made from hits
+        check_high_texture(files.high_texture, maps)
+    check_distinct([*maps.values(), *files.outputs], [high, low, *files.inputs])
+    check_map_files(maps, options, folder)
     stages = Stages(progress)
     with stages.part("read meshes"):
         low_mesh = _read_whole(low, join_objects, progress)
-        cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+        cage = None if files.cage is None else read_mesh(files.cage, progress=progress)
         n_low = low_mesh.n_faces * (1 if cage is None else 2)
         high_mesh = _read_high(high, n_low, options, progress, join_objects)
-        materials = None
         if isinstance(high_mesh, Mesh):
             check_fit(high_mesh, low_mesh, threads=options.threads)
-        if isinstance(high_mesh, StreamedMesh):
-            _check_streamed(high_mesh, high_texture, html)
-        elif hits is not None or needs_materials(files, options):
-            materials = materials_of(high, high_mesh, high_texture, files)
+        materials = _materials(high, high_mesh, maps, options, files)
     baked = bake_objects(
         high_mesh,
         low_mesh,
-        options if html is None else _with_maps_of_page(options),
-        pair=html is None,
-        cage=cage_mesh,
+        options if files.html is None else page_options(options),
+        pair=files.html is None,
+        cage=cage,
         materials=materials,
-        skew_mask=read_ray_image(skew_mask),
-        offset_map=read_ray_image(offset_map),
+        skew_mask=read_ray_image(files.skew_mask),
+        offset_map=read_ray_image(files.offset_map),
         progress=progress,
-        clock=replace(clock, finish=_WritingMaps(files)),
+        clock=replace(clock, finish=_WritingMaps(maps)),
     )
     baked = explained(high_mesh, low_mesh, baked, join_objects=join_objects)
-    result = baked if html is None else _without_maps_of_page(baked, options)
+    result = baked if files.html is None else as_asked(baked, options)
     with stages.stage("write maps"):
-        written = written_maps(result, files, folder)
-        if miss_map is not None:
-            write_image(result.miss_map(), miss_map)
-        if hits is not None:
-            write_hits(result, hits)
+        written = written_maps(result, maps, folder)
+        if files.miss_map is not None:
+            write_image(result.miss_map(), files.miss_map)
+        if files.hits is not None:
+            write_hits(result, files.hits)
     figures = result.report
     if figures.budget is not None:
         figures = replace(figures, budget=with_actual_time(figures.budget, clock))
-    done = map_files(figures, stages.records, written, given(miss_map, report, html, hits))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
-    redundant = redundant_maps({name: result.maps[name] for name in files}, size)
-    done = replace(done, warnings=(*done.warnings, *redundant))
-    if report is not None:
-        write_report(report, done.to_json())
-    if html is not None and isinstance(high_mesh, Mesh):
-        _write_page(html, (high_mesh, low_mesh), baked, options, done, command, progress)
+    redundant = redundant_maps({name: result.maps[name] for name in maps}, size)
+    done = map_files(figures, stages.records, written, files.outputs, redundant)
+    if files.html is not None and isinstance(high_mesh, Mesh):
+        write_bake_page(
+            files.html, high_mesh, low_mesh, baked, asked=options.maps, stages=done.report.stages,
+            warnings=done.warnings, command=files.command, progress=progress,
+        )  # fmt: skip
     return done
 
 
@@ -174,16 +179,25 @@ def _read_high(
         return StreamedMesh.open(source, threads=options.threads)
 
 
-def _check_streamed(
-    high: StreamedMesh, high_texture: PathLike | None, html: PathLike | None
-) -> None:
-    """Raise if a mesh that is read in chunks would have to be in memory."""
-    for name, given_path in (("high_texture", high_texture), ("html", html)):
-        if given_path is not None:
-            raise OptionError(
-                f"max_memory, {name}: {high.name} would be read in chunks, and `{name}` needs all "
-                "of it at once; leave one of the two out"
-            )
+def _materials(
+    path: PathLike,
+    high: Mesh | StreamedMesh,
+    maps: Iterable[str],
+    options: BakeOptions,
+    files: BakeFiles,
+) -> Materials | None:
+    """Return the materials that maps are made from; raise if a mesh in chunks would need them."""
+    if isinstance(high, StreamedMesh):
+        for name in ("high_texture", "html"):
+            if getattr(files, name) is not None:
+                raise OptionError(
+                    f"max_memory, {name}: {high.name} would be read in chunks, and `{name}` needs "
+                    "all of it at once; leave one of the two out"
+                )
+        return None
+    if files.hits is None and not needs_materials(maps, options):
+        return None
+    return materials_of(path, high, files.high_texture, maps)
 
 
 @dataclass(frozen=True)
@@ -196,56 +210,6 @@ class _WritingMaps:
         with scratch_folder() as folder:
             for name, path in self.files.items():
                 maps[name].write(folder / f"{name}{path.suffix}")
-
-
-def _check_outputs(
-    files: Mapping[str, Path],
-    folder: Path | None,
-    options: BakeOptions,
-    miss_map: PathLike | None,
-    html: PathLike | None,
-    others: Iterable[PathLike | None],
-) -> None:
-    check_map_files(files, options, folder)
-    check_picture(miss_map)
-    check_page(html)
-    for path in others:
-        check_report(path)
-
-
-def _with_maps_of_page(options: BakeOptions) -> BakeOptions:
-    from texbake.pages.asset_page import page_options
-
-    return page_options(options)
-
-
-def _without_maps_of_page(baked: BakeResult, options: BakeOptions) -> BakeResult:
-    from texbake.pages.asset_page import as_asked
-
-    return as_asked(baked, options)
-
-
-def _write_page(
-    html: PathLike,
-    meshes: tuple[Mesh, Mesh],
-    baked: BakeResult,
-    options: BakeOptions,
-    done: MapFiles,
-    command: str,
-    progress: ProgressSink | None,
-) -> None:
-    from texbake.pages.asset_page import write_bake_page
-
-    write_bake_page(
-        html,
-        *meshes,
-        baked,
-        asked=options.maps,
-        stages=done.report.stages,
-        warnings=done.warnings,
-        command=command,
-        progress=progress,
-    )
 
 
 def named_maps(
@@ -270,6 +234,7 @@ def map_files(
     around: Sequence[StageRecord],
     written: Mapping[str, WrittenMap],
     others: Sequence[Path] = (),
+    notes: Iterable[str] = (),
 ) -> MapFiles:
     """Result of a job whose first and last stage stand around those of the report."""
     reading, writing = around
@@ -278,7 +243,7 @@ def map_files(
         files=(*(file.path for file in written.values()), *others),
         maps=written,
         report=figures,
-        warnings=(*figures.warnings, *clipping_warnings(written.values())),
+        warnings=(*figures.warnings, *clipping_warnings(written.values()), *notes),
     )
 
 

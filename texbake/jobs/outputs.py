@@ -74,7 +74,7 @@ def plain_figures(value: Any) -> Any:
     return value
 
 
-def given(*paths: PathLike | None) -> tuple[Path, ...]:
+def present_paths(*paths: PathLike | None) -> tuple[Path, ...]:
     """Return the paths that are not None."""
     return tuple(Path(path) for path in paths if path is not None)
 

@@ -26,15 +26,14 @@ from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, why_missed
 from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
-from texbake.jobs.maps import DEFAULT_FORMAT, check_map_files, clipping_warnings, read_ray_image
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    check_picture,
-    check_report,
-    given,
-    write_report,
+from texbake.jobs.maps import (
+    DEFAULT_FORMAT,
+    BakeFiles,
+    check_map_files,
+    clipping_warnings,
+    read_ray_image,
 )
+from texbake.jobs.outputs import JobResult, check_distinct
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials
@@ -65,6 +64,15 @@ class PartsFiles(JobResult[PartsReport]):
         """Return the report, the options and the coding of each file as plain values."""
         coded = [asdict(written) for written in self.maps]
         return {**self.report.to_json(), "bake": asdict(self.options), "files": coded}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MatchedParts(JobResult[Matching]):
+    """Which parts would be baked from which."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the matching and its warnings as plain values."""
+        return {"matching": self.report.to_json(), "warnings": list(self.warnings)}
 
 
 def needs_parts(
@@ -98,39 +106,30 @@ def bake_parts_files(
     folder: PathLike,
     options: BakeOptions | None = None,
     parts: PartsOptions | None = None,
+    files: BakeFiles | None = None,
     *,
     name: str | None = None,
     format: str | None = None,  # noqa: A002
     name_pattern: str = DEFAULT_PATTERN,
-    cage: PathLike | None = None,
-    high_texture: PathLike | None = None,
-    skew_mask: PathLike | None = None,
-    offset_map: PathLike | None = None,
-    miss_map: PathLike | None = None,
-    report: PathLike | None = None,
     progress: ProgressSink | None = None,
 ) -> PartsFiles:
     """Bake the maps of an asset of several mesh files, and write them."""
-    options, parts = options or BakeOptions(), parts or PartsOptions()
+    options, parts, files = options or BakeOptions(), parts or PartsOptions(), files or BakeFiles()
     asset = name or Path(low[0]).stem
     name_pattern = _pattern_of_sets(name_pattern, parts)
     name_files = _namer(asset, Path(folder), options.maps, format, name_pattern)
-    check_high_texture(high_texture, options.maps)
-    inputs = [*high, *low, cage, high_texture]
-    check_distinct([miss_map, report], inputs)
+    check_high_texture(files.high_texture, options.maps)
     suffix = format or DEFAULT_FORMAT
     check_map_files(
         {map_: Path(f"{map_}.{suffix}") for map_ in options.maps}, options, Path(folder)
     )
-    check_picture(miss_map)
-    check_report(report)
     stages = Stages(progress)
     with scratch_folder() as done_maps:
         with stages.part("read meshes"):
             highs, lows = _read(high, progress), _read(low, progress)
-            cage_mesh = None if cage is None else read_mesh(cage, progress=progress)
+            cage_mesh = None if files.cage is None else read_mesh(files.cage, progress=progress)
             check_fit(_whole(highs), _whole(lows), threads=options.threads)
-        materials = _high_materials(high, highs, options, high_texture)
+        materials = _high_materials(high, highs, options, files.high_texture)
         result = bake_parts(
             highs,
             lows,
@@ -139,35 +138,28 @@ def bake_parts_files(
             cage=cage_mesh,
             high_materials=materials,
             low_materials=_low_materials(low, lows, parts),
-            ray_maps=_ray_maps(skew_mask, offset_map, asset),
+            ray_maps=_ray_maps(files.skew_mask, files.offset_map, asset),
             folder=done_maps,
             progress=progress,
         )
         why = _why_missed(highs, lows, result.report)
-        files = {target: name_files(target) for target in result.targets}
-        outputs = [path for of_target in files.values() for path in of_target.values()]
-        misses = {} if miss_map is None else _miss_maps(Path(miss_map), result)
+        maps = {target: name_files(target) for target in result.targets}
+        outputs = [path for of_target in maps.values() for path in of_target.values()]
+        misses = {} if files.miss_map is None else _miss_maps(Path(files.miss_map), result)
         _check_names(outputs, name_pattern)
-        check_distinct([*outputs, *misses.values(), report], inputs)
+        check_distinct([*outputs, *misses.values()], [*high, *low, *files.inputs])
         with stages.stage("write maps"):
             make_folder(folder)
-            written = result.write(files)
+            written = result.write(maps)
             for target, path in misses.items():
                 write_image(result.targets[target].miss_map(), path)
-    done = PartsFiles(
-        files=(*outputs, *misses.values(), *given(report)),
+    return PartsFiles(
+        files=(*outputs, *misses.values()),
         report=result.report,
-        warnings=(
-            *result.report.warnings,
-            *why,
-            *clipping_warnings(written),
-        ),
+        warnings=(*result.report.warnings, *why, *clipping_warnings(written)),
         maps=tuple(written),
         options=options,
     )
-    if report is not None:
-        write_report(report, done.to_json())
-    return done
 
 
 def match_parts_files(
@@ -175,13 +167,10 @@ def match_parts_files(
     low: Sequence[PathLike],
     parts: PartsOptions | None = None,
     *,
-    report: PathLike | None = None,
     progress: ProgressSink | None = None,
-) -> JobResult[Matching]:
+) -> MatchedParts:
     """Find out which parts `bake_parts_files` would bake from which, without baking."""
     parts = parts or PartsOptions()
-    check_distinct([report], [*high, *low])
-    check_report(report)
     highs, lows = _read(high, progress), _read(low, progress)
     if parts.match_by_name:
         matching: Matching = match_parts(highs, lows, parts)[0]
@@ -194,9 +183,7 @@ def match_parts_files(
             tuple(mesh.name for mesh in lows),
             tuple(Match(mesh.name, i, everything) for i, mesh in enumerate(lows)),
         )
-    if report is not None:
-        write_report(report, {"matching": matching.to_json(), "warnings": matching.warnings})
-    return JobResult(files=given(report), report=matching, warnings=tuple(matching.warnings))
+    return MatchedParts(files=(), report=matching, warnings=tuple(matching.warnings))
 
 
 def _read(paths: Iterable[PathLike], progress: ProgressSink | None) -> list[Mesh]:

@@ -20,7 +20,7 @@ from texbake.jobs.outputs import (
     check_page,
     check_picture,
     check_report,
-    given,
+    present_paths,
     write_report,
 )
 from texbake.jobs.preview_scene import MeshMaps, open_preview
@@ -154,7 +154,7 @@ def preview_files(
 
         write_contributions_page(html, Path(path).name, frame, changes, command)
     done = PreviewFiles(
-        files=given(output, report, html),
+        files=present_paths(output, report, html),
         report=frame,
         contributions=changes,
         plan=plan_scene(scene, variants[0][1], camera=view.camera) if frame is None else frame.plan,
@@ -168,7 +168,7 @@ def preview_files(
 
 def _pictures(output: PathLike | None, n_views: int | None) -> Sequence[Path]:
     if output is None or n_views is None:
-        return given(output)
+        return present_paths(output)
     return turntable_files(output, n_views)
 
 

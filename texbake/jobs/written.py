@@ -18,7 +18,7 @@ from texbake.jobs.outputs import (
     SUFFIXES_OF_UV_SETS,
     JobResult,
     Report,
-    given,
+    present_paths,
     triangle_notes,
     uv_set_files,
 )
@@ -163,7 +163,7 @@ def write_with_materials(
     if Path(output).suffix.lower() in BARE_MESH_SUFFIXES:
         lost += [title for name, title in _TITLES.items() if getattr(mesh, name) is not None]
     materials = source.materials
-    files = given(output)
+    files = present_paths(output)
     notes: list[str] = []
     if materials is None:
         write_mesh(mesh, output)

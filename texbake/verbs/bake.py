@@ -110,13 +110,12 @@ def bake(
     more_high: Sequence[PathLike],
     more_low: Sequence[PathLike],
     dry_run: bool,
-    html: PathLike | None,
-    hits: PathLike | None,
     report: PathLike | None,
     progress: ProgressSink | None,
-    command: str,
     clock: Any,
-    **files: Any,
+    format: str | None,  # noqa: A002
+    name_pattern: str,
+    **others: Any,
 ) -> JobResult[Any]:
     """Bake one or several maps of HIGH for LOW.
 
@@ -124,29 +123,30 @@ def bake(
     with the same rays. LOW needs texture coordinates (texbake unwrap). Without --front, --back
     and --cage, ray distances are fitted at each vertex.
     """
-    from texbake.jobs.maps import bake_files
+    from texbake.jobs.maps import BakeFiles, bake_files
     from texbake.jobs.parts import bake_parts_files, match_parts_files, needs_parts
 
+    files = BakeFiles(**others)
     if more_high and low is None:  # a single argument is the low-poly mesh
         high, low = None, high
     highs, lows = _meshes("high", high, more_high), _meshes("low", low, more_low)
     # What only the bake of one mesh onto one set of maps can do.
-    of_one_mesh = (html, hits, options.time_budget, options.max_memory)
+    of_one_mesh = (files.html, files.hits, options.time_budget, options.max_memory)
     pair = all(value is None for value in of_one_mesh)
     if not (dry_run or needs_parts(highs, lows, parts, pair=pair)):
         return bake_files(
-            highs[0], lows[0], output, options, join_objects=parts.join_objects, html=html,
-            hits=hits, report=report, progress=progress, command=command, clock=clock, **files,
+            highs[0], lows[0], output, options, files, format=format, name_pattern=name_pattern,
+            join_objects=parts.join_objects, progress=progress, clock=clock,
         )  # fmt: skip
-    for name, value in {"html": html, "hits": hits}.items():
-        if value is not None:
+    for name in ("html", "hits"):
+        if getattr(files, name) is not None:
             raise OptionError(f"{name}: is for the bake of one mesh onto one set of maps")
     if dry_run:
-        return match_parts_files(highs, lows, parts, report=report, progress=progress)
-    asset = Path(low or more_low[0]).stem
+        return match_parts_files(highs, lows, parts, progress=progress)
     return bake_parts_files(
-        highs, lows, output, options, parts, name=asset, report=report, progress=progress, **files
-    )
+        highs, lows, output, options, parts, files, name=Path(low or more_low[0]).stem,
+        format=format, name_pattern=name_pattern, progress=progress,
+    )  # fmt: skip
 
 
 def _meshes(side: str, first: PathLike | None, more: Sequence[PathLike]) -> list[Path]:
@@ -195,7 +195,7 @@ class BakeStep(BakeOptions):
 def _step(job: Job) -> dict[str, Any]:
     from texbake.baking.bake import streaming_obstacle
     from texbake.baking.maps import map_kinds
-    from texbake.jobs.maps import bake_files
+    from texbake.jobs.maps import BakeFiles, bake_files
 
     options = STEP.made(job.settings, threads=job.threads)
     # A limit changes no byte; some maps need the high-poly mesh as a whole.
@@ -206,9 +206,11 @@ def _step(job: Job) -> dict[str, Any]:
         job.file("low"),
         {name: job.outputs[name] for name in job.settings["maps"]},
         options,
-        cage=job.input("cage"),
-        high_texture=job.input("high_texture"),
-        miss_map=job.outputs["misses"],
+        BakeFiles(
+            cage=job.input("cage"),
+            high_texture=job.input("high_texture"),
+            miss_map=job.outputs["misses"],
+        ),
     )
     report = done.to_json()
     for file in report["files"].values():

@@ -11,6 +11,8 @@ from texbake.verbs.verb import PAGE, Reads, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.jobs.maps import MapFiles
+    from texbake.progress import ProgressSink
+    from texbake.sampling.time_budget import BudgetClock
 
 
 @verb(
@@ -31,7 +33,15 @@ if TYPE_CHECKING:
     """,
 )
 def bake_displacement(
-    high: PathLike, low: PathLike, output: PathLike, options: BakeOptions, **files: Any
+    high: PathLike,
+    low: PathLike,
+    output: PathLike,
+    options: BakeOptions,
+    *,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
+    **files: Any,
 ) -> MapFiles:
     """Bake a displacement map of HIGH for LOW.
 
@@ -40,6 +50,7 @@ def bake_displacement(
     contain the distances d themselves. Integer files contain h with d = (h - mid) * scale, and
     mid and scale are in their metadata.
     """
-    from texbake.jobs.maps import bake_files
+    from texbake.jobs.maps import BakeFiles, bake_files
 
-    return bake_files(high, low, {"displacement": output}, options, **files)
+    maps, others = {"displacement": output}, BakeFiles(**files)
+    return bake_files(high, low, maps, options, others, progress=progress, clock=clock)

@@ -11,6 +11,8 @@ from texbake.verbs.verb import PAGE, Reads, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.jobs.maps import MapFiles
+    from texbake.progress import ProgressSink
+    from texbake.sampling.time_budget import BudgetClock
 
 
 @verb(
@@ -30,13 +32,22 @@ if TYPE_CHECKING:
     """,
 )
 def bake_normals(
-    high: PathLike, low: PathLike, output: PathLike, options: BakeOptions, **files: Any
+    high: PathLike,
+    low: PathLike,
+    output: PathLike,
+    options: BakeOptions,
+    *,
+    report: PathLike | None = None,
+    progress: ProgressSink | None = None,
+    clock: BudgetClock | None = None,
+    **files: Any,
 ) -> MapFiles:
     """Bake a normal map of HIGH for LOW.
 
     LOW needs texture coordinates (texbake unwrap). Without --front, --back and --cage, ray
     distances are fitted at each vertex; the summary and the report contain them.
     """
-    from texbake.jobs.maps import bake_files
+    from texbake.jobs.maps import BakeFiles, bake_files
 
-    return bake_files(high, low, {"normal": output}, options, **files)
+    maps, others = {"normal": output}, BakeFiles(**files)
+    return bake_files(high, low, maps, options, others, progress=progress, clock=clock)

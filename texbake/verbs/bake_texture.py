@@ -12,7 +12,7 @@ from texbake.baking.options import BITS_OPTION
 from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBakeOptions
 from texbake.errors import OptionError, counted
 from texbake.files import PathLike
-from texbake.jobs.outputs import JobResult, given
+from texbake.jobs.outputs import JobResult, present_paths
 from texbake.schema import Option
 from texbake.verbs.step import FORMAT_OF_IMAGE, READ_FACE, Job, n_faces, n_texels, step_of
 from texbake.verbs.verb import BITS, REPORT, THREADS, Extra, Options, Reads, Writes, verb
@@ -155,7 +155,7 @@ def bake_texture_files(
     if unseen_map is not None:
         write_image(result.unseen_map(), unseen_map)
     return JobResult(
-        files=given(output, unseen_map),
+        files=present_paths(output, unseen_map),
         report=result.report,
         warnings=tuple(result.report.warnings),
     )

@@ -47,7 +47,7 @@ def cage_file(
     or in any other program that takes cages.
     """
     from texbake.jobs.fit import check_fit, why_rays_would_miss
-    from texbake.jobs.outputs import JobResult, given
+    from texbake.jobs.outputs import JobResult, present_paths
     from texbake.mesh.files import read_mesh, write_mesh
 
     high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
@@ -55,7 +55,9 @@ def cage_file(
     cage = _fitted(high_mesh, low_mesh, margin, threads)
     write_mesh(cage.mesh, output)
     inside_out = why_rays_would_miss(high_mesh, low_mesh, orientation="auto", threads=threads)
-    return JobResult(files=given(output), report=cage, warnings=(*inside_out, *cage.warnings))
+    return JobResult(
+        files=present_paths(output), report=cage, warnings=(*inside_out, *cage.warnings)
+    )
 
 
 def _fitted(high: Mesh, low: Mesh, margin: float | None, threads: int | None) -> Cage:

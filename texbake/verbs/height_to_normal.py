@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
-from texbake.jobs.outputs import JobResult, given
+from texbake.jobs.outputs import JobResult, present_paths
 from texbake.texture.height_options import HeightToNormalOptions
 from texbake.verbs.verb import THREADS, Options, Reads, Rows, Writes, verb
 
@@ -78,4 +78,4 @@ def height_to_normal_file(
     n_rows, n_columns = normals.shape[:2]
     scale = height_scale(image, options)
     report = NormalMapReport(n_columns, n_rows, scale, options.width)
-    return JobResult(files=given(output), report=report)
+    return JobResult(files=present_paths(output), report=report)

@@ -97,7 +97,7 @@ def make_file(
     over angle and height, as scanners give them) or depth-image (of a depth camera). Every vertex
     has (u, v) as its texture coordinates. The default of an option shows the shapes that take it.
     """
-    from texbake.jobs.outputs import JobResult, given
+    from texbake.jobs.outputs import JobResult, present_paths
     from texbake.mapping.corner_uvs import check_measurable
     from texbake.mesh.files import write_mesh
     from texbake.mesh.parametric.make import make
@@ -117,7 +117,7 @@ def make_file(
         mesh = _raised(mesh, relief, threads)
     check_measurable(mesh)
     write_mesh(mesh, output)
-    return JobResult(files=given(output), report=mesh)
+    return JobResult(files=present_paths(output), report=mesh)
 
 
 def _raised(mesh: Mesh, relief: Relief, threads: int | None) -> Mesh:

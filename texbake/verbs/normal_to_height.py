@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from texbake.files import PathLike
-from texbake.jobs.outputs import JobResult, given
+from texbake.jobs.outputs import JobResult, present_paths
 from texbake.texture.height_options import NormalToHeightOptions
 from texbake.verbs.height_to_normal import DATA_SUFFIXES
 from texbake.verbs.verb import BITS, THREADS, Options, Reads, Rows, Writes, verb
@@ -79,4 +79,4 @@ def normal_to_height_file(
             "slope of 100",
         )
     report = HeightMapReport(field, mid, scale)
-    return JobResult(files=given(output), report=report, warnings=warnings)
+    return JobResult(files=present_paths(output), report=report, warnings=warnings)

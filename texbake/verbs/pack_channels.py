@@ -14,7 +14,7 @@ from texbake.baking.memory import MB, PROCESS
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.jobs.options import PackChannelsOptions
-from texbake.jobs.outputs import JobResult, check_distinct, given
+from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import DECODED, FORMAT_OF_IMAGE, Job, Settings, Sizes, n_bytes, step_of
 from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, verb
@@ -105,7 +105,7 @@ def pack_channel_files(
         bits = bits_like(deepest, output, pixels)
     write_image(pixels, output, bits=bits, threads=threads)
     report = ChannelsReport(width, height, tuple(str(value) for value in given_channels))
-    return JobResult(files=given(output), report=report)
+    return JobResult(files=present_paths(output), report=report)
 
 
 def bits_like(image: Image, path: PathLike, pixels: FloatImage) -> int | None:

@@ -69,14 +69,14 @@ def remesh_file(
     An open surface, such as a range scan, cloth or terrain, stays one sheet with its boundary.
     The result has no texture coordinates.
     """
-    from texbake.jobs.outputs import JobResult, given
+    from texbake.jobs.outputs import JobResult, present_paths
     from texbake.mesh.files import read_mesh, write_mesh
     from texbake.mesh.remesh import remesh_with_report
 
     read = read_mesh(mesh, progress=progress)
     wrapped, figures = remesh_with_report(read, options, threads=threads, progress=progress)
     write_mesh(wrapped, output)
-    return JobResult(files=given(output), report=figures, warnings=figures.notes)
+    return JobResult(files=present_paths(output), report=figures, warnings=figures.notes)
 
 
 def _memory(settings: Settings, sizes: Sizes) -> int:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from texbake.baking.memory import PROCESS
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, make_folder
-from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_uv_set, given
+from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_uv_set, present_paths
 from texbake.mapping.options import UnwrapOptions
 from texbake.schema import option
 from texbake.verbs.step import FORMAT_OF_MESH, n_faces, stage_seconds, step_of
@@ -160,7 +160,7 @@ def unwrap_files(
     reports = tuple(figures for _, figures in results)
     notes = [f"{made.mesh}: {note}" for made in reports for note in made.notes]
     return UnwrapFiles(
-        files=(*(file for files, _ in done for file in files), *given(layout, checker)),
+        files=(*(file for files, _ in done for file in files), *present_paths(layout, checker)),
         report=reports,
         warnings=(*notes, *(line for _, lines in done for line in lines)),
     )
