@@ -11,7 +11,6 @@ from itertools import permutations
 
 import numpy as np
 
-from texbake.checks.checked_mesh import make_finding
 from texbake.checks.finding import Finding
 from texbake.checks.pair import APART, MeshPair, distances, opposite_sides
 from texbake.core import portable_math as pm
@@ -36,21 +35,17 @@ def misalignment(pair: MeshPair) -> list[Finding | None]:
     size, other_size = float(pm.norm(sides)), float(pm.norm(other_sides))
     ratio = other_size / size if size > 0.0 else math.inf
     if not 1.0 / _SAME_SCALE < ratio < _SAME_SCALE:
-        return [make_finding("differing-scale", "low", 1, ratio=ratio)]
+        return [pair.low.finding("differing-scale", 1, ratio=ratio)]
     turn = pair.fitting_rotation()
     axes = _swapped_axes(sides, other_sides) if turn is None else _axes_of(turn)
     if axes:
-        return [make_finding("differing-axes", "low", 1, axes=axes)]
+        return [pair.low.finding("differing-axes", 1, axes=axes)]
     offset = pair.frame.length_to_model(pair.middles[1] - pair.middles[0])
-    distance = float(pm.norm(offset))
     if float(pm.norm(pair.middles[1] - pair.middles[0])) <= APART * pair.size:
         return []
     words = ", ".join(f"{value:.6g}" for value in offset)
-    return [
-        make_finding(
-            "differing-place", "low", 1, distance=f"{distance:.4g} model units", offset=f"({words})"
-        )
-    ]
+    distance = f"{float(pm.norm(offset)):.4g} model units"
+    return [pair.low.finding("differing-place", 1, distance=distance, offset=f"({words})")]
 
 
 def require_alignment(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:

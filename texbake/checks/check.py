@@ -158,7 +158,7 @@ def _coordinate_findings(
 ) -> tuple[list[Finding | None], TexelOwners | None]:
     """Findings that only a low-poly mesh can have, and which of its faces own which texels."""
     if not checked.has_coordinates:
-        return [make_finding("no-coordinates", checked.role, 1)], None
+        return [checked.finding("no-coordinates", 1)], None
     if not has_measurable_uvs(checked.mesh):  # too far away for anything else to be computed
         return [coordinates.outside_tile(checked)], None
     owners = texel_owners(checked)

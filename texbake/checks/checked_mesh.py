@@ -190,6 +190,25 @@ class CheckedMesh:
             within[faces] = apart.overlapping
         return np.asarray(overlapping & ~within)
 
+    def finding(
+        self,
+        name: str,
+        count: int | np.integer[Any],
+        faces: npt.NDArray[Any] | None = None,
+        badness: npt.NDArray[Any] | None = None,
+        **figures: Any,
+    ) -> Finding | None:
+        """Make a finding about this mesh; see `make_finding`."""
+        return make_finding(name, self.role, count, faces, badness, **figures)
+
+    def flag(
+        self, name: str, flagged: BoolArray, badness: npt.NDArray[Any] | None = None, **figures: Any
+    ) -> Finding | None:
+        """Make a finding about the flagged of all (F,) faces, from how bad each face is, (F,)."""
+        faces = np.flatnonzero(flagged)
+        worst = None if badness is None else badness[faces]
+        return make_finding(name, self.role, len(faces), faces, worst, **figures)
+
 
 def make_finding(
     name: str,

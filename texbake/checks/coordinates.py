@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh
 from texbake.checks.finding import Finding
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
@@ -28,32 +28,23 @@ def outside_tile(checked: CheckedMesh) -> Finding | None:
     """Faces that are baked and extend outside the unit square; the farthest are the worst."""
     faces = np.flatnonzero(outside(checked))
     distances = np.abs(checked.uvs[faces] - 0.5).max(axis=(1, 2))
-    return make_finding("outside-tile", checked.role, len(faces), faces, distances)
+    return checked.finding("outside-tile", len(faces), faces, distances)
 
 
 def overlapping_coordinates(checked: CheckedMesh) -> Finding | None:
     """Faces that share a part of the texture with another face; the largest are the worst."""
     overlaps = checked.overlaps
-    faces = np.flatnonzero(overlaps.overlapping & ~checked.shares_texture)
     n_unsure = int(overlaps.unsure.sum())
     unsure = ""
     if n_unsure:
         unsure = f" {n_unsure:,} more faces were not decided: too many others lie near them."
-    return make_finding(
-        "overlapping-coordinates",
-        checked.role,
-        len(faces),
-        faces,
-        np.abs(checked.uv_areas[faces]),
-        unsure=unsure,
-    )
+    flagged = overlaps.overlapping & ~checked.shares_texture
+    return checked.flag("overlapping-coordinates", flagged, np.abs(checked.uv_areas), unsure=unsure)
 
 
 def shared_coordinates(checked: CheckedMesh) -> Finding | None:
     """Faces that share a part of the texture with other groups only; the largest first."""
-    faces = np.flatnonzero(checked.shares_texture)
-    areas = np.abs(checked.uv_areas[faces])
-    return make_finding("shared-coordinates", checked.role, len(faces), faces, areas)
+    return checked.flag("shared-coordinates", checked.shares_texture, np.abs(checked.uv_areas))
 
 
 def stacked_coordinates(checked: CheckedMesh) -> Finding | None:
@@ -61,29 +52,19 @@ def stacked_coordinates(checked: CheckedMesh) -> Finding | None:
     stacked = checked.stacked
     faces = np.flatnonzero(stacked.shares)
     areas = np.abs(checked.uv_areas[faces])
-    return make_finding("stacked-coordinates", checked.role, stacked.n_sharing, faces, areas)
+    return checked.finding("stacked-coordinates", stacked.n_sharing, faces, areas)
 
 
 def mirrored_coordinates(checked: CheckedMesh) -> Finding | None:
     """Faces that run clockwise in the texture, not stacked on others; the largest are the worst."""
     mirrored = (checked.uv_areas < 0.0) & checked.has_area & ~checked.stacked.stacked
-    faces = np.flatnonzero(mirrored)
-    return make_finding(
-        "mirrored-coordinates", checked.role, len(faces), faces, -checked.uv_areas[faces]
-    )
+    return checked.flag("mirrored-coordinates", mirrored, -checked.uv_areas)
 
 
 def collapsed_coordinates(checked: CheckedMesh) -> Finding | None:
     """Faces with an area in space but none in the texture; the largest are the worst."""
-    faces = np.flatnonzero(collapsed(checked))
-    return make_finding(
-        "collapsed-coordinates", checked.role, len(faces), faces, checked.areas[faces]
-    )
-
-
-def collapsed(checked: CheckedMesh) -> BoolArray:
-    """(F,) bool: faces with an area in space but none in the texture."""
-    return np.asarray((checked.uv_areas == 0.0) & checked.has_area)
+    collapsed = (checked.uv_areas == 0.0) & checked.has_area
+    return checked.flag("collapsed-coordinates", collapsed, checked.areas)
 
 
 def outside(checked: CheckedMesh) -> BoolArray:
@@ -119,7 +100,7 @@ def texel_owners(checked: CheckedMesh) -> TexelOwners:
 
 def nothing_covered(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
     """Whether no texel is covered, so that there is nothing to bake to."""
-    return make_finding("nothing-covered", checked.role, int((owners == NO_FACE).all()))
+    return checked.finding("nothing-covered", int((owners == NO_FACE).all()))
 
 
 def thin_charts(checked: CheckedMesh) -> Finding | None:
@@ -133,9 +114,8 @@ def thin_charts(checked: CheckedMesh) -> Finding | None:
     widths = chart_widths(checked)
     thin = np.isfinite(widths) & (widths < padding)
     faces = np.flatnonzero(thin[checked.charts])
-    return make_finding(
+    return checked.finding(
         "thin-charts",
-        checked.role,
         thin.sum(),
         faces,
         -widths[checked.charts[faces]],
@@ -179,14 +159,8 @@ def close_charts(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
     between = np.sort(chart_of.ravel()[texels], axis=0)
     n_pairs = len(np.unique(between[0].astype(np.int64) << 32 | between[1]))
     faces, counts = np.unique(owners.ravel()[texels], return_counts=True)
-    return make_finding(
-        "close-charts",
-        checked.role,
-        n_pairs,
-        faces,
-        counts,
-        texels=nearest.n_meeting,
-        padding=padding,
+    return checked.finding(
+        "close-charts", n_pairs, faces, counts, texels=nearest.n_meeting, padding=padding
     )
 
 
@@ -219,10 +193,7 @@ def faces_without_texel(checked: CheckedMesh, owners: TexelOwners) -> Finding | 
     seen[owners] = True  # NO_FACE is -1, and so the last entry
     excused = outside(checked) | checked.overlaps.overlapping | (checked.uv_areas == 0.0)
     excused |= checked.stacked.shares
-    faces = np.flatnonzero(~seen[:-1] & ~excused)
-    return make_finding(
-        "faces-without-texel", checked.role, len(faces), faces, checked.areas[faces]
-    )
+    return checked.flag("faces-without-texel", ~seen[:-1] & ~excused, checked.areas)
 
 
 def low_texel_density(checked: CheckedMesh) -> Finding | None:
@@ -237,9 +208,8 @@ def low_texel_density(checked: CheckedMesh) -> Finding | None:
     densities = mean / stretch.greatest
     least = options.min_texel_density or _LEAST_DENSITY * mean
     low = densities < least
-    return make_finding(
+    return checked.finding(
         "low-texel-density",
-        checked.role,
         low.sum(),
         stretch.faces[low],
         -densities[low],

@@ -4,26 +4,21 @@ Neighbors that disagree are found edge by edge. A majority decides which of them
 faces of a shell are oriented from one to the next, and those of the smaller area count as
 flipped. A closed shell of negative volume is inside out, unless it is the wall of a cavity: then it
 lies within another shell.
-
-Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983 (whether a point
-lies within a shell). Kernel: `core/orientation.c`.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray, SurfaceEdges, make_finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray
 from texbake.checks.finding import Finding
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, shading_normals
+from texbake.mesh.remeshing.winding import winding_numbers
+from texbake.mesh.topology import against_most, wind_alike
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
 _LEAST_VOLUME = 1e-12
@@ -38,25 +33,21 @@ def inconsistent_winding(checked: CheckedMesh) -> Finding | None:
     one, other, along = _neighbors(checked)
     if not along.any():
         return None
-    turned = _minority(checked, one // 3, other // 3, along)
+    parts, flips = wind_alike(len(edges.faces), (one // 3, other // 3), ~along)
+    turned = against_most(parts, flips, checked.areas[edges.faces])
     # A shell that has no consistent winding, such as a Möbius strip, stays torn somewhere.
     torn = along ^ turned[one // 3] ^ turned[other // 3]
     rows = np.concatenate([np.flatnonzero(turned), one[torn] // 3])
     faces = edges.faces[rows]
-    return make_finding(
-        "inconsistent-winding", checked.role, along.sum(), faces, checked.areas[faces]
-    )
+    return checked.finding("inconsistent-winding", along.sum(), faces, checked.areas[faces])
 
 
 def inside_out_shells(checked: CheckedMesh) -> Finding | None:
     """Closed shells with a negative volume that are not the walls of a cavity."""
     shells = _Shells(checked)
-    faces = checked.edges.faces
     inverted = [shell for shell in shells.negative() if not shells.is_cavity(shell)]
-    rows = np.flatnonzero(np.isin(shells.of_rows, inverted))
-    return make_finding(
-        "inside-out-shells", checked.role, len(inverted), faces[rows], checked.areas[faces[rows]]
-    )
+    faces = checked.edges.faces[np.isin(shells.of_rows, inverted)]
+    return checked.finding("inside-out-shells", len(inverted), faces, checked.areas[faces])
 
 
 WINDING_CHECKS = (inconsistent_winding, inside_out_shells)
@@ -70,29 +61,12 @@ def _neighbors(checked: CheckedMesh) -> tuple[IdArray, IdArray, BoolArray]:
     return one, other, np.asarray(places[one] == places[other])
 
 
-def _minority(checked: CheckedMesh, one: IdArray, other: IdArray, along: BoolArray) -> BoolArray:
-    """(n,) bool: faces wound against most of the area of their shell."""
-    rows = checked.edges.faces
-    roots, flips = _oriented(len(rows), one, other, along)
-    areas = checked.areas[rows]
-    flipped = np.bincount(roots, areas * flips, len(rows))
-    upright = np.bincount(roots, areas * ~flips, len(rows))
-    # Of two equal areas, the one with the first face is right.
-    return np.asarray(flips ^ (flipped > upright)[roots])
-
-
-def _oriented(n: int, one: IdArray, other: IdArray, along: BoolArray) -> tuple[IdArray, BoolArray]:
-    """The shell of each face, and whether it is wound against its first face."""
-    parents, flips = np.arange(n), np.zeros(n, dtype=np.bool_)
-    core.join_orientations(parents, flips, one, other, along)
-    return parents, flips
-
-
 class _Shells:
     """Shells of a surface, connected by edges, and which of them are closed."""
 
     def __init__(self, checked: CheckedMesh) -> None:
-        edges: SurfaceEdges = checked.edges
+        edges = checked.edges
+        self._positions, self._places = checked.positions, checked.places[edges.faces]
         self._corners = checked.corners[edges.faces]
         self.of_rows = connected_faces(edges.ids)
         self._n = int(self.of_rows.max(initial=-1)) + 1
@@ -106,10 +80,7 @@ class _Shells:
         self._order = np.argsort(self.of_rows, kind="stable")
         sizes = np.bincount(self.of_rows, minlength=self._n)
         self._starts = np.concatenate([[0], np.cumsum(sizes)])
-        self._measure()
-
-    def _measure(self) -> None:
-        """Compute boxes and signed volumes, each about the center of its own box."""
+        # Boxes, and signed volumes, each about the center of its own box.
         self._low, self._high = np.full((self._n, 3), np.inf), np.full((self._n, 3), -np.inf)
         grouped, starts = self._corners[self._order], self._starts[:-1]
         if self._n:
@@ -132,31 +103,21 @@ class _Shells:
         point = self._corners[self._order[self._starts[shell]]].mean(axis=0)
         around = self._closed & (self._low < point).all(axis=1) & (self._high > point).all(axis=1)
         around[shell] = False
-        candidates = np.flatnonzero(around)
-        turns = 0.0
-        for other in candidates.tolist():
-            rows = self._order[self._starts[other] : self._starts[other + 1]]
-            self._faces_left -= len(rows)
-            if self._faces_left < 0:
-                return True
-            turns += _solid_angle(self._corners[rows], point) / (4.0 * math.pi)
-        return turns > 0.5
-
-
-def _solid_angle(corners: FloatArray, point: npt.NDArray[Any]) -> float:
-    """Signed solid angle of triangles seen from a point; 4 π for a shell around it."""
-    a, b, c = np.moveaxis(corners - point, 1, 0)
-    la, lb, lc = (pm.norm(edge, axis=1) for edge in (a, b, c))
-    above = pm.vecdot(a, np.cross(b, c))
-    below = la * lb * lc
-    for x, y, length in ((a, b, lc), (b, c, la), (c, a, lb)):
-        below += pm.vecdot(x, y) * length
-    return float(2.0 * pm.arctan2(above, below).sum())
+        shells = np.flatnonzero(around)
+        if len(shells) == 0:
+            return False
+        starts, stops = self._starts[shells], self._starts[shells + 1]
+        self._faces_left -= int((stops - starts).sum())
+        if self._faces_left < 0:
+            return True
+        rows = [self._order[i:j] for i, j in zip(starts, stops, strict=True)]
+        places = self._places[np.concatenate(rows)]
+        return bool(winding_numbers(self._positions, places, point[None])[0] > 0.5)
 
 
 def no_normals(checked: CheckedMesh) -> Finding | None:
     """Whether the mesh has no normals."""
-    return make_finding("no-normals", checked.role, int(checked.mesh.normals is None))
+    return checked.finding("no-normals", int(checked.mesh.normals is None))
 
 
 def zero_normals(checked: CheckedMesh) -> Finding | None:
@@ -165,8 +126,8 @@ def zero_normals(checked: CheckedMesh) -> Finding | None:
     if mesh.normals is None:
         return None
     zero = (mesh.normals == 0.0).all(axis=1)
-    faces = np.flatnonzero(zero[mesh.normal_faces].any(axis=1) & checked.has_area)
-    return make_finding("zero-normals", checked.role, len(faces), faces, checked.areas[faces])
+    flagged = zero[mesh.normal_faces].any(axis=1) & checked.has_area
+    return checked.flag("zero-normals", flagged, checked.areas)
 
 
 def turned_normals(checked: CheckedMesh) -> Finding | None:
@@ -178,8 +139,7 @@ def turned_normals(checked: CheckedMesh) -> Finding | None:
     for corner in range(3):
         shading = mesh.normals[mesh.normal_faces[:, corner]]
         np.minimum(cosines, pm.vecdot(shading, checked.normals), out=cosines)
-    faces = np.flatnonzero(cosines < -pm.sin(NORMAL_ROUNDING))
-    return make_finding("turned-normals", checked.role, len(faces), faces, -cosines[faces])
+    return checked.flag("turned-normals", cosines < -pm.sin(NORMAL_ROUNDING), -cosines)
 
 
 def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
@@ -200,9 +160,7 @@ def hard_edges_without_seam(checked: CheckedMesh) -> Finding | None:
     )
     hard = joined & (jumps > NORMAL_ROUNDING)
     faces = edges.faces[np.concatenate([one[hard], other[hard]]) // 3]
-    return make_finding(
-        "hard-edges-without-seam", checked.role, hard.sum(), faces, np.tile(jumps[hard], 2)
-    )
+    return checked.finding("hard-edges-without-seam", hard.sum(), faces, np.tile(jumps[hard], 2))
 
 
 def other_diagonals(checked: CheckedMesh) -> Finding | None:
@@ -218,8 +176,7 @@ def other_diagonals(checked: CheckedMesh) -> Finding | None:
     bends = angles_between(checked.normals, checked.normals[firsts])
     curved = np.maximum.reduce([*turns, bends]) > NORMAL_ROUNDING
     cut, bent = (np.bincount(mesh.polygon_of, which) > 0 for which in (elsewhere, curved))
-    faces = np.flatnonzero((cut & bent)[mesh.polygon_of])
-    return make_finding("other-diagonals", checked.role, len(faces), faces)
+    return checked.flag("other-diagonals", (cut & bent)[mesh.polygon_of])
 
 
 def _angles(normals: FloatArray, one: IntArray, other: IntArray) -> FloatArray:

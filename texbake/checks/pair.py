@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, make_finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
 from texbake.checks.options import CheckOptions
@@ -178,17 +178,16 @@ class MeshPair:
 def distances(pair: MeshPair) -> list[Finding | None]:
     """Faces of either mesh that lie far from the other."""
     results: list[Finding | None] = []
-    for name, role, nearest in (
-        ("far-from-high", "low", pair.from_low),
-        ("far-from-low", "high", pair.from_high),
+    for name, checked, nearest in (
+        ("far-from-high", pair.low, pair.from_low),
+        ("far-from-low", pair.high, pair.from_high),
     ):
         far = nearest.distances > _FAR * pair.size
         part = f" Only one of every {nearest.step} faces was measured." if nearest.step > 1 else ""
         most = float(pair.frame.length_to_model(nearest.distances.max()))
         results.append(
-            make_finding(
+            checked.finding(
                 name,
-                role,
                 far.sum(),
                 nearest.faces[far],
                 nearest.distances[far],
@@ -206,13 +205,13 @@ def opposite_sides(pair: MeshPair) -> Finding | None:
         return None
     against = pair.lie_against(1)
     faces = pair.from_low.faces[against]
-    return make_finding("opposite-sides", "low", len(faces), faces, -pair.cosines[against])
+    return pair.low.finding("opposite-sides", len(faces), faces, -pair.cosines[against])
 
 
 def high_is_coarser(pair: MeshPair) -> Finding | None:
     """Whether the high-poly mesh has fewer faces than the low-poly mesh."""
     high, low = pair.high.mesh.n_faces, pair.low.mesh.n_faces
-    return make_finding("high-is-coarser", "high", int(high < low), high=high, low=low)
+    return pair.high.finding("high-is-coarser", int(high < low), high=high, low=low)
 
 
 def detail_below_texels(pair: MeshPair, owners: TexelOwners) -> Finding | None:
@@ -225,8 +224,8 @@ def detail_below_texels(pair: MeshPair, owners: TexelOwners) -> Finding | None:
     side = max(options.width_px, options.height_px)
     wanted = side * math.sqrt(faces / _MAX_FACES_PER_TEXEL)
     size = min(1 << math.ceil(pm.log2(wanted)), MAX_SIZE) if faces > 1.0 else side
-    return make_finding(
-        "detail-below-texels", "high", int(faces > _MAX_FACES_PER_TEXEL), per_texel=faces, size=size
+    return pair.high.finding(
+        "detail-below-texels", int(faces > _MAX_FACES_PER_TEXEL), per_texel=faces, size=size
     )
 
 

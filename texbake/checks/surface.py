@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.checked_mesh import CheckedMesh, IdArray, make_finding
+from texbake.checks.checked_mesh import CheckedMesh, IdArray
 from texbake.checks.finding import Finding
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
@@ -50,7 +50,7 @@ _SIZES = (1e-5, 1e6)  # model units that most programs handle well
 
 def no_surface(checked: CheckedMesh) -> Finding | None:
     """Whether no face at all has an area."""
-    return make_finding("no-surface", checked.role, int(not checked.has_area.any()))
+    return checked.finding("no-surface", int(not checked.has_area.any()))
 
 
 def zero_area_faces(checked: CheckedMesh) -> Finding | None:
@@ -60,13 +60,12 @@ def zero_area_faces(checked: CheckedMesh) -> Finding | None:
     flat = np.flatnonzero(~checked.has_area)
     corners = checked.corners[flat]
     lengths = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1, initial=0.0)
-    return make_finding("zero-area-faces", checked.role, len(flat), flat, lengths)
+    return checked.finding("zero-area-faces", len(flat), flat, lengths)
 
 
 def duplicate_faces(checked: CheckedMesh) -> Finding | None:
     """Faces that repeat an earlier one, with either winding; the largest are the worst."""
-    faces = np.flatnonzero(checked.duplicates)
-    return make_finding("duplicate-faces", checked.role, len(faces), faces, checked.areas[faces])
+    return checked.flag("duplicate-faces", checked.duplicates, checked.areas)
 
 
 def duplicate_vertices(checked: CheckedMesh) -> Finding | None:
@@ -90,13 +89,13 @@ def duplicate_vertices(checked: CheckedMesh) -> Finding | None:
     np.minimum.at(least, carried, vertices)
     repeats = vertices != least[carried]
     faces = np.nonzero(split)[0][repeats]
-    return make_finding("duplicate-vertices", checked.role, _n_distinct(vertices[repeats]), faces)
+    return checked.finding("duplicate-vertices", _n_distinct(vertices[repeats]), faces)
 
 
 def unused_vertices(checked: CheckedMesh) -> Finding | None:
     """Vertices that no face uses."""
     n_used = _n_distinct(checked.mesh.faces)
-    return make_finding("unused-vertices", checked.role, checked.mesh.n_vertices - n_used)
+    return checked.finding("unused-vertices", checked.mesh.n_vertices - n_used)
 
 
 def non_manifold_edges(checked: CheckedMesh) -> Finding | None:
@@ -104,7 +103,7 @@ def non_manifold_edges(checked: CheckedMesh) -> Finding | None:
     edges = checked.edges
     many = edges.counts > 2
     faces, at = edges.faces_at(many)
-    return make_finding("non-manifold-edges", checked.role, many.sum(), faces, edges.counts[at])
+    return checked.finding("non-manifold-edges", many.sum(), faces, edges.counts[at])
 
 
 def pinched_vertices(checked: CheckedMesh) -> Finding | None:
@@ -127,13 +126,8 @@ def pinched_vertices(checked: CheckedMesh) -> Finding | None:
     _, firsts = np.unique(fans, return_index=True)
     n_fans = np.bincount(places[firsts], minlength=checked.mesh.n_vertices)
     corners = np.flatnonzero(n_fans[places] > 1)
-    return make_finding(
-        "pinched-vertices",
-        checked.role,
-        (n_fans > 1).sum(),
-        edges.faces[corners // 3],
-        n_fans[places[corners]],
-    )
+    faces = edges.faces[corners // 3]
+    return checked.finding("pinched-vertices", (n_fans > 1).sum(), faces, n_fans[places[corners]])
 
 
 def cracks(checked: CheckedMesh) -> Finding | None:
@@ -152,19 +146,15 @@ def cracks(checked: CheckedMesh) -> Finding | None:
     torn = np.zeros(checked.mesh.n_vertices, dtype=bool)
     torn[one[apart]] = torn[other[apart]] = True
     faces = edges.faces[rows[torn[tails] | torn[heads]]]
-    return make_finding(
-        "cracks", checked.role, torn.sum(), faces, distance=distance / checked.scale
-    )
+    return checked.finding("cracks", torn.sum(), faces, distance=distance / checked.scale)
 
 
 def far_from_origin(checked: CheckedMesh) -> Finding | None:
     """Whether the mesh lies so far away that float32 rounds its vertices."""
     farthest = float(np.abs(checked.mesh.bounds).max()) * checked.scale
     times = farthest / checked.diagonal if checked.diagonal > 0.0 else 0.0
-    coarse = times * _FLOAT32_STEP > _COARSE_STEP
-    return make_finding(
-        "far-from-origin", checked.role, int(coarse), times=times, step=times * _FLOAT32_STEP
-    )
+    step = times * _FLOAT32_STEP
+    return checked.finding("far-from-origin", int(step > _COARSE_STEP), times=times, step=step)
 
 
 def extreme_size(checked: CheckedMesh) -> Finding | None:
@@ -174,15 +164,13 @@ def extreme_size(checked: CheckedMesh) -> Finding | None:
     extreme = size > most or 0.0 < size < least
     if unmeasurable_size(checked.mesh) is not None:
         return None
-    return make_finding("extreme-size", checked.role, int(extreme), size=size)
+    return checked.finding("extreme-size", int(extreme), size=size)
 
 
 def size_cannot_be_computed_with(checked: CheckedMesh) -> Finding | None:
     """Whether the areas of the mesh would leave the range of float64."""
     length, farthest = unmeasurable_size(checked.mesh) or (0.0, 0.0)
-    return make_finding(
-        "unmeasurable-size", checked.role, int(length > 0.0), length=length, farthest=farthest
-    )
+    return checked.finding("unmeasurable-size", int(length > 0.0), length=length, farthest=farthest)
 
 
 CHECKS = (
@@ -245,28 +233,20 @@ _MIN_PAIRS_PER_FACE = 512
 
 def self_intersections(checked: CheckedMesh) -> Finding | None:
     """Faces that pass through another, or may; the largest are the worst."""
-    probe_walls, unsure = crossed_by(checked)
-    faces, undecided = np.flatnonzero(probe_walls >= 0), np.flatnonzero(unsure)
-    if len(faces) == 0:
-        return make_finding(
-            "undecided-intersections",
-            checked.role,
-            len(undecided),
-            undecided,
-            checked.areas[undecided],
-        )
-    largest = int(faces[checked.areas[faces].argmax()])
+    others, unsure = crossed_by(checked)
+    crossed = others >= 0
+    if not crossed.any():
+        return checked.flag("undecided-intersections", unsure, checked.areas)
+    largest = int(np.where(crossed, checked.areas, -1.0).argmax())
     more = ""
-    if len(undecided):
-        more = f" {len(undecided):,} more faces were not decided: too many others lie near them."
-    return make_finding(
+    if unsure.any():
+        more = f" {unsure.sum():,} more faces were not decided: too many others lie near them."
+    return checked.flag(
         "self-intersections",
-        checked.role,
-        len(faces),
-        faces,
-        checked.areas[faces],
+        crossed,
+        checked.areas,
         one=largest,
-        other=int(probe_walls[largest]),
+        other=int(others[largest]),
         unsure=more,
     )
 

@@ -18,7 +18,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
 from texbake.baking.scenes import BakeScenes, RayExtent
 from texbake.baking.texels import Samples
-from texbake.checks.checked_mesh import BoolArray, make_finding
+from texbake.checks.checked_mesh import BoolArray
 from texbake.checks.finding import Finding
 from texbake.checks.pair import MeshPair
 from texbake.core import portable_math as pm
@@ -104,10 +104,8 @@ def _wall_finding(
 ) -> Finding | None:
     least = float(pair.frame.length_to_model(distances[which].min(initial=np.inf)))
     part = f" Only one of every {rays.step} faces was checked." if rays.step > 1 else ""
-    return make_finding(
-        name, "low", which.sum(), rays.faces[which], -distances[which],
-        least=least, reach=reach, part=part,
-    )  # fmt: skip
+    faces, thinness = rays.faces[which], -distances[which]
+    return pair.low.finding(name, len(faces), faces, thinness, least=least, reach=reach, part=part)
 
 
 def wall_findings(pair: MeshPair) -> list[Finding | None]:

@@ -2,7 +2,7 @@
 
    Based on: R. Tarjan, "Efficiency of a good but not linear set union algorithm", 1975.
 
-   Called from texbake/checks/orientation.py. */
+   Called from texbake/mesh/topology.py. */
 
 #include "core.h"
 #include "numbers.h"

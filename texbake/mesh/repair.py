@@ -5,9 +5,6 @@ without area and duplicate faces are removed; neighbors are flipped so that they
 closed parts so that they face outwards. What cannot be repaired without changing the surface
 (holes, edges with three faces, parts that intersect) is left as it is; `texbake.check` names it. A
 mesh that was repaired is not changed by another repair.
-
-Based on: Herbert Edelsbrunner, John Harer, "Computational Topology", American Mathematical Society,
-2010 (the orientable double cover, by which all faces are oriented at once).
 """
 
 from __future__ import annotations
@@ -19,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.mesh.compose import CORNERS, turned_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
@@ -27,7 +24,12 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
-from texbake.mesh.topology import degenerate_faces, duplicate_faces, edge_neighbors
+from texbake.mesh.topology import (
+    degenerate_faces,
+    duplicate_faces,
+    edge_neighbors,
+    wind_alike,
+)
 from texbake.mesh.uv_sets import sets_by_corner
 from texbake.mesh.weld import weld_rows
 
@@ -126,37 +128,21 @@ def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     """(F,) bool: faces to flip so that neighbors agree and closed parts face outwards.
 
     A part without an inside keeps the side that most of its faces show, and one with a single side,
-    such as a Möbius strip, is left as it is. Each face is two nodes of a graph, one as it is and
-    one flipped; neighbors that agree are linked like with like, others crosswise. A connected
-    component is then one way to orient a part.
-
-    Kernel: `core/union_find.c`.
+    such as a Möbius strip, is left as it is.
     """
     n = mesh.n_faces
     pairs = edge_neighbors(mesh.faces)
-    first, second, crossed = pairs.first, pairs.second, np.where(pairs.agree, 0, n)
-    nodes = np.concatenate([first, first + n]).astype(np.int32)
-    neighbors = np.concatenate([second + crossed, second + (n - crossed)]).astype(np.int32)
-    components = np.arange(2 * n, dtype=np.int32)
-    core.merge_labels(components, nodes, neighbors)
-    as_is, over = components[:n], components[n:]
-    parts = np.minimum(as_is, over)
-    flags: npt.NDArray[np.bool_] = as_is > over
-    is_open = np.zeros(2 * n, dtype=np.bool_)
+    first, second = pairs.first, pairs.second
+    parts, flips = wind_alike(n, (first, second), pairs.agree)
+    is_torn = pairs.agree == (flips[first] ^ flips[second])
+    is_one_sided = np.zeros(n, dtype=np.bool_)
+    is_one_sided[parts[first[is_torn]]] = True
+    is_open = is_one_sided.copy()
     is_open[parts[pairs.at_other_edges]] = True
-    is_open[parts[as_is == over]] = True
-    volumes = np.bincount(parts, weights=_cone_volumes(mesh) * np.where(flags, -1, 1))
-    most_turned = 2 * np.bincount(parts, weights=flags) > np.bincount(parts)
-    inside_out = np.where(is_open[: len(volumes)], most_turned, volumes < 0.0)
-    inside_out[parts[as_is == over]] = False
-    turned: npt.NDArray[np.bool_] = flags ^ inside_out[parts]
+    a, b, c = np.moveaxis(LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces], 1, 0)
+    cones = pm.vecdot(a, np.cross(b, c))  # volumes between the faces and the middle of the mesh
+    volumes = np.bincount(parts, cones * np.where(flips, -1, 1), n)
+    most_turned = 2 * np.bincount(parts, flips, n) > np.bincount(parts, minlength=n)
+    inside_out = np.where(is_open, most_turned, volumes < 0.0)
+    turned: npt.NDArray[np.bool_] = (flips ^ inside_out[parts]) & ~is_one_sided[parts]
     return turned
-
-
-def _cone_volumes(mesh: Mesh) -> npt.NDArray[np.float64]:
-    """(F,) signed volumes between each face and the middle of the mesh, in its local frame."""
-    corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces]
-    volumes: npt.NDArray[np.float64] = pm.vecdot(
-        corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
-    )
-    return volumes

@@ -127,6 +127,33 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
 
 
+def wind_alike(
+    n_faces: int, pairs: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]], agree: BoolArray
+) -> tuple[npt.NDArray[np.int64], BoolArray]:
+    """Find parts of neighbors, each numbered by its first face, and faces wound against that face.
+
+    `pairs`, `agree` (n,): faces that are neighbors, and whether the two are wound alike. Returns
+    (F,) each. A part with one side, such as a Möbius strip, still has pairs that do not agree.
+
+    Kernel: `core/orientation.c`.
+    """
+    parts, flips = np.arange(n_faces), np.zeros(n_faces, dtype=np.bool_)
+    core.join_orientations(parts, flips, *pairs, ~agree)
+    return parts, flips
+
+
+def against_most(
+    parts: npt.NDArray[np.int64], flips: BoolArray, areas: npt.NDArray[np.float64]
+) -> BoolArray:
+    """(F,) bool: faces wound against most of the area of their part, as `wind_alike` returns it.
+
+    Of two halves of equal area, the one with the first face is right.
+    """
+    flipped = np.bincount(parts, areas * flips, len(parts))
+    upright = np.bincount(parts, areas * ~flips, len(parts))
+    return np.asarray(flips ^ (flipped > upright)[parts])
+
+
 def repeated_vertices(faces: IntArray) -> BoolArray:
     """(F,) bool: faces that have one vertex at two corners or three."""
     a, b, c = faces.T

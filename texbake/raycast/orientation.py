@@ -7,7 +7,7 @@ flipped if the part that its rays hit from their outer side is.
 
 Based on: K. Takayama, A. Jacobson, L. Kavan, O. Sorkine-Hornung, "A Simple Method for Correcting
 Facet Orientations in Polygon Meshes Based on Ray Casting", Journal of Computer Graphics Techniques
-3(4), 2014. Kernel: `core/orientation.c`.
+3(4), 2014.
 """
 
 from __future__ import annotations
@@ -20,16 +20,18 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.compose import turned_over
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import (
+    against_most,
     edge_neighbors,
     face_components,
     find_edges,
     two_sided_faces,
+    wind_alike,
 )
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
@@ -196,15 +198,11 @@ def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArra
     join nothing.
 
     Returns `parts` (F,) int32: numbered from 0 in the order of their first faces; `turned` (F,)
-    bool: of two halves of equal area, the one with the first face counts as right.
+    bool.
     """
     pairs = edge_neighbors(welded)
-    roots, flips = np.arange(mesh.n_faces), np.zeros(mesh.n_faces, dtype=np.bool_)
-    core.join_orientations(roots, flips, pairs.first, pairs.second, ~pairs.agree)
-    areas = pm.norm(_area_vectors(mesh), axis=1)
-    flipped = np.bincount(roots, areas * flips, mesh.n_faces)
-    upright = np.bincount(roots, areas * ~flips, mesh.n_faces)
-    turned: BoolArray = flips ^ (flipped > upright)[roots]
+    roots, flips = wind_alike(mesh.n_faces, (pairs.first, pairs.second), pairs.agree)
+    turned = against_most(roots, flips, pm.norm(_area_vectors(mesh), axis=1))
     _, parts = np.unique(roots, return_inverse=True)
     return parts.astype(np.int32), turned
 
