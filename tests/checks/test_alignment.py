@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from texbake.baking.options import BakeOptions
-from texbake.checks.alignment import require_alignment
 from texbake.checks.check import check
+from texbake.checks.pair import require_alignment
 from texbake.errors import MeshError
 from texbake.jobs.maps import bake_files
 from texbake.jobs.parts import bake_parts_files

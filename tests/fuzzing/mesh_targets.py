@@ -17,11 +17,11 @@ from texbake.mapping.options import METHOD_OPTIONS
 from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh import decimate
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.remeshing.tunnels import remesh_with_few_tunnels
 from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.mesh.streamed.mesh import open_streamed
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
+from texbake.mesh.wrapping import remesh_with_few_tunnels
 from texbake.raycast.hemispheres import Hemispheres, OcclusionRange, direction_sets
 from texbake.raycast.orientation import oriented
 from texbake.raycast.rays import Rays

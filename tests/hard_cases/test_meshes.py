@@ -7,10 +7,16 @@ import texbake
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.normals import face_normals, shading_normals, smooth_normals, vertex_normals
+from texbake.mesh.normals import (
+    degenerate_faces,
+    face_normals,
+    shading_normals,
+    smooth_normals,
+    vertex_normals,
+)
 from texbake.mesh.simplify import simplify_with_report
 from texbake.mesh.tangents import corner_tangents
-from texbake.mesh.topology import degenerate_faces, find_edges
+from texbake.mesh.topology import find_edges
 from texbake.mesh.weld import weld_rows
 
 MAPS = ("normal", "displacement", "vector-displacement")

@@ -15,7 +15,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.remesh import remesh_with_report
 from texbake.mesh.remeshing import band
-from texbake.mesh.remeshing.winding import winding_numbers
+from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.simplify import simplify_with_report
 from texbake.mesh.triangle_tree import TriangleTree

@@ -10,10 +10,10 @@ from texbake.mapping.classical.box_sides import box_sides
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.topology import edge_ids
 
 # Directions of the sides in their order, and what is to the right and up in their pictures.
 SIDES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])

@@ -5,9 +5,9 @@ from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
 from texbake.mapping.atlas.cutting.parts import Part, step_lengths
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, plane
+from texbake.mesh.topology import opposite_half_edges
 
 
 def laid(

@@ -9,9 +9,9 @@ from texbake.mapping.atlas.cutting.parts import (
     split_parts,
 )
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.shapes import _geodesic_sphere, plane
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from texbake.errors import UvError
 from texbake.mapping.seams import border_edges, chart_ids, connected_faces, seam_edges, seam_length
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.mesh.topology import edge_ids
 
 
 def cube_of_squares() -> Mesh:

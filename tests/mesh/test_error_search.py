@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from texbake.mesh.error_search import Trial, search_fewest
+from texbake.mesh.simplify import Trial, search_fewest
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0])

@@ -135,7 +135,7 @@ def test_orange_is_the_same_surface_at_any_count():
 
 
 def test_orange_has_pores_of_every_depth_and_no_jump():
-    from texbake.mesh.peel import peel_radii
+    from texbake.mesh.shapes import peel_radii
 
     # Around a circle at a step of a hundredth of the smallest pore.
     angle = np.linspace(0.0, 2.0 * np.pi, 60_000)

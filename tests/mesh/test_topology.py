@@ -6,9 +6,9 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.mesh.topology import (
-    degenerate_faces,
     duplicate_faces,
     euler_characteristic,
     face_components,

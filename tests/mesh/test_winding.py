@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.remeshing.winding import winding_numbers
+from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.shapes import icosphere
 
 BALL = icosphere(5)

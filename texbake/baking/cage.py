@@ -23,10 +23,10 @@ from texbake.baking.scenes import measure_extent
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, counted
 from texbake.mesh.frame import LocalFrame, UnitGrid
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, smooth_normals
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.checks import coordinates, orientation, surface
-from texbake.checks.alignment import misalignment
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
 from texbake.checks.finding import FACES, Finding
@@ -19,6 +18,7 @@ from texbake.checks.pair import (
     detail_below_texels,
     distances,
     high_is_coarser,
+    misalignment,
     opposite_sides,
 )
 from texbake.checks.report import CheckReport

@@ -17,11 +17,10 @@ from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.objects import weld_vertices
-from texbake.mesh.topology import duplicate_faces, repeated_vertices
+from texbake.mesh.topology import duplicate_faces, edge_ids, repeated_vertices
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]

@@ -14,11 +14,10 @@ from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray
 from texbake.checks.finding import Finding
 from texbake.core import portable_math as pm
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, shading_normals
-from texbake.mesh.remeshing.winding import winding_numbers
-from texbake.mesh.topology import against_most, wind_alike
+from texbake.mesh.remeshing.parts import winding_numbers
+from texbake.mesh.topology import against_most, next_half_edges, wind_alike
 
 # Share of the cube of a shell's size up to which its volume is rounding, or the shell is flat.
 _LEAST_VOLUME = 1e-12

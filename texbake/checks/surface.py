@@ -29,8 +29,8 @@ from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
+from texbake.mesh.topology import next_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands

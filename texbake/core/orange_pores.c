@@ -1,6 +1,6 @@
 /* The pores of an orange: how deep a direction on the unit sphere lies below its peel.
 
-   Called from texbake/mesh/peel.py, which places the pores and lists them by cells. */
+   Called from texbake/mesh/shapes.py, which places the pores and lists them by cells. */
 
 #include <math.h>
 

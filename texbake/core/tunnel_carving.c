@@ -9,7 +9,7 @@
    characterization of three-dimensional simple points", Pattern Recognition Letters 15, 1994. Departs
    from them in that handles may be cut.
 
-   Called from texbake/mesh/remeshing/tunnels.py. */
+   Called from texbake/mesh/wrapping.py. */
 
 #include <stdbool.h>
 #include <string.h>

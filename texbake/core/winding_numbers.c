@@ -6,7 +6,7 @@
    Gavin Barill et al., "Fast Winding Numbers for Soups and Clouds", 2018. Departs from it in that
    clusters are the cells of one grid and no tree.
 
-   Called from texbake/mesh/remeshing/winding.py. */
+   Called from texbake/mesh/remeshing/parts.py. */
 
 #include <math.h>
 

@@ -30,7 +30,7 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
     if (np.abs(high.bounds - low.bounds) <= limit).all():
         return
     # Loaded only here, because most pairs need none of it.
-    from texbake.checks.alignment import require_alignment
+    from texbake.checks.pair import require_alignment
 
     require_alignment(high, low, threads=threads)
 
@@ -42,7 +42,7 @@ def why_rays_would_miss(
 
     Parts of the high-poly mesh that face inwards count as flipped, if `orientation` is auto.
     """
-    from texbake.checks.alignment import explain_opposite_sides
+    from texbake.checks.pair import explain_opposite_sides
 
     return explain_opposite_sides(_flipped_pair(high, low, orientation, threads))
 
@@ -66,7 +66,7 @@ def why_missed(
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()
-    from texbake.checks.alignment import explain_misalignment, explain_opposite_sides
+    from texbake.checks.pair import explain_misalignment, explain_opposite_sides
 
     orientation = report.options.orientation
     pair = _flipped_pair(high, low, orientation, report.options.threads)

@@ -17,11 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.hard_edges import exceed_angle, inner_edges, normals_jump
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.topology import face_components
+from texbake.mesh.topology import edge_ids, face_components
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]

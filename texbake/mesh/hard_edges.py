@@ -20,13 +20,13 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.half_edges import next_half_edges, opposite_half_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, face_normals, smooth_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.options import DEFAULT_ANGLE, NORMALS
 from texbake.mesh.smoothing_groups import is_flat_shaded, joined_normals
+from texbake.mesh.topology import next_half_edges, opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]

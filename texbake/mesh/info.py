@@ -12,14 +12,9 @@ from texbake.core import portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.objects import weld_vertices
-from texbake.mesh.topology import (
-    degenerate_faces,
-    duplicate_faces,
-    face_components,
-    find_edges,
-    genus,
-)
+from texbake.mesh.topology import duplicate_faces, face_components, find_edges, genus
 
 _BLOCK = 1 << 16  # faces measured at once
 

@@ -55,6 +55,11 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     return normals
 
 
+def degenerate_faces(mesh: Mesh) -> npt.NDArray[np.bool_]:
+    """(F,) bool: faces without area."""
+    return np.asarray((face_normals(mesh) == 0.0).all(axis=1))
+
+
 def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     """Angle-weighted unit normal of each vertex, over the faces that use it by its index.
 

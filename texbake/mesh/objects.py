@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import IntArray, Mesh, frozen
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]

@@ -27,11 +27,16 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.remesh_options import AUTO, CLOSED, OPEN, RemeshOptions
 from texbake.mesh.remesh_report import RemeshReport
-from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError
+from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
 from texbake.mesh.remeshing.flood import Rooms, flood_outside
-from texbake.mesh.remeshing.grid import Grid, too_crowded
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
-from texbake.mesh.remeshing.parts import Parts, largest_parts, without_crumbs, without_cut_off
+from texbake.mesh.remeshing.parts import (
+    Parts,
+    largest_parts,
+    winding_numbers,
+    without_crumbs,
+    without_cut_off,
+)
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
 from texbake.mesh.remeshing.sheets import (
@@ -50,7 +55,6 @@ from texbake.mesh.remeshing.sides import (
     kind_of,
     require_topology,
 )
-from texbake.mesh.remeshing.winding import winding_numbers
 from texbake.mesh.simplify import check_count, simplify
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes

@@ -22,14 +22,10 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
-from texbake.mesh.topology import (
-    degenerate_faces,
-    duplicate_faces,
-    edge_neighbors,
-    wind_alike,
-)
+from texbake.mesh.topology import duplicate_faces, edge_neighbors, wind_alike
 from texbake.mesh.uv_sets import sets_by_corner
 from texbake.mesh.weld import weld_rows
 

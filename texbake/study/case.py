@@ -13,9 +13,9 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
-from texbake.mesh.topology import degenerate_faces
 from texbake.rendering.scene.scene import Scene
 from texbake.study.truth.implicit import Surface
 from texbake.study.truth.surfaces import orange_surface, rippled_surface

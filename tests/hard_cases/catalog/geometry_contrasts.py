@@ -12,9 +12,8 @@ from embreex.rtcore_scene import EmbreeScene
 
 from texbake import Mesh
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.normals import face_normals, smooth_normals, vertex_normals
+from texbake.mesh.normals import degenerate_faces, face_normals, smooth_normals, vertex_normals
 from texbake.mesh.shapes import cube, icosphere
-from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene

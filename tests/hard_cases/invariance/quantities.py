@@ -18,7 +18,7 @@ from invariance.changes import (
 )
 
 from texbake import Mesh, TexbakeError
-from texbake.mesh.topology import degenerate_faces
+from texbake.mesh.normals import degenerate_faces
 
 # Units of a quantity, in which its differences are measured:
 NUMBER = "number"

@@ -11,8 +11,8 @@ import numpy as np
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import laid_flat
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 _MANY = 1000

@@ -19,9 +19,9 @@ from texbake.core import portable_math as pm
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
+from texbake.mesh.topology import edge_ids
 from texbake.mesh.weld import weld_rows
 
 N_SIDES = 6

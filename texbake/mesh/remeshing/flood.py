@@ -21,8 +21,6 @@ from texbake.mesh.mesh import FloatArray
 from texbake.mesh.remeshing.band import CORE, OUTSIDE, ROOM, SHELL
 from texbake.parallel import run_bands
 
-MAX_RADIUS = 180  # squares of distances up to this have 16 bits, and so has the sum of two
-
 _PLANES = 8
 
 _LEAST_ROOM = 2  # points; of most rooms of a single one, no surface is left

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.distance import face_areas
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.remeshing.band import (
@@ -32,7 +31,7 @@ from texbake.mesh.remeshing.holes import Loops, with_own_fans
 from texbake.mesh.remeshing.nets import Nets, build_nets, nets_of, signed
 from texbake.mesh.remeshing.projection import project, without_folds
 from texbake.mesh.remeshing.sides import Filled, count_loops, oriented, unit_normals
-from texbake.mesh.topology import face_components, find_edges
+from texbake.mesh.topology import face_components, find_edges, opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]

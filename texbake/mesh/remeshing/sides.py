@@ -18,7 +18,7 @@ from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.remesh_options import CLOSED, OPEN
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
-from texbake.mesh.remeshing.winding import winding_numbers
+from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.repair import misoriented
 from texbake.mesh.topology import (
     euler_characteristic,

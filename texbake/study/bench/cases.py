@@ -23,9 +23,9 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.parametric.grid import grid_quads, split_quads
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
-from texbake.mesh.topology import degenerate_faces
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
 from texbake.study.case import StudyPair

@@ -72,7 +72,7 @@ class RadialSurface:
 
 def orange_surface() -> RadialSurface:
     """Return the closed form of `texbake.mesh.shapes.orange`."""
-    from texbake.mesh.peel import peel_radii
+    from texbake.mesh.shapes import peel_radii
 
     return RadialSurface(peel_radii)
 

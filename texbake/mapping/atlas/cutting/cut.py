@@ -28,9 +28,9 @@ from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.frame import UnitGrid
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.topology import degenerate_faces
+from texbake.mesh.normals import degenerate_faces
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 # Small pieces are cut together, about this many faces at a time.

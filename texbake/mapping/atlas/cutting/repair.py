@@ -19,8 +19,8 @@ from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.half_edges import edge_ids
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import edge_ids
 
 # Cells of the grid that points are snapped to, along the longest side of the bounding box.
 # Positions 1e6 sizes away from the origin are precise to 2^-33 of the size; with cells this much

@@ -27,8 +27,8 @@ from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.cutting.workers import WorkerRequest, run_in_workers
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 _WORKER = "texbake.mapping.atlas.cutting.cut_worker"

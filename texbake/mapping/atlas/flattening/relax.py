@@ -11,8 +11,8 @@ import numpy as np
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flattening.flatten import flatten, measured
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 

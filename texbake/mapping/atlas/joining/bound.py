@@ -20,8 +20,8 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.piece import ChartPiece, relax_piece
 from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of, whole_polygons
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 

@@ -23,8 +23,8 @@ from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.merger import Allowance, Merger, find_merger, relaxed_merger
 from texbake.mapping.atlas.joining.piece import ChartPiece
 from texbake.mapping.atlas.joining.pieces import charts_of, compact_parts, pieces_of
-from texbake.mesh.half_edges import opposite_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 

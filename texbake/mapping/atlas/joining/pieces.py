@@ -18,8 +18,8 @@ from texbake.mapping.atlas.flattening.flatten import measured
 from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.half_edges import next_half_edges
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import next_half_edges
 from texbake.mesh.weld import weld_rows
 
 _DIRECTIONS = 4
