@@ -89,6 +89,7 @@ class EmbreexScene:
 
     caster = "embreex"
     in_chunks = False
+    threads = None
 
     def __init__(self, mesh, frame):
         self.mesh = self.source = mesh

@@ -12,7 +12,7 @@ from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import ADAPTIVE, BakeOptions
-from texbake.baking.padding import finished_maps, texel_charts_of
+from texbake.baking.padding import finished_maps
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult, unseen_faces
@@ -248,7 +248,7 @@ class BakeRun:
         _check_misses(n_missed, n_covered, inputs)
         # Overlaps are counted among the first samples alone.
         samples_per_texel = 1 if options.is_adaptive else options.samples_per_side**2
-        charts = texel_charts_of(inputs, trace.texel_faces)
+        charts = inputs.texel_charts(trace.texel_faces)
         maps, meets = finished_maps(self.kinds, sums.means, charts, has_data, inputs, self.stages)
         report = BakeReport(
             high=inputs.source.name,

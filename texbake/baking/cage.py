@@ -237,7 +237,7 @@ def find_outer_points(
     """
     positions = frame.to_local(low.positions)
     with RayScene.build(high, frame, threads=threads) as scene:
-        extent = measure_extent(scene, low, "smooth", threads=threads)
+        extent = measure_extent(scene, low, "smooth")
         limit = float(frame.length_to_local(extent.front))
         over_lattice = _ray_points(high, positions, low.faces, normals, frame, scene, limit)
     points = OuterPoints.joined(

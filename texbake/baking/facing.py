@@ -42,7 +42,7 @@ def face_outwards(
     if options.orientation == "keep" or isinstance(high, StreamedMesh) or scenes.high.in_chunks:
         return inputs, scenes, nothing
     with stages.part("measure distances"):
-        against = _share_against(scenes, inputs.low, options.rays, options.threads)
+        against = _share_against(scenes, inputs.low, options.rays)
     if against <= _TOLERATED:
         return inputs, scenes, nothing
     with stages.stage("find which side is outside"):
@@ -50,7 +50,7 @@ def face_outwards(
     if turned is high:
         return inputs, scenes, report
     others = scenes.with_high(turned, stages)
-    if _share_against(others, inputs.low, options.rays, options.threads) >= against:
+    if _share_against(others, inputs.low, options.rays) >= against:
         # A room that is seen from within faces inwards on purpose, as its low-poly mesh does.
         others.close()
         return inputs, scenes, nothing
@@ -59,9 +59,9 @@ def face_outwards(
     return replace(inputs, high_surface=surface), others, report
 
 
-def _share_against(scenes: BakeScenes, low: Mesh, kind: str, threads: int | None) -> float:
+def _share_against(scenes: BakeScenes, low: Mesh, kind: str) -> float:
     """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
-    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH, threads)
+    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH)
     out, into = probe.out, probe.into
     distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
     # A ray that goes out meets a surface from behind, one that goes in from the front.

@@ -15,7 +15,6 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.baking.hits import Hits
@@ -199,8 +198,7 @@ def _unpack(header: dict[str, Any], arrays: Arrays) -> BakeResult:
     hits = Hits(**columns)
     texel_faces = arrays["texel_faces"]
     options = report.options
-    _check(hits, texel_faces, high, low, (options.height_px, options.width_px))
-    _check_shapes(hits, high, arrays)
+    _check(hits, arrays, high, low, (options.height_px, options.width_px))
     has_data = np.zeros(texel_faces.size, dtype=np.bool_)
     has_data[hits.texel_ids[hits.is_hit]] = True
     inputs = BakeInputs.of(
@@ -267,56 +265,40 @@ def _unpack_image(stored: dict[str, Any] | None, arrays: Arrays) -> ChannelImage
     return ChannelImage(**image)
 
 
-def _check(
-    hits: Hits, texel_faces: npt.NDArray[Any], high: Mesh, low: Mesh, shape: tuple[int, int]
-) -> None:
-    """Raise `ValueError` for lengths and indices that would make kernels read out of bounds."""
-    n = len(hits)
-    if texel_faces.shape != shape or any(len(a) != n for a in hits.arrays() if a is not None):
-        raise ValueError("arrays do not fit together")
-    for values, width in (
-        (hits.low_barycentrics, 2),
-        (hits.high_barycentrics, 2),
-        (hits.offsets, 3),
-    ):
-        if values.dtype != np.float32 or values.shape != (n, width):
-            raise ValueError("an array has another shape or type")
-    for ids, least, stop in (
-        (hits.texel_ids, 0, texel_faces.size),
-        (hits.low_faces, 0, low.n_faces),
-        (hits.high_faces, NO_HIT, high.n_faces),
-        (texel_faces, NO_FACE, low.n_faces),
-    ):
-        if ids.dtype != np.int32 or (ids.size and not (ids.min() >= least and ids.max() < stop)):
-            raise ValueError("an index is out of range")
-
-
-def _check_shapes(hits: Hits, high: Mesh, arrays: Arrays) -> None:
-    """Raise `ValueError` for arrays whose shape or type the kernels do not expect."""
-    n = len(hits)
-    expected = {
-        "low_barycentrics": (n, 2),
-        "high_barycentrics": (n, 2),
-        "offsets": (n, 3),
-        "secondary": (n, N_COLUMNS),
-        "curvatures": (high.n_vertices, 1),
-        "tangents": (high.n_faces, 3, 4),
+def _check(hits: Hits, arrays: Arrays, high: Mesh, low: Mesh, shape: tuple[int, int]) -> None:
+    """Raise `ValueError` for shapes, types and indices that kernels do not expect."""
+    n, n_uvs = len(hits), 0 if high.uvs is None else len(high.uvs)
+    expected: dict[str, tuple[tuple[int, ...], type]] = {
+        "texel_ids": ((n,), np.int32),
+        "low_faces": ((n,), np.int32),
+        "low_barycentrics": ((n, 2), np.float32),
+        "high_faces": ((n,), np.int32),
+        "high_barycentrics": ((n, 2), np.float32),
+        "offsets": ((n, 3), np.float32),
+        "secondary": ((n, N_COLUMNS), np.float32),
+        "texel_faces": (shape, np.int32),
+        "curvatures": ((high.n_vertices, 1), np.float32),
+        "tangents": ((high.n_faces, 3, 4), np.float32),
+        "bounds": ((2, 3), np.float64),
     }
-    for name, shape in expected.items():
-        if name in arrays and (arrays[name].shape != shape or arrays[name].dtype != np.float32):
-            raise ValueError("an array has another shape or type")
-    bounds = arrays["bounds"]
-    if bounds.shape != (2, 3) or bounds.dtype != np.float64:
-        raise ValueError("the bounds are not a box")
-    n_uvs = 0 if high.uvs is None else len(high.uvs)
     for name, array in arrays.items():
-        if name.startswith("uv_set_") and (
-            array.shape != (n_uvs, 2) or array.dtype != np.float64 or not np.isfinite(array).all()
-        ):
-            raise ValueError("texture coordinates have another shape or type")
+        if name.startswith("uv_set_"):
+            expected[name] = (n_uvs, 2), np.float64
+            if not np.isfinite(array).all():
+                raise ValueError("texture coordinates are not finite")
+        if name in expected and (array.shape, array.dtype) != expected[name]:
+            raise ValueError(f"{name} has another shape or type")
     materials = arrays.get("face_materials")
     if materials is not None and materials.shape != (high.n_faces,):
         raise ValueError("there is not one material for each face")
+    for ids, least, stop in (
+        (hits.texel_ids, 0, shape[0] * shape[1]),
+        (hits.low_faces, 0, low.n_faces),
+        (hits.high_faces, NO_HIT, high.n_faces),
+        (arrays["texel_faces"], NO_FACE, low.n_faces),
+    ):
+        if ids.size and not (ids.min() >= least and ids.max() < stop):
+            raise ValueError("an index is out of range")
 
 
 @cache

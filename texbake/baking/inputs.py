@@ -18,6 +18,7 @@ from texbake.baking.channel_images import ChannelImages, MaterialPoints, points_
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
+from texbake.baking.texels import texel_charts_of
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
@@ -250,6 +251,10 @@ class BakeInputs:
     def with_low(self, low: Mesh) -> BakeInputs:
         """Return the inputs with another low-poly mesh."""
         return replace(self, low_surface=LowSurface(low, self.options.threads))
+
+    def texel_charts(self, texel_faces: IntArray) -> IntArray:
+        """(H, W) int32: chart of the low-poly mesh on each texel, given its face; -1 for none."""
+        return texel_charts_of(self.low_surface.charts, texel_faces, self.options.threads)
 
     @cached_property
     def bounds(self) -> FloatArray:

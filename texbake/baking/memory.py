@@ -1,4 +1,4 @@
-"""Estimates of the memory that a bake takes, and of the chunks of a high-poly mesh that fit.
+"""Estimates of the memory that a bake takes.
 
 The figures were measured as the peak resident memory of processes, and rounded up.
 """
@@ -52,32 +52,3 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
     """
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
-
-
-def must_stream(most: int, whole: int, n_high_faces: int) -> bool:
-    """Whether the high-poly mesh must stay in its file: `MOST_CHUNKS` chunks of it are too large.
-
-    Parameters are those of `chunk_faces`.
-    """
-    return whole - TREE_FACE * (n_high_faces - n_high_faces // MOST_CHUNKS) > most
-
-
-def streamed_chunk_faces(most: int, without: int) -> int:
-    """Faces that are read at a time of a high-poly mesh that stays in its file.
-
-    `most`, `without`: bytes that the bake may take, and that it takes without any faces.
-    """
-    least, greatest = STREAMED_CHUNKS
-    return min(max((most - without) // STREAMED_FACE, least), greatest)
-
-
-def chunk_faces(most: int, whole: int, n_high_faces: int) -> int | None:
-    """Faces of the high-poly mesh in one ray tree at a time; None for all of them.
-
-    `most`, `whole`: bytes that the bake may take, and that it takes with one tree for all faces. If
-    not even `MOST_CHUNKS` chunks fit, the bake exceeds the limit.
-    """
-    if whole <= most:
-        return None
-    n_fitting = (most - whole) // TREE_FACE + n_high_faces
-    return max(n_fitting, -(-n_high_faces // MOST_CHUNKS))

@@ -8,12 +8,12 @@ from typing import Annotated
 
 from texbake.baking.maps import MAP_NAMES
 from texbake.baking.memory import (
+    MOST_CHUNKS,
     STREAMED_CHUNKS,
+    STREAMED_FACE,
+    TREE_FACE,
     bake_memory,
-    chunk_faces,
-    must_stream,
     parse_bytes,
-    streamed_chunk_faces,
 )
 from texbake.durations import parse_seconds
 from texbake.errors import OptionError, quoted
@@ -338,28 +338,31 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         return parse_bounds(self.max_error or DEFAULT_MAX_ERROR)
 
     def chunk_faces(self, n_high_faces: int, n_low_faces: int) -> int | None:
-        """Faces of a high-poly mesh in one chunk for the rays; None for all of them."""
-        if self.max_memory is None:
+        """Faces of a high-poly mesh in one ray tree at a time; None for all of them.
+
+        If not even `MOST_CHUNKS` chunks fit, the bake exceeds the limit.
+        """
+        left = self._memory_left(n_high_faces, n_low_faces)
+        if left >= 0:
             return None
-        whole = self._memory(n_high_faces, n_low_faces)
-        return chunk_faces(parse_bytes(self.max_memory), whole, n_high_faces)
+        return max(int(left // TREE_FACE) + n_high_faces, -(-n_high_faces // MOST_CHUNKS))
 
     def must_stream(self, n_high_faces: int, n_low_faces: int) -> bool:
-        """Whether a high-poly mesh is too large to be held in memory."""
-        if self.max_memory is None:
-            return False
-        whole = self._memory(n_high_faces, n_low_faces)
-        return must_stream(parse_bytes(self.max_memory), whole, n_high_faces)
+        """Whether a high-poly mesh must stay in its file: `MOST_CHUNKS` chunks are too large."""
+        saved = TREE_FACE * (n_high_faces - n_high_faces // MOST_CHUNKS)
+        return self._memory_left(n_high_faces, n_low_faces) + saved < 0
 
     def streamed_chunk_faces(self, n_low_faces: int) -> int:
         """Faces that are read at a time of a high-poly mesh that stays in its file."""
-        if self.max_memory is None:
-            return STREAMED_CHUNKS[1]
-        return streamed_chunk_faces(parse_bytes(self.max_memory), self._memory(0, n_low_faces))
+        least, greatest = STREAMED_CHUNKS
+        fitting = self._memory_left(0, n_low_faces) / STREAMED_FACE
+        return int(min(max(fitting, least), greatest))
 
-    def _memory(self, n_high_faces: int, n_low_faces: int) -> int:
+    def _memory_left(self, n_high_faces: int, n_low_faces: int) -> float:
+        """Bytes of `max_memory` that a bake with one ray tree leaves; infinite without a limit."""
         n_texels = self.width_px * self.height_px
-        return bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
+        needed = bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
+        return math.inf if self.max_memory is None else parse_bytes(self.max_memory) - needed
 
     def colors_are_srgb(self, mesh_name: str) -> bool:
         """Whether the vertex colors of a mesh, which is called as its file, are sRGB."""

@@ -117,19 +117,6 @@ _ROWS = 128
 _STANDARD_ERRORS = 4.5
 
 
-def texel_charts_of(inputs: BakeInputs, texel_faces: IntArray) -> IntArray:
-    """(H, W) int32: chart of the low-poly mesh that covers each texel, `NO_FACE` for none."""
-    # NO_FACE is -1, the last entry, which has no chart.
-    charts = np.append(inputs.low_surface.charts, NO_FACE).astype(np.int32)
-    texel_charts = np.empty_like(texel_faces)
-
-    def look_up(start: int, stop: int) -> None:
-        np.take(charts, texel_faces[start:stop], mode="wrap", out=texel_charts[start:stop])
-
-    run_bands(look_up, len(texel_faces), band=_ROWS, threads=inputs.options.threads)
-    return texel_charts
-
-
 def denoised(
     values: npt.NDArray[np.float32],
     kind: MapKind,

@@ -8,7 +8,7 @@ from texbake.baking.bake import check_maps
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import map_kinds
 from texbake.baking.options import BakeOptions
-from texbake.baking.padding import finished_maps, texel_charts_of
+from texbake.baking.padding import finished_maps
 from texbake.baking.result import BakeResult
 from texbake.baking.sums import TexelSums
 from texbake.errors import OptionError
@@ -77,7 +77,7 @@ def remap_hits(
     with stages.stage("make maps"):
         sums.add(result.hits)
     has_data = result.has_data
-    charts = texel_charts_of(inputs, result.texel_faces)
+    charts = inputs.texel_charts(result.texel_faces)
     maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
     report = replace(
         result.report, options=options, padding_meets=meets, stages=list(stages.records)

@@ -25,8 +25,8 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.image_formats import holds_floats
 from texbake.texture.value_range import channel_ranges
 
-# Colors of the miss map: not covered, covered and hit, covered and missed.
-_MISS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
+# Colors of texels that are not covered, that have data, and that lack it.
+_CLASS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
 
 # Share of a mesh's area; less than this is in slivers, which nobody sees.
 MOST_WITHOUT_TEXEL = 0.01
@@ -134,8 +134,7 @@ class BakeResult:
 
     def miss_map(self) -> npt.NDArray[np.uint8]:
         """(H, W, 3) uint8 image: gray outside the charts, green for hits, red for misses."""
-        classes = (self.texel_faces >= 0).astype(np.intp) + self.missed
-        return _MISS_COLORS[classes]
+        return classes_picture(self.texel_faces, self.missed)
 
     def write(self, path: PathLike, *, suffix: str = ".png") -> list[Path]:
         """Write one map to a file, or all maps into a folder as NAME + suffix."""
@@ -152,6 +151,13 @@ class BakeResult:
         for map_path, baked in zip(paths, self.maps.values(), strict=True):
             baked.write(map_path)
         return paths
+
+
+def classes_picture(
+    texel_faces: IntArray, without_data: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
+    """(H, W, 3) uint8: gray outside the charts, green inside, red without data."""
+    return _CLASS_COLORS[(texel_faces >= 0).astype(np.intp) + without_data]
 
 
 def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:

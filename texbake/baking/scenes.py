@@ -10,7 +10,8 @@ beyond neighboring parts of the model.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from texbake.baking.ray_distances import (
     RayProbe,
     measure_ray_distances,
 )
-from texbake.baking.rays import RayField, UnobstructedRays
+from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -57,23 +58,33 @@ class RayExtent:
     back: float
 
 
-@dataclass(frozen=True, eq=False)
 class BakeScenes:
-    """What the rays of a bake are cast into, all in one frame.
+    """What the rays of a bake are cast into, all in one frame, and what is measured with it.
 
     A trace builds and closes its own scenes unless it is given some that others use as well.
+
+    `low`: the low-poly mesh, though bakes of only some of its faces can use these scenes as well;
+    `n_points`: points of it at which distances are measured.
+
+    Attributes
+    ----------
+    occluders : RayScene, optional
+        What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
     """
 
-    high: RayScene  # the high-poly mesh
-    low: Mesh  # the low-poly mesh; bakes of only some of its faces can use these scenes as well
-    # What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
-    occluders: RayScene | None = None
-    n_points: int = _LOW_POINTS  # points of the low-poly mesh at which distances are measured
-    _extents: dict[tuple[str, ...], RayExtent] = field(default_factory=dict, repr=False)
-    _probes: dict[str, RayProbe] = field(default_factory=dict, init=False, repr=False)
-    _reaches: dict[str, CornerRayDistances] = field(default_factory=dict, init=False, repr=False)
-    _tree: TriangleTree | None = field(default=None, init=False, repr=False)
-    _low_scene: RayScene | None = field(default=None, init=False, repr=False)
+    def __init__(
+        self,
+        high: RayScene,
+        low: Mesh,
+        occluders: RayScene | None = None,
+        n_points: int = _LOW_POINTS,
+    ) -> None:
+        self.high, self.low, self.occluders = high, low, occluders
+        self.frame: LocalFrame = high.frame
+        self._n_points = n_points
+        self._extents: dict[tuple[str, ...], RayExtent] = {}
+        self._probes: dict[str, RayProbe] = {}
+        self._reaches: dict[str, CornerRayDistances] = {}
 
     @classmethod
     def build(
@@ -98,18 +109,13 @@ class BakeScenes:
         n_points = max(min(_LOW_POINTS, _PARTS_POINTS // n_parts), _PART_POINTS)
         return cls(scene, low, occluders, n_points)
 
-    @property
-    def frame(self) -> LocalFrame:
-        """Frame of all scenes."""
-        return self.high.frame
-
-    def extent(self, low: Mesh, kinds: Sequence[str], threads: int | None) -> RayExtent:
+    def extent(self, low: Mesh, kinds: Sequence[str]) -> RayExtent:
         """Greatest extent of rays of some kinds; measured once for all that use these scenes."""
         key = tuple(kinds)
         if key not in self._extents:
             measured = []
             for kind in kinds:
-                extent, probe = _measured(self.high, low, kind, self.n_points, threads)
+                extent, probe = _measured(self.high, low, kind, self._n_points)
                 measured.append(extent)
                 if low is self.low:
                     self._probes[kind] = probe
@@ -118,43 +124,36 @@ class BakeScenes:
             )
         return self._extents[key]
 
-    def reach(self, kind: str, threads: int | None) -> CornerRayDistances:
+    def reach(self, kind: str) -> CornerRayDistances:
         """How far rays of a kind reach at each vertex of the low-poly mesh; measured once."""
         if kind not in self._reaches:
-            extent = self.extent(self.low, (kind,), threads)
+            extent = self.extent(self.low, (kind,))
             probe = self._probes.get(kind)
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
             if probe is None or n_points > len(probe.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
-                n_points = max(n_points, self.n_points)
-                probe = probe_both_ways(self.high, self.low, kind, n_points, limit, threads)
+                n_points = max(n_points, self._n_points)
+                probe = probe_both_ways(self.high, self.low, kind, n_points, limit)
             self._reaches[kind] = measure_ray_distances(
-                self.high.source, self.low, self.frame, probe, threads=threads
+                self.high.source, self.low, self.frame, probe, threads=self.high.threads
             )
         return self._reaches[kind]
 
-    def fitted(self, field: RayField, low: Mesh, kind: str, threads: int | None) -> RayField:
+    def fitted(self, field: RayField, low: Mesh, kind: str) -> RayField:
         """Return rays that reach as far as each vertex needs, and never farther than a field's."""
-        reach = self.reach(kind, threads).at(low)
+        reach = self.reach(kind).at(low)
         return field.with_reaches(np.minimum(reach, (field.front, field.back)))
 
-    def clear(self, field: RayField, threads: int | None) -> UnobstructedRays:
-        """Return the rays of a field, not through other parts of the low-poly mesh."""
-        if self._low_scene is None:
-            scene = RayScene.build(self.low, self.frame, threads=threads)
-            object.__setattr__(self, "_low_scene", scene)
-        assert self._low_scene is not None
-        return UnobstructedRays(field, self._low_scene)
+    @cached_property
+    def low_scene(self) -> RayScene:
+        """The scene of the low-poly mesh."""
+        return RayScene.build(self.low, self.frame, threads=self.high.threads)
 
-    def closest_tree(self, threads: int | None) -> TriangleTree:
-        """Return a tree for the closest points of the high-poly mesh; it is built only once."""
-        if self._tree is None:
-            mesh = self.high.mesh
-            positions = self.frame.to_local(mesh.positions)
-            tree = TriangleTree.build(positions, mesh.faces, threads=threads)
-            object.__setattr__(self, "_tree", tree)
-            return tree
-        return self._tree
+    @cached_property
+    def closest_tree(self) -> TriangleTree:
+        """A tree for the closest points of the high-poly mesh."""
+        mesh, threads = self.high.mesh, self.high.threads
+        return TriangleTree.build(self.frame.to_local(mesh.positions), mesh.faces, threads=threads)
 
     def with_high(self, turned: Mesh, stages: Stages) -> BakeScenes:
         """Return scenes with the same high-poly mesh flipped, to be closed like these.
@@ -164,7 +163,9 @@ class BakeScenes:
         with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
             high = self.high
             scene = RayScene.build(turned, self.frame, compact=high.compact, threads=high.threads)
-        return BakeScenes(scene, self.low, self.occluders, self.n_points, self._extents)
+        others = BakeScenes(scene, self.low, self.occluders, self._n_points)
+        others._extents = self._extents
+        return others
 
     def close(self) -> None:
         """Free the scene of the high-poly mesh."""
@@ -181,28 +182,24 @@ def _check_size(frame: LocalFrame, low: Mesh) -> None:
         )
 
 
-def measure_extent(
-    scene: RayScene, low: Mesh, kind: str, *, threads: int | None = None
-) -> RayExtent:
+def measure_extent(scene: RayScene, low: Mesh, kind: str) -> RayExtent:
     """Measure how far in front of the low-poly surface rays start, and how far behind they end."""
-    return _measured(scene, low, kind, _LOW_POINTS, threads)[0]
+    return _measured(scene, low, kind, _LOW_POINTS)[0]
 
 
-def _measured(
-    scene: RayScene, low: Mesh, kind: str, n_points: int, threads: int | None
-) -> tuple[RayExtent, RayProbe]:
+def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[RayExtent, RayProbe]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
-    out_high, in_high = _from_high(scene, low, _spread_points(scene.source), threads)
+    out_high, in_high = _from_high(scene, low, _spread_points(scene.source))
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-    probe = probe_both_ways(scene, low, kind, n_points, limit, threads)
+    probe = probe_both_ways(scene, low, kind, n_points, limit)
     if ((probe.out.faces == NO_HIT) & (probe.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
-        out_mid, in_mid = _from_high(scene, low, _middles(scene.source), threads)
+        out_mid, in_mid = _from_high(scene, low, _middles(scene.source))
         if max(out_mid, in_mid) > max(out_high, in_high):
             out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
             limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-            probe = probe_both_ways(scene, low, kind, n_points, limit, threads)
+            probe = probe_both_ways(scene, low, kind, n_points, limit)
     out_low, in_low = _from_low(probe)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(
@@ -212,11 +209,9 @@ def _measured(
     return extent, probe
 
 
-def _from_high(
-    scene: RayScene, low: Mesh, points: FloatArray, threads: int | None
-) -> tuple[float, float]:
+def _from_high(scene: RayScene, low: Mesh, points: FloatArray) -> tuple[float, float]:
     """Greatest local distance of high-poly points outside and inside the low-poly surface."""
-    frame = scene.frame
+    frame, threads = scene.frame, scene.threads
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
     points = frame.to_local(points)
@@ -259,13 +254,12 @@ def _from_low(probe: RayProbe) -> tuple[float, float]:
     )
 
 
-def probe_both_ways(
-    scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float, threads: int | None
-) -> RayProbe:
+def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float) -> RayProbe:
     """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
 
     `limit`: length of the rays, in the frame of the scene.
     """
+    threads = scene.threads
     _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
     field = RayField(low, scene.frame, kind=kind, front=0.0, back=1.0, threads=threads)

@@ -282,3 +282,16 @@ def owned_bands(
                     samples = owned_samples(owners, faces, grid, first, threads=threads)
                 yield TexelBand(here, grid.width, owners, samples, n_overlaps)
                 advance(len(here) * grid.width)
+
+
+def texel_charts_of(face_charts: IntArray, texel_faces: IntArray, threads: int | None) -> IntArray:
+    """(H, W) int32: chart that covers each texel, of those of the faces; `NO_FACE` for none."""
+    # NO_FACE is -1, the last entry, which has no chart.
+    charts = np.append(face_charts, NO_FACE).astype(np.int32)
+    texel_charts = np.empty_like(texel_faces)
+
+    def look_up(start: int, stop: int) -> None:
+        np.take(charts, texel_faces[start:stop], mode="wrap", out=texel_charts[start:stop])
+
+    run_bands(look_up, len(texel_faces), band=128, threads=threads)
+    return texel_charts

@@ -179,9 +179,9 @@ class Trace:
             skewed = self.ray_maps is not None and self.ray_maps.skew is not None
             kinds = (options.rays, "face") if skewed else (options.rays,)
             with self.stages.stage("measure distances"):
-                extent = scenes.extent(self.low, kinds, options.threads)
+                extent = scenes.extent(self.low, kinds)
                 if self.fits_vertices:
-                    scenes.reach(options.rays, options.threads)
+                    scenes.reach(options.rays)
             most = np.inf if options.max_reach is None else options.max_reach
             if self.front is None and self.cage is None:
                 self.front = min(extent.front, most)
@@ -199,15 +199,15 @@ class Trace:
             )
             if not self.fits_vertices:
                 return longest, None
-            fitted = scenes.fitted(longest, self.low, options.rays, options.threads)
+            fitted = scenes.fitted(longest, self.low, options.rays)
             assert fitted.reaches is not None
             if options.max_reach is not None:
-                wanted = scenes.reach(options.rays, options.threads).at(self.low)
+                wanted = scenes.reach(options.rays).at(self.low)
                 self.counts.faces_limited = int((wanted > fitted.reaches).any(axis=(1, 2)).sum())
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()
             self.median_reach = front, back
-            return fitted, scenes.clear(longest, options.threads)
+            return fitted, UnobstructedRays(longest, scenes.low_scene)
 
     @property
     def fits_vertices(self) -> bool:
@@ -265,7 +265,7 @@ class SampleCaster:
             return
         options, scenes = self.trace.options, self.scenes
         with self.trace.stages.part("closest points"):
-            tree = scenes.closest_tree(options.threads)
+            tree = scenes.closest_tree
             rays = self.field.rays(samples.where(rows))
             reached = np.isfinite(rays.fronts)  # not by rays without a direction
             rows, rays = rows[reached], rays.where(reached)

@@ -58,11 +58,11 @@ def probe_walls(pair: MeshPair) -> WallProbe:
     samples = Samples(np.zeros(len(faces), np.int32), faces.astype(np.int32), middles)
     with RayScene.build(pair.high.mesh, frame, threads=threads) as scene:
         kind, scenes = BakeOptions.rays, BakeScenes(scene, low.mesh)
-        reach = scenes.extent(low.mesh, (kind,), threads)
+        reach = scenes.extent(low.mesh, (kind,))
         longest = RayField(
             low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
         )
-        rays = scenes.fitted(longest, low.mesh, kind, threads).rays(samples)
+        rays = scenes.fitted(longest, low.mesh, kind).rays(samples)
         hits = scene.cast(rays)
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)
     on_face = rays.origins + rays.fronts[:, None] * rays.directions

@@ -11,7 +11,7 @@ from tests.models import model
 from texbake import write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.coverage import TextureCoverage, sample_steps
+from texbake.baking.texture.canvas import TextureCanvas, sample_steps
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo, PhotoCamera
 from texbake.baking.texture.photos import bake_photos
@@ -22,7 +22,6 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.progress import Stages
 from texbake.raycast.rays import Rays
 from texbake.raycast.scene import RayScene
 
@@ -40,11 +39,11 @@ def solid(color: Array, height: int = 8, width: int = 8) -> Array:
 
 def texel_positions(mesh: Mesh, result: TextureBake) -> Array:
     """(H, W, 3): the position of each covered texel; NaN elsewhere."""
-    coverage = TextureCoverage(mesh, dataclasses.replace(result.report.options, samples=1).for_bake)
+    canvas = TextureCanvas(mesh, dataclasses.replace(result.report.options, samples=1), 1)
     frame = LocalFrame.around(mesh)
     field = RayField(mesh, frame, kind="face", front=0.0, back=0.0)
     points = np.full((*result.texel_faces.shape, 3), np.nan)
-    for band in coverage.bands(Stages()):
+    for band in canvas.bands():
         origins = field.rays(band.samples).origins
         points.reshape(-1, 3)[band.samples.texel_ids] = origins / frame.scale + frame.center
     return points

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
+from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
 from texbake.baking.trace import Trace
@@ -104,12 +104,12 @@ def test_sample_steps_of_a_stretched_plane() -> None:
 
 
 def test_coverage_agrees_with_a_trace() -> None:
-    mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16).for_bake
-    coverage = TextureCoverage(mesh, options)
-    n_samples = sum(len(band.samples) for band in coverage.bands(Stages()))
-    trace = Trace(mesh, mesh, options, None, Stages())
+    mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16)
+    canvas = TextureCanvas(mesh, options, 1)
+    n_samples = sum(len(band.samples) for band in canvas.bands())
+    trace = Trace(mesh, mesh, options.for_bake, None, Stages())
     assert sum(len(hits) for hits in trace.hits()) == n_samples
-    np.testing.assert_array_equal(coverage.texel_faces, trace.texel_faces)
+    np.testing.assert_array_equal(canvas.texel_faces, trace.texel_faces)
 
 
 def test_wrong_input_is_one_clear_error() -> None:

@@ -20,7 +20,7 @@ from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.padding import finished_maps, texel_charts_of
+from texbake.baking.padding import finished_maps
 from texbake.baking.sums import TexelSums
 from texbake.progress import Stages
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
@@ -160,7 +160,7 @@ class TexelRounds:
         sums = TexelSums(sampler.kinds, inputs)
         means = {kind: values[:, channels].copy() for kind, channels in sampler.channels()}
         sums.place(means, has_data)
-        charts = texel_charts_of(sampler.inputs, sampler.trace.texel_faces[rows])
+        charts = sampler.inputs.texel_charts(sampler.trace.texel_faces[rows])
         covered = has_data.reshape(len(rows), width)
         maps, _ = finished_maps(sampler.kinds, sums.means, charts, covered, inputs, Stages())
         if self._clock.finish is not None:

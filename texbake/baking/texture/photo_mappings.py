@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.coverage import sample_steps
+from texbake.baking.texture.canvas import sample_steps
 from texbake.baking.texture.options import PhotoOptions
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError

@@ -8,8 +8,8 @@ from contextlib import ExitStack
 import numpy as np
 
 from texbake.baking.rays import RayField
-from texbake.baking.texels import Samples
-from texbake.baking.texture.coverage import TextureCoverage
+from texbake.baking.texels import SampleGrid, Samples
+from texbake.baking.texture.canvas import TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo import Photo, PhotoCamera, PhotoPixels
 from texbake.baking.texture.photo_mappings import (
@@ -19,7 +19,7 @@ from texbake.baking.texture.photo_mappings import (
     PhotoPoints,
     UvMapping,
 )
-from texbake.baking.texture.result import PhotoShare, TextureBake, finish_texture
+from texbake.baking.texture.result import PhotoShare, TextureBake
 from texbake.errors import OptionError, counted
 from texbake.mapping.classical.projector import projector_matrix
 from texbake.mapping.options import UnwrapOptions
@@ -27,7 +27,7 @@ from texbake.mapping.options.shared import Matrix
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import ProgressSink
 
 
 def bake_photos(
@@ -51,19 +51,17 @@ def bake_photos(
     options = options or PhotoOptions()
     if not photos:
         raise OptionError("photos: there are none; give at least one")
-    stages = Stages(progress)
-    coverage = TextureCoverage(mesh, options.for_bake)
+    canvas = TextureCanvas(mesh, options, 3, progress)
+    stages = canvas.stages
     frame = LocalFrame.around(mesh)
     # Rays of length 0 start on the surface; their directions are its smooth normals, reversed.
     field = RayField(mesh, frame, kind="smooth", front=0.0, back=0.0, threads=options.threads)
     with stages.stage("read photographs"):
         pixels = [PhotoPixels(photo, i, threads=options.threads) for i, photo in enumerate(photos)]
-    values = np.zeros((coverage.grid.height, coverage.grid.width, 3), np.float32)
-    has_color = np.zeros(values.shape[:2], np.bool_)
     tally = _Tally([photo.name for photo in pixels])
     with ExitStack() as opened:
-        mappings = list(_mappings(mesh, photos, pixels, frame, coverage, options, opened))
-        for band in coverage.bands(stages):
+        mappings = list(_mappings(mesh, photos, pixels, frame, canvas.grid, options, opened))
+        for band in canvas.bands():
             with stages.part("project photographs"):
                 points = _points(field, band.samples)
                 sums = []
@@ -72,20 +70,9 @@ def bake_photos(
                     sums.append(band.sums(photo.weighted_colors(lookups), lookups.ids))
                 total = np.sum(sums, axis=0)
                 seen = total[:, 3] > 0.0
-                rows = slice(band.rows.start, band.rows.stop)
-                values[rows].reshape(-1, 3)[seen] = total[seen, :3] / total[seen, 3:]
-                has_color[rows] = seen.reshape(-1, band.width)
+                canvas.put(band, total[:, :3] / np.where(seen, total[:, 3], 1.0)[:, None], seen)
                 tally.add([weighted[:, 3] for weighted in sums], total[:, 3])
-    return finish_texture(
-        mesh,
-        options,
-        coverage,
-        values,
-        has_color,
-        stages,
-        source=counted(len(photos), "photograph"),
-        photos=tally.shares(),
-    )
+    return canvas.finish(counted(len(photos), "photograph"), photos=tally.shares())
 
 
 def _mappings(
@@ -93,7 +80,7 @@ def _mappings(
     photos: Sequence[Photo],
     pixels: Sequence[PhotoPixels],
     frame: LocalFrame,
-    coverage: TextureCoverage,
+    grid: SampleGrid,
     options: PhotoOptions,
     opened: ExitStack,
 ) -> Iterator[PhotoMapping]:
@@ -104,7 +91,7 @@ def _mappings(
         opened.callback(occlusion.close)
     for photo, image in zip(photos, pixels, strict=True):
         if photo.mapped is not None:
-            yield UvMapping(mesh, photo.mapped, coverage.grid, options)
+            yield UvMapping(mesh, photo.mapped, grid, options)
             continue
         camera = photo.camera
         try:
@@ -114,7 +101,7 @@ def _mappings(
                 else _local_matrix(mesh, camera, frame)
             )
             margins = options.margin / image.width, options.margin / image.height
-            yield CameraMapping(mesh, matrix, frame, coverage.grid, options, occlusion, margins)
+            yield CameraMapping(mesh, matrix, frame, grid, options, occlusion, margins)
         except OptionError as error:
             raise OptionError(f"{image.name}: {error}") from error
 

@@ -9,22 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.padding import ChartPadding
-from texbake.baking.texels import NO_FACE
-from texbake.baking.texture.coverage import TextureCoverage
+from texbake.baking.result import classes_picture
 from texbake.baking.texture.options import TextureBakeOptions
-from texbake.errors import UvError, counted
+from texbake.errors import counted
 from texbake.files import PathLike
-from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import Mesh
-from texbake.progress import StageRecord, Stages
+from texbake.progress import StageRecord
 from texbake.texture.image import write_image
-from texbake.texture.padding import push_pull
 
 Float32Array = npt.NDArray[np.float32]
-
-# Colors of the map of unseen texels: not covered, covered and seen, covered but unseen.
-_UNSEEN_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -175,7 +167,7 @@ class TextureBake:
 
     def unseen_map(self) -> npt.NDArray[np.uint8]:
         """(H, W, 3) uint8 picture: gray outside the charts, green where seen, red where unseen."""
-        return _UNSEEN_COLORS[(self.texel_faces >= 0).astype(np.intp) + self.unseen]
+        return classes_picture(self.texel_faces, self.unseen)
 
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
         """Write the texture to an image file.
@@ -184,53 +176,3 @@ class TextureBake:
         """
         threads = self.report.options.threads
         write_image(self.values, path, color=color, bits=bits, threads=threads)
-
-
-def finish_texture(
-    mesh: Mesh,
-    options: TextureBakeOptions,
-    coverage: TextureCoverage,
-    values: Float32Array,
-    has_color: npt.NDArray[np.bool_],
-    stages: Stages,
-    *,
-    source: str,
-    scale: tuple[float, float, float] | None = None,
-    photos: tuple[PhotoShare, ...] = (),
-) -> TextureBake:
-    """Fill the unseen texels, pad the charts, and sum up the report."""
-    faces = coverage.texel_faces
-    covered = faces != NO_FACE
-    if not covered.any():
-        raise UvError(
-            f"{mesh.name}: its texture coordinates cover no texel of a "
-            f"{options.width_px} x {options.height_px} texture; use a larger `size`"
-        )
-    n_unseen = int(np.count_nonzero(covered & ~has_color))
-    known = has_color
-    with stages.stage("pad"):
-        if n_unseen and options.fill == "push-pull":
-            filled = push_pull(values, has_color, threads=options.threads)
-            values = np.where(covered[..., None], filled, values)
-            known = covered
-        # NO_FACE is -1 and so takes the last entry, which is no chart.
-        charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[faces]
-        padding = ChartPadding(charts, known, options.for_bake)
-        background = (0.0,) * values.shape[2]
-        values = padding.pad(values, background)
-    report = TextureReport(
-        mesh=mesh.name,
-        n_faces=mesh.n_faces,
-        options=options,
-        source=source,
-        scale=scale,
-        texels=faces.size,
-        texels_covered=int(np.count_nonzero(covered)),
-        texels_unseen=n_unseen,
-        texels_overlapping=coverage.samples_overlapping / options.samples,
-        faces_outside_tile=coverage.faces_outside_tile,
-        padding_meets=padding.n_meeting,
-        photos=photos,
-        stages=tuple(stages.records),
-    )
-    return TextureBake(values, faces, has_color, report)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.baking.rays import RayField
-from texbake.baking.texture.coverage import TextureCoverage, greatest_lengths, sample_steps
+from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
-from texbake.baking.texture.result import TextureBake, finish_texture
+from texbake.baking.texture.result import TextureBake
 from texbake.errors import MeshError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import ProgressSink
 from texbake.texture.image_files import read_volume
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
@@ -39,15 +39,6 @@ def bake_solid(
     """
     mesh = as_mesh(mesh)
     options = options or SolidOptions()
-    stages = Stages(progress)
-    coverage = TextureCoverage(mesh, options.for_bake)
-    frame = LocalFrame.around(mesh)
-    scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
-    # Rays of length 0 start on the surface.
-    field = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
-    with np.errstate(over="ignore", invalid="ignore"):  # such points and widths count as 0
-        scaled = mesh.positions[mesh.faces] * scale
-        widths = greatest_lengths(sample_steps(mesh, scaled, coverage.grid)).astype(np.float32)
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)
     volume = (
         read_volume(options.volume if len(options.volume) > 1 else options.volume[0])
@@ -57,12 +48,17 @@ def bake_solid(
     n_channels = 3 if ramp is not None or options.procedure in COLORED_PROCEDURES else 1
     if volume is not None and ramp is None:
         n_channels = volume.shape[3]
+    canvas = TextureCanvas(mesh, options, n_channels, progress)
+    frame = LocalFrame.around(mesh)
+    scale = np.broadcast_to(np.asarray(_scale(mesh, options)), 3)
+    # Rays of length 0 start on the surface.
+    field = RayField(mesh, frame, kind="face", front=0.0, back=0.0, threads=options.threads)
+    with np.errstate(over="ignore", invalid="ignore"):  # such points and widths count as 0
+        scaled = mesh.positions[mesh.faces] * scale
+        widths = greatest_lengths(sample_steps(mesh, scaled, canvas.grid)).astype(np.float32)
     corner = mesh.bounds[0] if volume is not None and options.scale is None else np.zeros(3)
-    grid = coverage.grid
-    values = np.zeros((grid.height, grid.width, n_channels), np.float32)
-    has_color = np.zeros((grid.height, grid.width), np.bool_)
-    for band in coverage.bands(stages):
-        with stages.part("evaluate"):
+    for band in canvas.bands():
+        with canvas.stages.part("evaluate"):
             points = field.rays(band.samples).origins
             with np.errstate(over="ignore"):
                 places = (points / frame.scale + frame.center - corner) * scale
@@ -81,13 +77,9 @@ def bake_solid(
                 results = ramp_lookup(ramp, results[:, 0], threads=options.threads)
             counts = band.counts()
             means = band.sums(results) / np.maximum(counts, 1)[:, None]
-            rows = slice(band.rows.start, band.rows.stop)
-            values[rows] = means.reshape(-1, grid.width, n_channels)
-            has_color[rows] = (counts > 0).reshape(-1, grid.width)
-    return finish_texture(
-        mesh, options, coverage, values, has_color, stages,
-        source="volume" if options.volume else options.procedure, scale=tuple(scale.tolist()),
-    )  # fmt: skip
+            canvas.put(band, means, counts > 0)
+    source = "volume" if options.volume else options.procedure
+    return canvas.finish(source, scale=tuple(scale.tolist()))
 
 
 def _scale(mesh: Mesh, options: SolidOptions) -> float | tuple[float, float, float]:

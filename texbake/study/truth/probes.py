@@ -95,7 +95,7 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
     frame = LocalFrame.around(high, low)
     scene = RayScene.build(high, frame, threads=threads)
     try:
-        reach = measure_extent(scene, low, kind, threads=threads)
+        reach = measure_extent(scene, low, kind)
         field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
         samples = Samples(
             np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])

@@ -1,0 +1,154 @@
+"""The texture of a mesh while it is filled, and how values change from sample to sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.padding import ChartPadding
+from texbake.baking.texels import (
+    NO_FACE,
+    SampleGrid,
+    TexelBand,
+    owned_bands,
+    snap_uvs,
+    texel_charts_of,
+)
+from texbake.baking.texture.options import TextureBakeOptions
+from texbake.baking.texture.result import Float32Array, PhotoShare, TextureBake, TextureReport
+from texbake.core import portable_math as pm
+from texbake.errors import UvError
+from texbake.mapping.seams import chart_ids
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.progress import ProgressSink, Stages
+from texbake.texture.lookup import texel_coordinates
+from texbake.texture.padding import push_pull
+
+# About 200 bytes each while photographs are looked up.
+_SAMPLES_AT_ONCE = 1 << 19
+
+
+class TextureCanvas:
+    """The texels that a mesh covers, and the values that they get, band by band.
+
+    Attributes
+    ----------
+    grid : SampleGrid
+    stages : Stages
+    texel_faces : (H, W) int32
+        Face that owns the texel's first owned sample, `NO_FACE` for none; filled by `bands`.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        options: TextureBakeOptions,
+        n_channels: int,
+        progress: ProgressSink | None = None,
+    ) -> None:
+        self.stages = Stages(progress)
+        self._mesh, self._options, self._as_bake = mesh, options, options.for_bake
+        side = self._as_bake.samples_per_side
+        self.grid = SampleGrid(options.width_px, options.height_px, side)
+        self._faces = snap_uvs(mesh, self.grid)
+        shape = self.grid.height, self.grid.width
+        self.texel_faces: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
+        self._values: Float32Array = np.zeros((*shape, n_channels), np.float32)
+        self._has_color = np.zeros(shape, np.bool_)
+        self._n_overlapping = 0
+
+    def bands(self) -> Iterator[TexelBand]:
+        """Yield the texels with their samples from the top down, as the stage "bake"."""
+        for band in owned_bands(
+            self._faces,
+            self.grid,
+            self.stages,
+            samples_at_once=_SAMPLES_AT_ONCE,
+            threads=self._options.threads,
+        ):
+            band.note_faces(self.texel_faces)
+            self._n_overlapping += band.n_overlaps
+            yield band
+
+    def put(self, band: TexelBand, values: FloatArray, chosen: npt.NDArray[np.bool_]) -> None:
+        """Give values (n, C) to the chosen (n,) of all texels of a band."""
+        rows = slice(band.rows.start, band.rows.stop)
+        self._values[rows].reshape(len(chosen), -1)[chosen] = values[chosen]
+        self._has_color[rows] = chosen.reshape(-1, band.width)
+
+    def finish(
+        self,
+        source: str,
+        scale: tuple[float, float, float] | None = None,
+        photos: tuple[PhotoShare, ...] = (),
+    ) -> TextureBake:
+        """Fill the unseen texels, pad the charts, and sum up the report."""
+        mesh, options, faces = self._mesh, self._options, self.texel_faces
+        covered, has_color = faces != NO_FACE, self._has_color
+        if not covered.any():
+            raise UvError(
+                f"{mesh.name}: its texture coordinates cover no texel of a "
+                f"{options.width_px} x {options.height_px} texture; use a larger `size`"
+            )
+        n_unseen = int(np.count_nonzero(covered & ~has_color))
+        values, known = self._values, has_color
+        with self.stages.stage("pad"):
+            if n_unseen and options.fill == "push-pull":
+                filled = push_pull(values, has_color, threads=options.threads)
+                values = np.where(covered[..., None], filled, values)
+                known = covered
+            charts = texel_charts_of(chart_ids(mesh), faces, options.threads)
+            padding = ChartPadding(charts, known, self._as_bake)
+            values = padding.pad(values, (0.0,) * values.shape[2])
+        report = TextureReport(
+            mesh=mesh.name,
+            n_faces=mesh.n_faces,
+            options=options,
+            source=source,
+            scale=scale,
+            texels=faces.size,
+            texels_covered=int(np.count_nonzero(covered)),
+            texels_unseen=n_unseen,
+            texels_overlapping=self._n_overlapping / options.samples,
+            faces_outside_tile=self._faces.n_outside_tile,
+            padding_meets=padding.n_meeting,
+            photos=photos,
+            stages=tuple(self.stages.records),
+        )
+        return TextureBake(values, faces, has_color, report)
+
+
+def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
+    """Change of values that are linear over each face from one sample to the next.
+
+    `corner_values` (F, 3, K) float64: values at the corners of each face, such as positions.
+    Returns (F, K, 2) float64: change per sample to the right and per sample down; 0 for a face
+    without area in the texture.
+    """
+    texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
+    along = corner_values[:, 1] - corner_values[:, 0]
+    aside = corner_values[:, 2] - corner_values[:, 0]
+    a, b = texels[:, 1] - texels[:, 0], texels[:, 2] - texels[:, 0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        flat = area == 0.0
+        area[flat] = 1.0
+        right = (along * b[:, 1:] - aside * a[:, 1:]) / area[:, None]
+        down = (aside * a[:, :1] - along * b[:, :1]) / area[:, None]
+    steps = np.stack([right, down], axis=2)
+    steps[flat | ~np.isfinite(steps).all(axis=(1, 2))] = 0.0
+    return steps
+
+
+def greatest_lengths(steps: FloatArray) -> FloatArray:
+    """Longest way that a point moves per sample, over all directions in the texture.
+
+    `steps` (F, 3, 2) float64: of positions, from `sample_steps`. Returns (F,) float64: the greatest
+    singular value of each matrix.
+    """
+    a = pm.vecdot(steps[:, :, 0], steps[:, :, 0])
+    b = pm.vecdot(steps[:, :, 0], steps[:, :, 1])
+    c = pm.vecdot(steps[:, :, 1], steps[:, :, 1])
+    return np.asarray(np.sqrt((a + c + pm.hypot(a - c, 2.0 * b)) / 2.0))
