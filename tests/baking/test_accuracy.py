@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake.baking.bake import bake, remap, remap_hits
 from texbake.baking.options import BakeOptions
-from texbake.baking.remap import remap, remap_hits
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.shapes import grid_sphere, uv_sphere

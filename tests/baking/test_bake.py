@@ -10,10 +10,9 @@ from embreex_oracle import EmbreexScene
 
 import texbake
 from texbake.baking import scenes
-from texbake.baking.bake import bake
+from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import checked_cage
-from texbake.baking.remap import remap
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh

@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake.baking.bake import bake, remap
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import denoised
-from texbake.baking.remap import remap
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from tests import models
-from texbake.baking.bake import bake
+from texbake.baking.bake import bake, remap_hits
 from texbake.baking.hits_file import read_hits, write_hits
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
-from texbake.baking.remap import remap_hits
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.mesh.materials import (
     CHANNELS,

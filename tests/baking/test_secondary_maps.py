@@ -8,9 +8,8 @@ from embreex_oracle import EmbreexScene
 
 import texbake
 from texbake.baking import scenes
-from texbake.baking.bake import bake
+from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions, SecondaryOptions
-from texbake.baking.remap import remap
 from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh

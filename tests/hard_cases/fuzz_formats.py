@@ -312,8 +312,8 @@ def _read_patches(path: Path) -> Any:
 
 def _read_hits(path: Path) -> Any:
     from texbake import BakeOptions
+    from texbake.baking.bake import remap_hits
     from texbake.baking.hits_file import read_hits
-    from texbake.baking.remap import remap_hits
 
     # Accepted values must not make kernels fail either.
     return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))

@@ -304,3 +304,73 @@ def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
             f"{inputs.source.name}, more than the {limit:g} % allowed; raise `front` and "
             "`back`, or bake without `fail_on_miss` and see the misses with `miss_map`"
         )
+
+
+# Options of the rays; other maps from the same hits keep those of the bake.
+_OF_TRACE = (
+    "size",
+    "samples",
+    "rays",
+    "front",
+    "back",
+    "cull_back_faces",
+    "secondary_rays",
+    "occluder_distance",
+    "on_miss",
+    "fail_on_miss",
+    "keep_hits",
+)
+
+
+def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOptions) -> BakeResult:
+    """Make other maps, or the same ones in another space, from kept hits, without casting rays.
+
+    Parameters
+    ----------
+    result
+        Of a bake of the same two meshes with `keep_hits`.
+    options
+        `maps`, `space`, `high_shading`, `padding`, `fill` and the options of files are used; size,
+        samples and all options of rays are those of the bake that kept the hits.
+
+    Raises
+    ------
+    OptionError
+        The result has no hits, or the meshes have other numbers of faces.
+    MeshError
+        The high-poly mesh lacks what a map is made from.
+    """
+    high, low = as_mesh(high), as_mesh(low)
+    if (high.n_faces, low.n_faces) != (result.report.n_high_faces, result.report.n_low_faces):
+        raise OptionError(
+            f"high, low: {high.name} and {low.name} are not the meshes that were baked; give "
+            f"{result.report.high} and {result.report.low}"
+        )
+    materials = None if result.inputs is None else result.inputs.materials
+    inputs = BakeInputs.of(high, low, result.report.options, materials)
+    return remap_hits(replace(result, inputs=inputs), options)
+
+
+def remap_hits(
+    result: BakeResult, options: BakeOptions, *, progress: ProgressSink | None = None
+) -> BakeResult:
+    """Do as `remap`, from the result of a bake or of `read_hits` alone, without the meshes."""
+    if result.hits is None or result.inputs is None:
+        raise OptionError("hits: the bake kept none; bake with `keep_hits=True`")
+    traced = result.report.options
+    of_trace = {name: getattr(traced, name) for name in _OF_TRACE}
+    options = replace(options, max_error=None, time_budget=None, **of_trace)
+    kinds = map_kinds(options.maps)
+    inputs = result.inputs.with_options(options)
+    check_maps(kinds, inputs)
+    stages = Stages(progress)
+    sums = TexelSums(kinds, inputs)
+    with stages.stage("make maps"):
+        sums.add(result.hits)
+    has_data = result.has_data
+    charts = inputs.texel_charts(result.texel_faces)
+    maps, meets = finished_maps(kinds, sums.means, charts, has_data, inputs, stages)
+    report = replace(
+        result.report, options=options, padding_meets=meets, stages=list(stages.records)
+    )
+    return BakeResult(maps, report, result.hits, result.texel_faces, has_data, inputs)

@@ -26,27 +26,31 @@ from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
 
 FloatArray32 = npt.NDArray[np.float32]
 
-# Measured on shared machines: the share of the time to spend, because timings differ by the rest.
+# Eight measured figures, and what follows from them.
+# The share of the time to spend, because timings on shared machines differ by the rest. So a round
+# is abandoned once half of that rest is over, and none begins with less than it left.
 _SPENT_SHARE = 0.96
-# So a round is abandoned once half of that rest is over, and none begins with less time left.
 _LIMIT = (1.0 + _SPENT_SHARE) / 2.0
 _LEAST_SHARE = 1.0 - _SPENT_SHARE
-# Largest predicted time of a round as a share of the time that is left, from measured errors of
-# predictions: of the first round, whose work is not well known, of others, and of the last.
-_FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 0.4, 0.7, 0.85
+# How far the predicted time of a round is off. A round is chosen to leave that share of the time;
+# the first one, whose work is not well known, twice as much, and the last one half as much. Where a
+# round was given up, later ones are predicted to take longer by it.
+_OFF = 0.3
+_FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 1.0 - 2.0 * _OFF, 1.0 - _OFF, 1.0 - _OFF / 2.0
+_GIVEN_UP = 1.0 + _OFF
 # One round changes the predictions for later ones by this factor at most.
 _MOST_CHANGE = 2.0
-# Half of the overhead of a round is still to come while its samples are taken; a round after it
-# adds a whole one.
+# The share of the overhead of a round that is still to come while its samples are taken; a round
+# after it adds a whole one.
 _TO_COME = 0.5
 _ANOTHER = 1.0 + _TO_COME
-# Measured: how much more rounds cost where one was given up, the share of its samples that another
-# uses, and the share of the overhead of a round that grows with all samples, old and new.
-_GIVEN_UP, _USED, _GROWING = 1.3, 0.8, 0.7
-_NOTHING = float("inf")  # the bound before the first round
-
+# The share of the samples of a round given up that another uses, and the share of the overhead of a
+# round that grows with all samples, old and new.
+_USED, _GROWING = 0.8, 0.7
 # Errors are counted in bins: so many for each doubling, and so many doublings.
 _STEPS, _OCTAVES = 64, 16
+
+_NOTHING = float("inf")  # the bound before the first round
 
 
 class OutOfTimeError(Exception):

@@ -60,8 +60,8 @@ def remap_files(
     Options that are not given keep their values from that bake. The maps are byte for byte those
     that a bake would write.
     """
+    from texbake.baking.bake import remap_hits
     from texbake.baking.hits_file import read_hits
-    from texbake.baking.remap import remap_hits
     from texbake.jobs.maps import (
         check_map_files,
         clipping_warnings,

@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.texel_error import Metric
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
+from texbake.mesh.mesh import IntArray
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
 from texbake.sampling.report import (
     ErrorSummary,
@@ -84,6 +84,20 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) 
             "give an angle for normals, a length for displacements"
         )
     return bounded
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """Measures differences of values in multiples of the error that each map is allowed."""
+
+    firsts: IntArray  # (maps + 1,) int32; first channel of each map, then the number of channels
+    # (maps,) float64; 1 / bound of each map; 0 for maps without a bound.
+    scales: npt.NDArray[np.float64]
+
+    @property
+    def arrays(self) -> tuple[IntArray, npt.NDArray[np.float64]]:
+        """The fields in the order in which kernels take them."""
+        return self.firsts, self.scales
 
 
 def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:

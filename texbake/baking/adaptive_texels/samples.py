@@ -22,7 +22,7 @@ from texbake.baking.adaptive_texels.coverage import (
     FaceBins,
     check_samples,
 )
-from texbake.baking.adaptive_texels.refinement import Refinement, estimate_for, refine
+from texbake.baking.adaptive_texels.texel_error import Refinement, estimate_for, refine
 from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 from texbake.baking.hits import Hits

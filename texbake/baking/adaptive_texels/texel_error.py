@@ -1,4 +1,8 @@
-"""How far the samples of a texel may be from the mean over it, estimated from those beside it.
+"""Texels divided until their estimated errors are within a bound.
+
+The error of a texel, how far its samples may be from the mean over it, is estimated from those
+beside it. Each level of cells is cast whole before it is decided which of them are divided, so the
+result is the same for any number of threads.
 
 Texels with one sample are judged by the second difference s of the values along each axis, taken
 from the texels on both sides or, at the border of a chart, from two on one side. Where the values
@@ -27,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.adaptive_texels.bounded_maps import BoundedMap, Metric, metric_of
 from texbake.baking.adaptive_texels.cells import (
     LAST_LEVEL,
     NO_CHILD,
@@ -34,8 +39,11 @@ from texbake.baking.adaptive_texels.cells import (
     Cells,
     FloatArray32,
     Level,
+    gather,
+    in_tiles,
 )
 from texbake.baking.adaptive_texels.coverage import TexelCoverage
+from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
@@ -43,20 +51,6 @@ from texbake.parallel import run_bands
 # What one sample, and what four samples, may be off by, in second differences.
 ONE_SAMPLE = np.float32(0.2)
 FOUR_SAMPLES = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Metric:
-    """Measures differences of values in multiples of the error that each map is allowed."""
-
-    firsts: IntArray  # (maps + 1,) int32; first channel of each map, then the number of channels
-    # (maps,) float64; 1 / bound of each map; 0 for maps without a bound.
-    scales: npt.NDArray[np.float64]
-
-    @property
-    def arrays(self) -> tuple[IntArray, npt.NDArray[np.float64]]:
-        """The fields in the order in which kernels take them."""
-        return self.firsts, self.scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,3 +174,62 @@ class TexelError:
                 errors, texels, level.weights[kept] * of_cells[kept] / self.coverage.counts[texels]
             )
         return errors
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """Values and errors of texels once the errors are within bounds."""
+
+    max_error: str  # the bounds
+    bounded: list[BoundedMap]  # the maps that they bound
+    means: FloatArray32  # (n_texels, C) float32; means of texels with up to 4 samples
+    # (n_texels,) float32; estimated, in units of the bound, for the map where they are greatest.
+    errors: FloatArray32
+    finest: npt.NDArray[np.uint8]  # (n_texels,) uint8; level of the finest cells of each texel
+
+    def add_means(self, sampler: TexelSampler) -> BoolArray:
+        """Write the means of texels with more than 4 samples; return which texels have any."""
+        areas = np.zeros(len(self.means), dtype=np.float32)
+        sums = np.zeros_like(self.means)
+        for level in sampler.cells.levels[1:]:
+            gather(sampler.cells, level, sums, areas)
+        texels = np.flatnonzero(areas)
+        self.means[texels] = sums[texels] / areas[texels, np.newaxis]
+        return np.asarray(areas > 0.0)
+
+
+def estimate_for(sampler: TexelSampler, bounded: list[BoundedMap]) -> TexelError:
+    """Return what estimates the errors of some maps, in their bounds."""
+    metric = metric_of(bounded, sampler.kinds)
+    return TexelError(sampler.cells, sampler.coverage, sampler.shape, metric, sampler.threads)
+
+
+def refine(sampler: TexelSampler, bounded: list[BoundedMap], max_error: str) -> Refinement:
+    """Divide texels until their errors are within bounds.
+
+    `sampler`, with the first samples of all texels, none of which is divided.
+    """
+    stages, estimate = sampler.stages, estimate_for(sampler, bounded)
+    with stages.part("estimate errors"):
+        means, steps = estimate.of_samples()
+        all_errors = ONE_SAMPLE * steps
+        finest = np.zeros(len(steps), dtype=np.uint8)
+        is_divided = all_errors > 1.0
+        n_divided = int(np.count_nonzero(is_divided))
+        texels = in_tiles(is_divided.reshape(sampler.shape), n_divided)
+        # Where four samples would be too few, a texel gets 16 at once.
+        is_jump = FOUR_SAMPLES * steps[texels] > 1.0
+    level = sampler.divide(texels, np.repeat(~is_jump, 4))
+    with stages.part("estimate errors"):
+        errors = estimate.of_four(steps, texels, means)
+        all_errors[texels], finest[texels] = errors, 1
+        is_further = errors > 1.0
+        all_errors[texels[is_further]] = 0.0
+        divided = np.repeat(is_further, 4) & (level.weights > 0)
+    for k in range(2, LAST_LEVEL + 1):
+        level = sampler.divide((level.first + np.flatnonzero(divided)).astype(np.int32))
+        with stages.part("estimate errors"):
+            finest[level.texels] = k
+            errors = estimate.of_cells(k)
+            divided = estimate.divide(level, k, errors, all_errors)
+    return Refinement(max_error, bounded, means, all_errors, finest)

@@ -15,8 +15,13 @@ import numpy as np
 from texbake.baking.adaptive_texels.bounded_maps import bounded_maps
 from texbake.baking.adaptive_texels.cells import LAST_LEVEL, NO_CHART, Division, FloatArray32
 from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES
-from texbake.baking.adaptive_texels.refinement import Refinement, estimate_for, refine
-from texbake.baking.adaptive_texels.texel_error import FOUR_SAMPLES, ONE_SAMPLE
+from texbake.baking.adaptive_texels.texel_error import (
+    FOUR_SAMPLES,
+    ONE_SAMPLE,
+    Refinement,
+    estimate_for,
+    refine,
+)
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
 from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
