@@ -74,6 +74,18 @@ def unique_rows(
     return number_firsts(weld_rows(rows, threads=threads))
 
 
+def unique_corners(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, IntArray]:
+    """Distinct values of each vertex, (n, K), and for each corner the number of its value.
+
+    So that only seams are seams where a file lists a value for each corner.
+
+    `vertices` (C,) or (F, 3) integers; `values` (C, K). Returns numbers shaped as `vertices`.
+    """
+    rows = np.concatenate([vertices.reshape(-1, 1), values], axis=1, dtype=np.float64)
+    kept, numbers = unique_rows(rows)
+    return values[kept].astype(np.float64), numbers.reshape(vertices.shape)
+
+
 def number_firsts(firsts: IntArray) -> tuple[npt.NDArray[np.intp], IntArray]:
     """Return what `unique_rows` does, given the first row that equals each."""
     is_first = firsts == np.arange(len(firsts), dtype=np.int32)

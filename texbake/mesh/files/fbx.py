@@ -53,7 +53,7 @@ from texbake.mesh.files.unread_parts import unread_fbx_parts, warn_of_fbx
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import unique_corners, unique_rows
 
 _FIRST_VERSION = 6000
 # A file may place this many triangles, or corners per byte: instances can repeat a few very often.
@@ -337,10 +337,8 @@ class _GeometryReader:
         values, rows, is_listed = layer
         if not is_listed:
             return values, rows
-        listed = values[rows]
-        keys = np.concatenate([self.vertices[:, None].astype(np.float64), listed], axis=1)
-        kept, numbers = unique_rows(keys)
-        return listed[kept], numbers.astype(np.int64)
+        kept, numbers = unique_corners(self.vertices, values[rows])
+        return kept, numbers.astype(np.int64)
 
     def _vertex_colors(self, values: FloatArray, rows: Indices) -> npt.NDArray[np.float32]:
         """(V, 4) colors, white where no corner is."""

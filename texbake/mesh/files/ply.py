@@ -38,7 +38,7 @@ from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, rea
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
-from texbake.mesh.weld import unique_rows, weld_rows
+from texbake.mesh.weld import unique_corners, weld_rows
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 NORMAL_NAMES = ("nx", "ny", "nz")
@@ -163,7 +163,7 @@ def _corner_fields(
         if (lengths != width * sizes).any():
             raise FileFormatError(f"{path}: a list '{column}' has not {width} numbers a corner")
         numbers = finite_rows(path, numbers.reshape(-1, width), values)
-        rows, ids = _joined(indices, numbers)
+        rows, ids = unique_corners(indices, numbers)
         fields |= {values: rows, corners: ids[slots]}
     return fields
 
@@ -206,16 +206,6 @@ def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
     if values.dtype.kind == "f" and (indices != values).any():
         raise FileFormatError(f"{path}: a position index is not a whole number")
     return indices
-
-
-def _joined(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, IntArray]:
-    """Give corners of one vertex that have equal values one index, so that only seams are seams.
-
-    Returns the values that are kept and the index of each corner into them.
-    """
-    rows = np.concatenate([vertices[:, None], values], axis=1, dtype=np.float64)
-    kept, ids = unique_rows(rows)
-    return values[kept].astype(np.float64), ids
 
 
 _BLOCK = 1 << 18  # rows put together at once

@@ -26,9 +26,9 @@ from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unu
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import damaged, read_array
 from texbake.mesh.interchange import from_trimesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.uv_sets import UvSet
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import unique_corners, unique_rows
 
 _PACKED = 20  # times that the XML of an archive may be larger than the archive
 _NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
@@ -188,14 +188,5 @@ def _welded(mesh: Mesh) -> Mesh:
     for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
         array, indices = getattr(mesh, values), getattr(mesh, corners)
         if array is not None:
-            changes[values], changes[corners] = _welded_values(faces, array, indices)
+            changes[values], changes[corners] = unique_corners(faces, array[indices.ravel()])
     return mesh.replace(**changes)
-
-
-def _welded_values(
-    faces: IntArray, values: FloatArray, corners: IntArray
-) -> tuple[FloatArray, IntArray]:
-    """Return the distinct values of each vertex, and the corners as indices into them."""
-    rows = np.concatenate([faces.reshape(-1, 1), values[corners.ravel()]], axis=1)
-    kept, ids = unique_rows(rows)
-    return rows[kept, 1:], ids.reshape(-1, 3)

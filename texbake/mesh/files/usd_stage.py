@@ -18,7 +18,7 @@ import numpy.typing as npt
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike, require_file
 from texbake.limits import file_beside
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import unique_corners
 
 
 def require_usd(path: PathLike) -> None:
@@ -222,7 +222,6 @@ def _values(
     if is_listed and len(array) != len(elements):
         corners.fail(prim, name, f"it has {len(array)} values for {len(elements)} corners")
     if is_listed and np.isfinite(array).all():
-        rows = np.concatenate([corners.point_of[:, None].astype(np.float64), array], axis=1)
-        kept, numbers = unique_rows(rows)
-        array, elements = array[kept], numbers.astype(np.int64)
+        array, numbers = unique_corners(corners.point_of, array)
+        elements = numbers.astype(np.int64)
     return array, elements[corners.slots]
