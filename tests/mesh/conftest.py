@@ -1,21 +1,21 @@
-"""Read USD files in this process, except in tests of the process that reads them."""
+"""Read USD files and Draco in this process, except in tests of the process that reads them."""
 
 from types import SimpleNamespace
 
 import pytest
 
 from texbake.child import Child
-from texbake.mesh.files import reader_child, reader_process
+from texbake.mesh.files import reader_process
 from texbake.messages import pack, unpack
 
 
 class Here(Child):
-    """A child that answers about USD files in this process, with the same messages."""
+    """A child that answers in this process, but for trimesh, with the same messages."""
 
     def ask(self, request, *, classes):
         if request[0] == "trimesh":
             return super().ask(request, classes=classes)
-        return unpack(b"".join(pack(reader_child.answer_request(request))), classes)
+        return unpack(b"".join(pack(reader_process.answer_request(request))), classes)
 
 
 @pytest.fixture(autouse=True)
@@ -24,5 +24,5 @@ def readers_here(request, monkeypatch):
     if request.path.name == "test_reader_process.py":
         return
     limits = SimpleNamespace(start=lambda: None, allow=lambda n_bytes: None)
-    monkeypatch.setattr(reader_child, "LIMITS", limits)
+    monkeypatch.setattr(reader_process, "LIMITS", limits)
     monkeypatch.setattr(reader_process, "Child", Here)

@@ -376,6 +376,17 @@ def test_a_missing_draco_attribute_is_one_line(tmp_path, draco_ball, name, numbe
         read_mesh(path)
 
 
+def test_counts_that_draco_does_not_hold_are_one_line(tmp_path, draco_ball, monkeypatch):
+    """Without limits, the decoder takes 7 GB and a minute for these 268,435,456 points."""
+    monkeypatch.undo()  # a process of its own reads it
+    ball, data, numbers = draco_ball
+    corners = ball.faces.astype("<u4").tobytes()
+    head = data[:8] + bytes([0, 0, 0, ball.n_faces]) + b"\x80\x80\x80\x80\x01\x01"
+    path = draco(tmp_path / "a.gltf", ball, numbers, head + corners + data[-200:])
+    with pytest.raises(FileFormatError, match=r"a\.gltf: "):
+        read_mesh(path)
+
+
 def test_damaged_draco_is_read_or_one_line(tmp_path, draco_ball):
     ball, data, numbers = draco_ball
     rng = np.random.default_rng(5)

@@ -144,17 +144,17 @@ def test_it_ends_with_the_process_that_asks(damage, tmp_path, sent):
 
 def test_layers_in_the_folder_count_and_others_do_not(tmp_path, monkeypatch):
     pytest.importorskip("pxr", reason="usd-core is not installed")
-    from texbake.mesh.files import reader_child
+    from texbake.mesh.files import usd_stage
 
     allowed = []
-    monkeypatch.setattr(reader_child.LIMITS, "allow", allowed.append)
+    monkeypatch.setattr(usd_stage.LIMITS, "allow", allowed.append)
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "a.usda").write_text("#usda 1.0\n(subLayers = [@b.usda@, @/etc/x.usda@])")
     (tmp_path / "sub" / "b.usda").write_text("#usda 1.0\n(subLayers = [@a.usda@, @none.usda@])  ")
     (tmp_path / "outside.usda").write_text("#usda 1.0\n")
     root = tmp_path / "sub" / "root.usda"
     root.write_text("#usda 1.0\n(subLayers = [@a.usda@, @../outside.usda@])")
-    layers = list(reader_child._layers(str(root)))
+    layers = list(usd_stage.layers_of_stage(str(root)))
     assert [Path(layer.realPath).stem for layer in layers] == ["root", "a", "b"]
     assert allowed == [(tmp_path / "sub" / f"{name}.usda").stat().st_size for name in "ab"]
 

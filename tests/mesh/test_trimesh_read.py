@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import DracoPy
 import numpy as np
 import pytest
 import trimesh
@@ -16,7 +15,6 @@ import trimesh
 import texbake
 from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError
 from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
-from texbake.mesh.files.gltf_compression import decode_draco
 from texbake.mesh.shapes import cube, uv_sphere
 
 ONLY_READ = sorted({*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES, ".gltf"})
@@ -126,40 +124,6 @@ def test_a_damaged_draco_file_is_one_error(tmp_path: Path) -> None:
     path.write_bytes(content[:at] + b"XXXXX" + content[at + 5 :])
     with pytest.raises(FileFormatError, match="compressed by Draco is damaged"):
         texbake.read_mesh(path)
-
-
-def draco_number(n: int) -> bytes:
-    return bytes([n & 0x7F | 0x80]) + draco_number(n >> 7) if n > 0x7F else bytes([n])
-
-
-# Of a group with an entry, of another one in it, and of a third that has none.
-METADATA = b"\1\0" + b"\1\1a\3xyz\0" + b"\1\4name\x80\1" + b"v" * 128 + b"\1\2in\0\1\4deep\0\0"
-
-
-@pytest.mark.parametrize("level", [7, 0])
-@pytest.mark.parametrize("metadata", [b"", METADATA])
-def test_draco_takes_no_memory_for_counts_that_its_bytes_cannot_hold(
-    monkeypatch: pytest.MonkeyPatch, level: int, metadata: bytes
-) -> None:
-    mesh = cube()
-    data = bytes(
-        DracoPy.encode(
-            mesh.positions.astype(np.float32), mesh.faces.astype(np.uint32), compression_level=level
-        )
-    )
-    at = 12 if level else 11  # of the vertices and triangles, or of the triangles and vertices
-    few = data[at : at + 2]
-    assert sorted(few) == sorted([mesh.n_vertices, mesh.n_faces])
-    head = data[:10] + (b"\x80" if metadata else b"\0") + metadata + data[11:at]
-    _, indices = decode_draco(np.frombuffer(head + data[at:], np.uint8))
-    assert indices.size == mesh.faces.size
-    monkeypatch.setattr(DracoPy, "decode", None)
-    for counts in (few[:1] + draco_number(1 << 28), draco_number(1 << 28) + few[1:]):
-        bomb = np.frombuffer(head + counts + data[at + 2 :], np.uint8)
-        found = decode_draco(bomb)
-        assert "claims" in found and "268,435,456" in found and found.endswith("bytes can hold")
-    for end in range(at):
-        assert decode_draco(bomb[:end]) == "a primitive compressed by Draco is damaged"
 
 
 # Hides every package that no default dependency needs, then reads a file of each format.

@@ -74,7 +74,9 @@ def unique_rows(
     return number_firsts(weld_rows(rows, threads=threads))
 
 
-def unique_corners(vertices: IntArray, values: npt.NDArray[Any]) -> tuple[FloatArray, IntArray]:
+def unique_corners(
+    vertices: npt.NDArray[np.integer], values: npt.NDArray[Any]
+) -> tuple[FloatArray, IntArray]:
     """Distinct values of each vertex, (n, K), and for each corner the number of its value.
 
     So that only seams are seams where a file lists a value for each corner.

@@ -2,7 +2,7 @@
 
 meshoptimizer codes vertices as differences between neighbors, byte by byte, and triangles by the
 edges that they share with earlier triangles. Both are lossless, except that a triangle may begin
-with another of its corners. Draco is only read.
+with another of its corners. `gltf_primitives` reads Draco.
 
 Quantized vertices are 8- and 16-bit integers. Positions are steps of one uniform grid for the whole
 file, so that what was one point in several primitives still is; the node has its place and its
@@ -14,8 +14,7 @@ where no texture can carry the transform.
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams
         are version 0 of vertices and version 1 of indices;
-    Khronos Group, "KHR_draco_mesh_compression", 2018, and "KHR_mesh_quantization", 2020;
-    Google, "Draco 3D Graphics Compression Bitstream Specification 2.2", 2018 (the counts).
+    Khronos Group, "KHR_draco_mesh_compression", 2018, and "KHR_mesh_quantization", 2020.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import DependencyError, MeshError, quoted
-from texbake.mesh.files.source import ByteArray, Cursor
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 
@@ -42,8 +40,6 @@ _FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat
 # The least that a byte of a vertex can be coded to is a 64th of a byte, and of an index more; the
 # header of a block is what 1024 bytes leave room for.
 _GREATEST_RATIO, _HEAD = 64, 1024
-# Draco packs the triangles of a flat grid 11 to a byte.
-_FACES_PER_BYTE, _LEAST_FACES = 32, 1 << 16
 
 
 def encode_vertices(values: npt.NDArray[Any]) -> bytes:
@@ -139,85 +135,6 @@ def _library() -> Any:
             "pip install texbake[meshoptimizer]"
         ) from error
     return meshoptimizer
-
-
-def decode_draco(
-    data: npt.NDArray[np.uint8],
-) -> tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]] | str:
-    """Arrays of a Draco primitive, or in words why there are none.
-
-    Returns `attributes` dict of (n, width): by the number that the file gives each; `indices` (3
-    F,) uint32: corners of triangles.
-    """
-    import DracoPy
-
-    content = data.tobytes()
-    try:
-        n_faces, n_vertices = _draco_counts(data)
-        most = _LEAST_FACES + _FACES_PER_BYTE * len(content)
-        if max(n_faces, n_vertices) > most:
-            return (
-                f"a primitive compressed by Draco claims {n_faces:,} triangles and {n_vertices:,} "
-                f"vertices, more than {len(content):,} bytes can hold"
-            )
-        decoded = DracoPy.decode(content)
-        attributes = {int(item["unique_id"]): item["data"] for item in decoded.attributes}
-        indices = np.asarray(decoded.faces, np.uint32).ravel()
-        rows = {n: np.reshape(values, (len(values), -1)) for n, values in attributes.items()}
-    except MemoryError:
-        raise
-    except Exception:  # DracoPy's errors have no base of their own
-        return "a primitive compressed by Draco is damaged"
-    return rows, indices
-
-
-def _draco_counts(data: ByteArray) -> tuple[int, int]:
-    """Return the triangles and vertices that a Draco mesh claims, and its decoder takes memory for.
-
-    Raises an exception where the head is none of a mesh, or is cut short.
-    """
-    head = Cursor("Draco", data)
-    magic, major, minor, kind, method, flags = head.unpack("5s4BH")
-    if magic != b"DRACO" or kind != 1:
-        raise ValueError("no mesh")
-    if flags & 0x8000:
-        _skip_metadata(head)
-    by_edges = method == 1
-    if by_edges:
-        head.take(1)  # the way through the triangles
-        if (major, minor) < (2, 2):
-            _draco_number(head, major)  # new vertices
-    first, second = _draco_number(head, major), _draco_number(head, major)
-    return (second, first) if by_edges else (first, second)
-
-
-def _draco_number(head: Cursor, major: int = 2) -> int:
-    """Return a count: 32 bits, or since version 2, 7 bits in each byte."""
-    if major < 2:
-        return int(head.unpack("I")[0])
-    number = 0
-    for shift in range(0, 64, 7):
-        (byte,) = head.take(1).tolist()
-        number |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            break
-    return number
-
-
-def _skip_metadata(head: Cursor) -> None:
-    """Skip metadata: those of attributes, with their numbers, and of the mesh."""
-    n_attributes = _draco_number(head)
-    for number in range(n_attributes + 1):
-        if number < n_attributes:
-            _draco_number(head)
-        n_left, has_name = 1, False
-        while n_left:  # a group, and the groups in it with their names
-            if has_name:
-                head.take(*head.unpack("B"))
-            for _ in range(_draco_number(head)):
-                head.take(*head.unpack("B"))
-                head.take(_draco_number(head))
-            n_left, has_name = n_left - 1 + _draco_number(head), True
 
 
 _STEPS = 65535

@@ -24,6 +24,7 @@ from texbake.errors import FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
+from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
 
 _MAGIC = b"glTF"
@@ -50,6 +51,10 @@ COMPONENTS: dict[int, np.dtype[Any]] = {
     5126: np.dtype("<f4"),
 }
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+
+
+# Attributes (n, width) by the numbers that the file gives them, and the (3 F,) uint32 corners.
+DracoMesh = tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]]
 
 
 @dataclass(frozen=True)
@@ -205,6 +210,12 @@ class Document:
         """Bytes of each buffer, as many as it claims."""
         files: dict[str, ByteArray] = {}
         return [self._buffer(i, buffer, files) for i, buffer in enumerate(self.items("buffers"))]
+
+    @cached_property
+    def draco(self) -> dict[int, DracoMesh | None]:
+        """Meshes that Draco has compressed, by their views; None for one that is damaged."""
+        found: dict[int, DracoMesh | None] = read_in_child(self.path, "draco", {})
+        return found
 
     @cached_property
     def n_bytes(self) -> int:

@@ -3,7 +3,7 @@
 Vertices at the same position, bit for bit, become one, because the format splits them where a
 normal or a coordinate differs; these keep their own indices, so that nothing is lost (except where
 such vertices differ in color: then the first decides). Points and lines are skipped. Primitives
-compressed by Draco are read where DracoPy is installed.
+compressed by Draco are decoded in a process of its own.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from texbake.child import LIMITS
 from texbake.errors import MeshError, quoted, warn_of
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
-from texbake.mesh.files.gltf_compression import DRACO, decode_draco
-from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files.gltf_compression import DRACO
+from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
 from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
@@ -237,9 +238,9 @@ def _primitive_source(
     # A file may hold the same arrays uncompressed, for programs that do not read Draco.
     if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
         return _PrimitiveSource(document, accessors, {})
-    decoded = decode_draco(document.view_bytes(draco.get("bufferView")))
-    if isinstance(decoded, str):
-        document.fail(decoded)
+    decoded = document.draco.get(document.integer(draco, "bufferView"))
+    if decoded is None:
+        document.fail("a primitive compressed by Draco is damaged")
     rows, indices = decoded
     arrays = {INDICES: indices.reshape(-1, 1)}
     for name, number in document.mapping(draco, "attributes").items():
@@ -247,6 +248,34 @@ def _primitive_source(
             document.fail(f"a primitive compressed by Draco has no attribute {quoted(number)}")
         arrays[name] = rows[number]
     return _PrimitiveSource(document, {INDICES: None, **accessors}, arrays)
+
+
+def decode_draco(path: str) -> dict[int, DracoMesh | None]:
+    """Answer for `Document.draco`."""
+    import DracoPy
+
+    document = read_document(path)
+    LIMITS.allow(document.n_bytes)
+    found: dict[int, DracoMesh | None] = {}
+    for mesh in document.items("meshes"):
+        for primitive in document.objects(mesh, "primitives"):
+            draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
+            if not draco:
+                continue
+            view = document.integer(draco, "bufferView")
+            content = document.view_bytes(view).tobytes()
+            try:
+                decoded = DracoPy.decode(content)
+                rows = {int(item["unique_id"]): item["data"] for item in decoded.attributes}
+                found[view] = (
+                    {number: values.reshape(len(values), -1) for number, values in rows.items()},
+                    np.asarray(decoded.faces, np.uint32).ravel(),
+                )
+            except MemoryError:
+                raise
+            except Exception:  # DracoPy's errors have no base of their own
+                found[view] = None
+    return found
 
 
 def _finite_positions(document: Document, positions: FloatArray, corners: IntArray) -> FloatArray:

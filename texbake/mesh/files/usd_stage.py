@@ -6,8 +6,9 @@ process of its own; see `reader_process`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,9 +16,10 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from texbake.child import LIMITS
 from texbake.errors import DependencyError, FileFormatError
 from texbake.files import PathLike, require_file
-from texbake.limits import file_beside
+from texbake.limits import file_beside, is_within
 from texbake.mesh.weld import unique_corners
 
 
@@ -69,6 +71,49 @@ def reporting_damage(path: PathLike) -> Iterator[None]:
         raise FileFormatError(
             f"{path}: it is not a USD file, or damaged: {_reason(error)}; export it again"
         ) from None
+
+
+def layers_of_stage(path: str) -> Iterator[Any]:
+    """Layers that a file is composed of, and lie in its folder; the limits grow with each."""
+    from pxr import Sdf, Tf
+
+    folder = Path(path).parent
+    seen = {os.path.realpath(path)}
+    waiting = [str(path)]
+    while waiting:
+        with suppress(Tf.ErrorException, UnicodeDecodeError):  # is reported when it is read
+            layer = Sdf.Layer.FindOrOpen(waiting.pop())
+            if layer is None:
+                continue
+            yield layer
+            for name in layer.GetCompositionAssetDependencies():
+                place = layer.ComputeAbsolutePath(name)
+                file = place.partition("[")[0]  # of a package, the package itself
+                real = os.path.realpath(file)
+                if place and is_within(folder, file) and Path(file).is_file():
+                    if real not in seen:
+                        LIMITS.allow(Path(file).stat().st_size)
+                    if place not in seen:
+                        waiting.append(place)
+                    seen |= {real, place}
+
+
+def files_of_stage(path: str) -> list[str]:
+    """Files that a USD file is composed of, and those that it names; its own name is left out.
+
+    Images in tiles are those that exist.
+    """
+    from pxr import Tf, UsdUtils
+
+    unheard = UsdUtils.CoalescingDiagnosticDelegate()  # silences warnings of missing files
+    try:
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(path)
+    except Tf.ErrorException:
+        return []
+    finally:
+        del unheard
+    names = [*(layer.realPath for layer in layers), *assets, *missing]
+    return [str(name) for name in names if name and Path(name) != Path(path)]
 
 
 def numbers_of(path: PathLike, values: Any, kind: type[np.generic]) -> npt.NDArray[Any]:
