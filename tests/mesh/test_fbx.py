@@ -271,19 +271,3 @@ def test_arrays_that_unpack_to_other_than_they_say(read):
         read(bomb(30, bytes(80_000_000)))
     with pytest.raises(FileFormatError, match="unpack to far more than its size"):
         read(bomb(50_000_000, b""))
-
-
-@pytest.mark.parametrize("length", [24, 100, 1000])
-def test_truncated_files_name_the_byte(read, length):
-    with pytest.raises(FileFormatError, match=r"a\.fbx: byte \d+: "):
-        read(binary(rich_scene(7400))[:length])
-
-
-def test_damaged_text_names_the_line(read):
-    text = written(scene(), 7400, "ascii")
-    with pytest.raises(FileFormatError, match=r"line \d+: it ends within 'Objects'"):
-        read(text[: text.index(b"Geometry")])
-    with pytest.raises(FileFormatError, match=r"line 4: '!!' stands where a node belongs"):
-        read(text.replace(b"GlobalSettings", b"!!\nGlobalSettings"))
-    with pytest.raises(FileFormatError, match="not an FBX file"):
-        read(b"solid cube\n")

@@ -14,11 +14,9 @@ from tests.hard_cases.fbx_writer import (
 )
 from texbake.errors import MeshError
 from texbake.limits import raised_limits
-from texbake.mesh.files import fbx_materials, fbx_scene, read_mesh, write_mesh
+from texbake.mesh.files import fbx_materials, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_materials import has_alpha
-from texbake.mesh.files.fbx_nodes import Node
-from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import (
     UNPLACED,
     ChannelImage,
@@ -383,48 +381,6 @@ def test_an_image_that_many_textures_name_is_read_once(tmp_path):
     images = [source.image for source in found.materials[0].channels.values() if source.image]
     assert len(images) == 3
     assert len({id(image.data) for image in images}) == 1
-
-
-def test_what_many_materials_share_is_looked_at_once(tmp_path, monkeypatch):
-    """Ten thousand materials may share a texture with as many properties and videos."""
-    nodes = rich_scene(7400)
-    objects, connections = nodes[1][2], nodes[2][2]
-    values = {f"p{i}": [float(i)] for i in range(20)}
-    file = ("RelativeFilename", ["missing.png"], [])
-    objects.append(("Texture", [60, "paint\0\1Texture", ""], [properties(7400, values), file]))
-    for i in range(20):
-        objects.append(("Material", [100 + i, f"m{i}\0\1Material", ""], []))
-        objects.append(("Video", [200 + i, f"v{i}\0\1Video", ""], [file]))
-        connections.append(("C", ["OO", 200 + i, 60], []))
-    for material in (50, 51, *range(100, 120)):
-        connections.append(("C", ["OP", 60, material, "DiffuseColor"], []))
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    looked = []
-    text, read_of = Node.child_text, fbx_scene.read_properties
-    monkeypatch.setattr(
-        Node, "child_text", lambda node, name: (looked.append("text"), text(node, name))[1]
-    )
-    monkeypatch.setattr(
-        fbx_scene, "read_properties", lambda node: (looked.append("properties"), read_of(node))[1]
-    )
-    with parsed_once():
-        found = read_materials(path, read_mesh(path))
-        assert [name for name, _ in found.missing] == ["base-color"] * 2
-        assert read_contents(path).images == {"missing.png": None}
-    assert looked.count("text") < 10 * len(objects)
-    assert looked.count("properties") <= len(objects) + 2
-
-
-def test_a_name_of_a_megabyte_is_held_once(tmp_path):
-    """Each material of a model makes a group that begins with its name."""
-    path = tmp_path / "a.fbx"
-    nodes = rich_scene(7400)
-    model = next(node for node in nodes[1][2] if node[1][1].startswith("wall"))
-    model[1][1] = model[1][1].replace("wall", "w" * 100_000)
-    path.write_bytes(binary(nodes))
-    names = read_mesh(path).group_names
-    assert [len(name) for name in names[:2]] == [400 + len("/red"), 400 + len("/blue")]
 
 
 def test_images_that_are_sheared_in_more_ways_than_a_mesh_has_sets_are_refused():

@@ -10,14 +10,16 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import icosphere
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".stl", ".usda"])
-@pytest.mark.parametrize("scale", [1e-50, 1e-45, 1e50])
+@pytest.mark.parametrize("suffix", [".glb", ".stl", ".usda", " quantized.glb"])
+@pytest.mark.parametrize("scale", [1e-50, 1e-45, 1e39, 1e50])
 def test_sizes_that_float32_does_not_hold(suffix: str, scale: float, tmp_path: Path) -> None:
     ball = icosphere(2)
-    path = tmp_path / f"ball{suffix}"
+    options = {"quantize": True} if "quantized" in suffix else {}
     with pytest.raises(MeshError, match="float32"):
-        write_mesh(ball.replace(positions=ball.positions * scale), path)
-    assert not path.exists()
+        write_mesh(
+            ball.replace(positions=ball.positions * scale), tmp_path / f"ball{suffix}", **options
+        )
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".usda"])

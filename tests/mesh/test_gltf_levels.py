@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileFormatError, OptionError, UvError
-from texbake.mesh.files import gltf_document, read_mesh, write_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf import read_gltf
-from texbake.mesh.files.gltf_compression import decode_view
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.mesh import Mesh
@@ -165,23 +164,6 @@ def test_damaged_views_are_one_clear_line(meshoptimizer, path, changes, message)
     with pytest.raises(FileFormatError, match=re.escape(message)) as error:
         document.view_bytes(0)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.usefixtures("meshoptimizer")
-def test_a_compressed_view_is_decoded_once_for_all_accessors(path, monkeypatch):
-    write_glb(uv_sphere(6, 8), path, compress=True)
-    document = read_document(path)
-    decoded = []
-    monkeypatch.setattr(
-        gltf_document,
-        "decode_view",
-        lambda data, **how: (decoded.append(how), decode_view(data, **how))[1],
-    )
-    views = {item["bufferView"] for item in document.items("accessors")}
-    for _ in range(3):
-        for index in range(len(document.items("accessors"))):
-            document.accessor(index)
-    assert len(decoded) == len(views)
 
 
 @pytest.mark.usefixtures("meshoptimizer")

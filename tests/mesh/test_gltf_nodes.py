@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 from texbake_cli.main import texbake
 
 from texbake.errors import FileFormatError
-from texbake.mesh.files import gltf_document, read_mesh
+from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import MAX_TRIANGLES
-from texbake.mesh.files.source import read_array
 from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
 
@@ -57,81 +56,6 @@ def test_each_node_places_the_mesh(instances):
     )
 
 
-def test_a_mesh_is_read_once_for_all_nodes(instances, monkeypatch):
-    reads = []
-    accessor = Document.accessor
-    monkeypatch.setattr(
-        Document, "accessor", lambda self, index: (reads.append(index), accessor(self, index))[1]
-    )
-    assert read_mesh(instances(100)).n_faces == 100
-    assert reads == [0]
-
-
-def no_array_is_read(monkeypatch):
-    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
-
-
-def assert_is_a_bomb(path, change):
-    """Change a document, and find that it is refused."""
-    document = json.loads(path.read_text())
-    change(document, document["meshes"][0]["primitives"])
-    path.write_text(json.dumps(document))
-    with pytest.raises(FileFormatError, match=r"triangles up to 4[02],000,000, more"):
-        read_mesh(path)
-
-
-@pytest.mark.parametrize("read", [read_mesh, read_scene])
-def test_a_bomb_of_instances_is_refused_before_a_triangle_is_read(instances, monkeypatch, read):
-    no_array_is_read(monkeypatch)
-    path = instances(2000, claimed=MAX_TRIANGLES // 1000)
-    with pytest.raises(FileFormatError, match=r"20,000 triangles up to 40,000,000, more"):
-        read(path)
-
-
-def test_primitives_that_share_one_accessor_are_a_bomb_as_well(instances, monkeypatch):
-    no_array_is_read(monkeypatch)
-
-    def change(document, primitives):
-        primitives *= 2000
-
-    assert_is_a_bomb(instances(1, claimed=MAX_TRIANGLES // 1000), change)
-
-
-def test_vertices_without_triangles_count_as_well(instances, monkeypatch):
-    no_array_is_read(monkeypatch)
-
-    def change(document, primitives):
-        document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
-        primitives[0]["indices"] = 1
-
-    assert_is_a_bomb(instances(2000, claimed=MAX_TRIANGLES // 1000), change)
-
-
-def test_each_uv_set_counts_as_the_triangles_do(instances, monkeypatch):
-    no_array_is_read(monkeypatch)
-
-    def change(document, primitives):
-        primitives[0]["attributes"] |= {f"TEXCOORD_{i}": 0 for i in range(20)}
-
-    assert_is_a_bomb(instances(100, claimed=MAX_TRIANGLES // 1000), change)
-
-
-def test_meshes_of_the_same_arrays_are_read_once(instances, monkeypatch):
-    path = instances(50)
-    document = json.loads(path.read_text())
-    document["meshes"] *= 50
-    for i, node in enumerate(document["nodes"]):
-        node["mesh"] = i
-    path.write_text(json.dumps(document))
-    reads = []
-    accessor = Document.accessor
-    monkeypatch.setattr(
-        Document, "accessor", lambda self, index: (reads.append(index), accessor(self, index))[1]
-    )
-    assert read_mesh(path).n_faces == 50
-    assert reads == [0]
-
-
 def changed(path, change):
     """Change the document of a file."""
     document = json.loads(path.read_text())
@@ -140,7 +64,7 @@ def changed(path, change):
     return path
 
 
-def test_a_buffer_file_is_read_once_whatever_names_it(instances, monkeypatch):
+def test_a_buffer_file_is_read_once_whatever_names_it(instances):
     """A small file could name a large one as often as it likes."""
 
     def change(document):
@@ -152,29 +76,53 @@ def test_a_buffer_file_is_read_once_whatever_names_it(instances, monkeypatch):
     path = changed(instances(1), change)
     (path.parent / "a.bin").write_bytes(bytes(5000))
     (path.parent / "b").mkdir()
-    reads = []
-    monkeypatch.setattr(
-        gltf_document, "read_array", lambda path: (reads.append(path), read_array(path))[1]
-    )
     document = read_document(path)
     assert all(np.shares_memory(document.buffers[1], other) for other in document.buffers[2:])
-    assert [path.name for path in reads] == ["instances.gltf", "a.bin"]
 
 
-@pytest.mark.parametrize("read", [read_materials_of, read_scene])
-def test_primitives_without_triangles_are_looked_at_once(instances, monkeypatch, read):
+@pytest.mark.parametrize("n_meshes", [1, 50])
+def test_equal_arrays_are_read_once(instances, monkeypatch, n_meshes):
     def change(document):
-        points = {"attributes": {"POSITION": 0}, "mode": 0, "material": 0}
-        document["meshes"][0]["primitives"] += [points] * 100
-        document["materials"] = [{}]
+        document["meshes"] *= n_meshes
+        for i, node in enumerate(document["nodes"]):
+            node["mesh"] = i % n_meshes
 
-    path = changed(instances(50), change)
-    looked, mapping = [], Document.mapping
+    path, reads, accessor = changed(instances(50), change), [], Document.accessor
     monkeypatch.setattr(
-        Document, "mapping", lambda *where: (looked.append(where), mapping(*where))[1]
+        Document, "accessor", lambda self, index: (reads.append(index), accessor(self, index))[1]
     )
-    read(path)
-    assert len(looked) < 5000
+    assert read_mesh(path).n_faces == 50
+    assert reads == [0]
+
+
+def shared_accessor(document, primitives):
+    primitives *= 2000
+
+
+def vertices_alone(document, primitives):
+    document["accessors"].append({"componentType": 5125, "count": 3, "type": "SCALAR"})
+    primitives[0]["indices"] = 1
+
+
+def uv_sets(document, primitives):
+    primitives[0]["attributes"] |= {f"TEXCOORD_{i}": 0 for i in range(20)}
+
+
+@pytest.mark.parametrize("read", [read_mesh, read_scene])
+@pytest.mark.parametrize(
+    ("n_nodes", "change"),
+    [(2000, None), (1, shared_accessor), (2000, vertices_alone), (100, uv_sets)],
+)
+def test_a_bomb_is_refused_before_an_array_is_read(instances, monkeypatch, read, n_nodes, change):
+    monkeypatch.setattr(Document, "accessor", lambda self, index: pytest.fail("it was read"))
+
+    def change_document(document):
+        if change is not None:
+            change(document, document["meshes"][0]["primitives"])
+
+    path = changed(instances(n_nodes, claimed=MAX_TRIANGLES // 1000), change_document)
+    with pytest.raises(FileFormatError, match=r"triangles up to 4[02],000,000, more"):
+        read(path)
 
 
 @pytest.mark.parametrize("owner", ["nodes", "meshes"])

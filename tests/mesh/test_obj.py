@@ -1,9 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
-from hypothesis.extra import numpy as hnp
 
-from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere
@@ -129,65 +126,6 @@ def test_name_that_is_not_utf8(read):
 def test_unknown_statements_are_skipped(read):
     mesh = read("mtllib x\ns off\nvp 1 2\n" + SQUARE + "l 1 2\np 1\nfoo bar\n### f 9\nf 1 2 3\n")
     assert mesh.faces.tolist() == [[0, 1, 2]]
-
-
-@pytest.mark.parametrize(
-    ("text", "line", "what"),
-    [
-        (SQUARE + "f 1 2 5\n", 5, "out of range"),
-        (SQUARE + "f 0 1 2\n", 5, "out of range"),
-        (SQUARE + "f -5 1 2\n", 5, "out of range"),
-        (SQUARE + "f 1/1 2/1 3/1\n", 5, "out of range"),
-        (SQUARE + "f 1 2 99999999999999999999\n", 5, "out of range"),
-        (SQUARE + "f 1 2 a\n", 5, "a corner is none of"),
-        (SQUARE + "f 1 2 3.5\n", 5, "a corner is none of"),
-        (SQUARE + "f 1 2 3/1/1/1\n", 5, "a corner is none of"),
-        (SQUARE + "f 1 2 -\n", 5, "a corner is none of"),
-        ("v 0 0 0\nv 1 0\nf 1 2 1\n", 2, "v needs 3"),
-        ("v 0 0 0\nv 1 0 0x\nf 1 2 1\n", 2, "'0x' is not a number"),
-    ],
-)
-def test_broken_lines(read, text, line, what):
-    with pytest.raises(FileFormatError, match=f"text.obj: line {line}: .*{what}"):
-        read(text)
-
-
-@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999", "1.#QNAN"])
-def test_not_finite(read, word):
-    with pytest.raises(MeshError, match=r"text.obj: line 5: .*not finite"):
-        read(SQUARE + f"v 0 {word} 0\nf 1 2 5\n")
-
-
-def test_faces_without_vertices_and_vertices_without_faces(read):
-    with pytest.raises(FileFormatError, match="not an OBJ file"):
-        read("f 1 2 3\n")
-    with pytest.raises(MeshError, match="no faces"):
-        read(SQUARE)
-
-
-@settings(max_examples=100)
-@given(
-    hnp.arrays(np.float64, (5, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
-    hnp.arrays(np.float64, (4, 2), elements=st.floats(-1e300, 1e300)),
-    hnp.arrays(np.int32, (3, 3), elements=st.integers(0, 3)),
-    st.booleans(),
-    st.booleans(),
-)
-def test_round_trip_is_bit_equal(tmp_path_factory, positions, uvs, faces, with_uvs, with_normals):
-    normals = np.array([[0, 0, 1], [0.6, 0.8, 0], [1 / 3, 2 / 3, 2 / 3], [0, 0, 0]])
-    mesh = Mesh(
-        positions=positions,
-        faces=faces,
-        **({"uvs": uvs, "uv_faces": faces[::-1]} if with_uvs else {}),
-        **({"normals": normals, "normal_faces": faces[:, ::-1]} if with_normals else {}),
-    )
-    path = tmp_path_factory.mktemp("obj") / "mesh.obj"
-    write_mesh(mesh, path)
-    again = read_mesh(path)
-    for field in ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces"):
-        before, after = getattr(mesh, field), getattr(again, field)
-        assert (before is None) == (after is None)
-        assert before is None or before.tobytes() == after.tobytes(), field
 
 
 def test_round_trip_of_groups_and_colors(tmp_path):

@@ -316,35 +316,21 @@ def test_invalid_usd_data_is_an_error(tmp_path, path, image):
         (("2, 5, 4]", "2, 6, 4]"), "a corner is none of its 6 points"),
         (("(1, 1, 0)", "(1, nan, 0)"), "a position is not finite"),
         (("[4, 4]", "[4, 4"), "not a USD file, or damaged"),
+        (("Counts", "\udcffCounts"), "not a USD file, or damaged"),
+        (("(interp", " = [(0, 0)] (interp"), "/world/wall: primvars:st: it has 1 values"),
+        (("(interp", f" = {[(0, 0)] * 9} (interp"), "it has 9 values for 8 corners"),
+        (('(interpolation = "faceVarying")', "= [(0, 0)]\nint[] primvars:st:indices = [7]"),
+         "primvars:st: it has 1 values"),
     ],
-)
+)  # fmt: skip
 def test_inconsistent_files_are_one_clear_line(stage_file, change, message):
-    path = stage_file()
-    path.write_text(path.read_text().replace(*change))
+    path = stage_file('texCoord2f[] primvars:st (interpolation = "faceVarying")')
+    text = path.read_text().replace(*change)
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises((FileFormatError, MeshError), match=re.escape(message)) as error:
         read_mesh(path)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    "values",
-    ["[(0, 0)] (interpolation = \"faceVarying\")",
-     "[(0, 0)] (interpolation = \"constant\")\nint[] primvars:st:indices = [7]"],
-)  # fmt: skip
-def test_primvars_of_the_wrong_length_are_one_clear_line(stage_file, values):
-    with pytest.raises(
-        FileFormatError, match=r"/world/wall: primvars:st: it has 1 values"
-    ) as error:
-        read_usd(stage_file(f"texCoord2f[] primvars:st = {values}"))
-    assert "\n" not in str(error.value)
-
-
-def test_more_values_than_corners_are_one_clear_line(stage_file):
-    values = ", ".join(["(0, 0)"] * 9)
-    body = f'texCoord2f[] primvars:st = [{values}] (interpolation = "faceVarying")'
-    with pytest.raises(FileFormatError, match="it has 9 values for 8 corners"):
-        read_usd(stage_file(body))
 
 
 def test_a_complaint_that_quotes_the_file_is_cut(stage_file):
@@ -353,25 +339,6 @@ def test_a_complaint_that_quotes_the_file_is_cut(stage_file):
     with pytest.raises(FileFormatError) as caught:
         read_usd(path)
     assert len(str(caught.value)) < 400 + len(str(path))
-
-
-def test_text_that_is_not_utf8_is_one_clear_line(stage_file):
-    path = stage_file()
-    path.write_bytes(path.read_bytes().replace(b"faceVertexCounts", b"face\xffCounts"))
-    with pytest.raises(FileFormatError, match="not a USD file, or damaged") as error:
-        read_usd(path)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("content", [b"", b"v 0 0 0\n", bytes(range(256)) * 4, b"PXR-USDC"])
-def test_other_files_are_one_clear_line(tmp_path, suffix, content):
-    path = tmp_path / f"a{suffix}"
-    path.write_bytes(content)
-    with pytest.raises(FileFormatError) as error:
-        read_usd(path)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usdz", ".usda"])
