@@ -13,8 +13,7 @@
            return 0;
        } */
 
-#ifndef TEXBAKE_ARENA_H
-#define TEXBAKE_ARENA_H
+#pragma once
 
 #include <setjmp.h>
 #include <stddef.h>
@@ -51,5 +50,3 @@ void reset_arena(struct arena *arena, arena_mark mark);
         close_arena(arena);                   \
         return OUT_OF_MEMORY;                 \
     }
-
-#endif

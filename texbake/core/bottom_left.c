@@ -10,7 +10,7 @@
 
    Called from texbake/mapping/atlas/packing/bins.py and from order_search.c. */
 
-#include "bottom_left.h"
+#include "packing.h"
 
 #include "core.h"
 #include "numbers.h"

@@ -9,7 +9,7 @@
 
    Called from flatten.c and symmetric_dirichlet.c. */
 
-#include "boundary_meeting.h"
+#include "flattening.h"
 
 #include <math.h>
 #include <stdbool.h>

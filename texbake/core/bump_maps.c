@@ -13,7 +13,6 @@
 #include "core.h"
 #include "fragment_values.h"
 #include "numbers.h"
-#include "unit_normals.h"
 
 /* Write the width of a pixel along the surface, for both axes. */
 EXPORT void measure_pixel_steps(

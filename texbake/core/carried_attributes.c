@@ -9,7 +9,7 @@
 
    Called from quadric_simplification.c. */
 
-#include "carried_attributes.h"
+#include "simplification.h"
 
 #include <math.h>
 #include <string.h>

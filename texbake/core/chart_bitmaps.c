@@ -3,7 +3,7 @@
 
    Called from texbake/mapping/atlas/packing/bitmaps.py and poses.py, and from bottom_left.c. */
 
-#include "chart_bitmaps.h"
+#include "packing.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,8 +1,7 @@
 /* A part of a mesh while it is cut into charts, for other files of the core. A part is here any set
    of faces that is flattened together; it becomes a chart, or is divided into smaller parts. */
 
-#ifndef TEXBAKE_CHART_CUTTING_H
-#define TEXBAKE_CHART_CUTTING_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -108,5 +107,3 @@ bool cut_open(struct cutting *cutting, struct part *part);
 
 /* chart_joining.c: let charts join neighbors. */
 void join_charts(struct cutting *cutting);
-
-#endif

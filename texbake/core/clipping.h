@@ -1,7 +1,6 @@
 /* Clipping triangles, and snapping their corners to the grid of the screen: for the rasterizers. */
 
-#ifndef TEXBAKE_CLIPPING_H
-#define TEXBAKE_CLIPPING_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -33,5 +32,3 @@ static inline void to_clip(const double (*matrix)[4], const double *position, do
 void clip_triangle(
     const double (*positions)[3], const int32_t *corners, const double (*matrix)[4], int64_t width,
     int64_t height, struct clipped_triangle *clipped);
-
-#endif

@@ -4,8 +4,7 @@
    whose products of products lose all their digits on slivers: weights come from the height over the
    first edge, and a triangle with next to no area is treated as its three edges. */
 
-#ifndef TEXBAKE_CLOSEST_ON_TRIANGLE_H
-#define TEXBAKE_CLOSEST_ON_TRIANGLE_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -78,5 +77,3 @@ static inline struct nearness closest_on_triangle(
     }
     return best;
 }
-
-#endif

@@ -10,7 +10,7 @@
 
    Called from quadric_simplification.c. */
 
-#include "collapsible_mesh.h"
+#include "simplification.h"
 
 #include <math.h>
 #include <string.h>

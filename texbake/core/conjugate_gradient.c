@@ -12,7 +12,7 @@
 
    Called from tutte.c and symmetric_dirichlet.c. */
 
-#include "conjugate_gradient.h"
+#include "flattening.h"
 
 #include <math.h>
 

@@ -13,8 +13,7 @@
    A function that needs memory of its own takes it from an arena (arena.h) and returns int64_t,
    OUT_OF_MEMORY if there is none; Python then raises MemoryError. */
 
-#ifndef TEXBAKE_CORE_H
-#define TEXBAKE_CORE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,5 +21,3 @@
 #define EXPORT __attribute__((visibility("default")))
 #define OPTIONAL
 #define OUT_OF_MEMORY INT64_MIN
-
-#endif

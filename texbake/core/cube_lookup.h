@@ -3,8 +3,7 @@
    Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14. Departs from it for directions that
    are zero or not finite, which belong to no face. */
 
-#ifndef TEXBAKE_CUBE_LOOKUP_H
-#define TEXBAKE_CUBE_LOOKUP_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -84,5 +83,3 @@ static inline float interpolate_cube_cell(
     below += cell->along_x * (next[1][channel] - below);
     return above + cell->along_y * (below - above);
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Decimal numbers in text; see decimals.c. */
 
-#ifndef TEXBAKE_DECIMALS_H
-#define TEXBAKE_DECIMALS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -19,5 +18,3 @@ static inline bool is_in_word(uint8_t byte)
    The value is NaN where `read_word` in texbake/mesh/files/decimals.py must read the word. */
 double read_decimal(
     const uint8_t *text, int64_t stop, const uint64_t (*fives)[2], int64_t *at);
-
-#endif

@@ -7,7 +7,7 @@
 
    Called from face_parts.c. */
 
-#include "dial_flood.h"
+#include "parts.h"
 
 enum { N_SLOTS = LONGEST_STEP + 1 };
 

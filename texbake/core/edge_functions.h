@@ -1,7 +1,6 @@
 /* Which face owns a point of a map, for other files of the core: see edge_functions.c. */
 
-#ifndef TEXBAKE_EDGE_FUNCTIONS_H
-#define TEXBAKE_EDGE_FUNCTIONS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -86,5 +85,3 @@ static inline void write_point_weights(
     weights[0] = (double)(px * cy - py * cx) / area;
     weights[1] = (double)(bx * py - by * px) / area;
 }
-
-#endif

@@ -12,8 +12,7 @@
    Trigonometric Functions", SIGNUM Newsletter 18, 1983 (reduction of large arguments); Muller,
    "Elementary Functions", 3rd edition, 2016. The polynomials are Taylor's. */
 
-#ifndef TEXBAKE_ELEMENTARY_H
-#define TEXBAKE_ELEMENTARY_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -535,5 +534,3 @@ static inline double portable_hypot(double x, double y)
     const struct double_double height = exact_product(scale * y, scale * y);
     return dd_root(dd_sum(width, height)).high / scale;
 }
-
-#endif

@@ -12,7 +12,7 @@
 
    Called from part_division.c and texbake/mapping/atlas/cutting/parts.py. */
 
-#include "face_parts.h"
+#include "parts.h"
 
 #include <float.h>
 #include <math.h>
@@ -21,7 +21,6 @@
 
 #include "arena.h"
 #include "core.h"
-#include "dial_flood.h"
 #include "numbers.h"
 
 /* Length of a step between neighbors at the mean distance. It is not a round number, so that the

@@ -16,18 +16,14 @@
 
    Called from part_layout.c and texbake/mapping/atlas/flattening/flatten.py. */
 
-#include "flatten.h"
+#include "flattening.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "arena.h"
-#include "boundary_meeting.h"
 #include "core.h"
 #include "numbers.h"
-#include "planar_overlap.h"
-#include "rigid_regions.h"
-#include "tutte.h"
 
 /* Tolerances of layouts in the circle: rough at first, and close to rounding if that has flips. */
 static const double CIRCLE_TOLERANCES[] = {1e-4, 1e-12};

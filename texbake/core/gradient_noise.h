@@ -1,8 +1,7 @@
 /* Gradient noise at a point, and sums of its octaves. The formulas are in
    texbake/texture/procedures/noise.py. */
 
-#ifndef TEXBAKE_GRADIENT_NOISE_H
-#define TEXBAKE_GRADIENT_NOISE_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -40,5 +39,3 @@ double noise_at(const struct noise_lattice *lattice, double x, double y, double 
 double sum_octaves(
     const struct noise_lattice *lattice, const struct octaves *octaves, const struct point *point,
     double width, double *lost);
-
-#endif

@@ -21,10 +21,9 @@
 #include <string.h>
 
 #include "arena.h"
-#include "chart_bitmaps.h"
-#include "congruential.h"
 #include "core.h"
 #include "numbers.h"
+#include "packing.h"
 
 static const int64_t MOST_WEIGHT = 1 << 14;
 static const int64_t ALL_OVER = 6; /* one in this many moves samples the whole grid */

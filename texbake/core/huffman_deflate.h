@@ -1,7 +1,6 @@
 /* Deflate blocks with Huffman codes of their own, and run lengths as the only repeats. */
 
-#ifndef TEXBAKE_HUFFMAN_DEFLATE_H
-#define TEXBAKE_HUFFMAN_DEFLATE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -24,5 +23,3 @@ void deflate_block(
 
 /* Fill up the last byte: at the end, or with an empty block that more blocks may follow. */
 void end_deflate(struct bit_stream *stream, bool is_last);
-
-#endif

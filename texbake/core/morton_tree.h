@@ -5,8 +5,7 @@
    8 i + 7; and so on up to one root. The levels stand one after another, the lowest first. No links
    are stored. */
 
-#ifndef TEXBAKE_MORTON_TREE_H
-#define TEXBAKE_MORTON_TREE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -18,5 +17,3 @@ typedef double leaf[9][WIDTH];
 
 /* Boxes: least x, y, z, then greatest. Where there is no child, the least exceeds the greatest. */
 typedef float node[6][WIDTH];
-
-#endif

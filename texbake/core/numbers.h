@@ -1,7 +1,6 @@
 /* Arithmetic with the rules of Python, where those of C differ. */
 
-#ifndef TEXBAKE_NUMBERS_H
-#define TEXBAKE_NUMBERS_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -35,5 +34,3 @@ static inline int64_t floor_mod(int64_t a, int64_t b)
     const int64_t remainder = a % b;
     return remainder != 0 && (remainder < 0) != (b < 0) ? remainder + b : remainder;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Objects of a world, whose triangles stand in one list, object after object. */
 
-#ifndef TEXBAKE_OBJECTS_H
-#define TEXBAKE_OBJECTS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -27,5 +26,3 @@ static inline int64_t object_near(
     const bool is_right = starts[guess] <= face && face < starts[guess + 1];
     return is_right ? guess : object_of(face, n_objects, starts);
 }
-
-#endif

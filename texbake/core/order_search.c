@@ -12,10 +12,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "bottom_left.h"
-#include "congruential.h"
 #include "core.h"
 #include "numbers.h"
+#include "packing.h"
 
 enum { HISTORY = 20 };         /* changes after which a score is compared again */
 enum { STEPS_OF_A_SEARCH = 40 }; /* fixed cost of a search for one chart in one orientation */

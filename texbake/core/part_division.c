@@ -10,9 +10,8 @@
 
 #include "chart_cutting.h"
 #include "core.h"
-#include "dial_flood.h"
-#include "face_parts.h"
 #include "numbers.h"
+#include "parts.h"
 #include "union_find.h"
 
 /* Cosine of the angle between two faces, of 40 degrees, above which their edge is a crease. */

@@ -9,9 +9,8 @@
 #include "chart_cutting.h"
 #include "core.h"
 #include "elementary.h"
-#include "flatten.h"
+#include "flattening.h"
 #include "numbers.h"
-#include "planar_overlap.h"
 #include "union_find.h"
 
 /* A layout of which a greater share overlaps itself is useless; less is cut off afterwards. */

@@ -5,7 +5,7 @@
 
    Called from flatten.c, part_layout.c and tutte.c. */
 
-#include "patch_graph.h"
+#include "flattening.h"
 
 #include "arena.h"
 #include "core.h"

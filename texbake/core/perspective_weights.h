@@ -1,7 +1,6 @@
 /* Barycentric weights on the screen, for the shading of fragments and the scanline rasterizer. */
 
-#ifndef TEXBAKE_PERSPECTIVE_WEIGHTS_H
-#define TEXBAKE_PERSPECTIVE_WEIGHTS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -36,5 +35,3 @@ static inline void corner_edges(
         edges[k][2] = b[0] * c[1] - b[1] * c[0] - along_x + along_y;
     }
 }
-
-#endif

@@ -14,7 +14,7 @@
 #include <string.h>
 
 #include "core.h"
-#include "quadric_simplification.h"
+#include "simplification.h"
 
 /* Write which vertices have faces in more than one piece, of `piece` faces each. */
 EXPORT int64_t mark_shared_vertices(

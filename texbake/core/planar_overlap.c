@@ -10,7 +10,7 @@
 
    Called from texbake/mapping/overlap.py and flatten.c. */
 
-#include "planar_overlap.h"
+#include "flattening.h"
 
 #include <float.h>
 #include <math.h>

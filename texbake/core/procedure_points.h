@@ -5,8 +5,7 @@
    Based on: Apodaca and Gritz, "Advanced RenderMan", 2000, chapter 11, for fading detail to its mean
    by the width of the filter. */
 
-#ifndef TEXBAKE_PROCEDURE_POINTS_H
-#define TEXBAKE_PROCEDURE_POINTS_H
+#pragma once
 
 #include <math.h>
 #include <stddef.h>
@@ -83,5 +82,3 @@ static inline double contrast_kept(double cells)
     t = clamp_f64(t, 0.0, 1.0);
     return 1.0 - t * t * (3.0 - 2.0 * t);
 }
-
-#endif

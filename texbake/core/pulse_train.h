@@ -11,8 +11,7 @@
 
    Based on: Apodaca and Gritz, "Advanced RenderMan", 2000, chapter 11 (the filtered pulse train). */
 
-#ifndef TEXBAKE_PULSE_TRAIN_H
-#define TEXBAKE_PULSE_TRAIN_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -70,5 +69,3 @@ static inline double pulse_mean(int64_t pattern, double width, double phase, dou
                         pulse_integral(pattern, width, end - periods);
     return clamp_f64((area - pulse_integral(pattern, width, start)) / span, 0.0, 1.0);
 }
-
-#endif

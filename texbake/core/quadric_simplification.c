@@ -18,7 +18,7 @@
 
    Called from texbake/mesh/decimate.py and piecewise_simplification.c. */
 
-#include "quadric_simplification.h"
+#include "simplification.h"
 
 #include <math.h>
 #include <string.h>

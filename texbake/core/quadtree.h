@@ -1,7 +1,6 @@
 /* Cells of texels and where their samples lie, for other files of the core: see quadtree.c. */
 
-#ifndef TEXBAKE_QUADTREE_H
-#define TEXBAKE_QUADTREE_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -95,5 +94,3 @@ static inline struct sample_spot sample_spot_of(
     }
     return (struct sample_spot){2 * best_x + 1, 2 * best_y + 1};
 }
-
-#endif

@@ -7,8 +7,7 @@
    Based on: Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", Journal of Computer Graphics
    Techniques 2(1), 2013 (here in float64, with exact products where rounding could change a sign). */
 
-#ifndef TEXBAKE_RAY_TRIANGLE_H
-#define TEXBAKE_RAY_TRIANGLE_H
+#pragma once
 
 #include "elementary.h"
 #include "morton_tree.h"
@@ -53,5 +52,3 @@ static inline struct crossing intersect(
     const double distance = (u * pz[0] + v * pz[1] + w * pz[2]) / (total * line->along);
     return (struct crossing){distance, v, w, total};
 }
-
-#endif

@@ -5,7 +5,7 @@
 
    Called from flatten.c, for the preconditioner in conjugate_gradient.c. */
 
-#include "rigid_regions.h"
+#include "flattening.h"
 
 #include <math.h>
 

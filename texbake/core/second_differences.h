@@ -1,7 +1,6 @@
 /* Second differences between texels, for other files of the core: see second_differences.c. */
 
-#ifndef TEXBAKE_SECOND_DIFFERENCES_H
-#define TEXBAKE_SECOND_DIFFERENCES_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -94,5 +93,3 @@ static inline double deviation(
 struct neighbors neighbors_along(const struct texel_samples *samples, int64_t texel, int axis);
 int64_t inner_texel(const struct texel_samples *samples, int64_t texel);
 void write_slopes(const struct texel_samples *samples, int64_t texel, double *slopes);
-
-#endif

@@ -10,7 +10,7 @@
 #include <math.h>
 
 #include "core.h"
-#include "unit_normals.h"
+#include "fragment_values.h"
 
 /* Write the unit normal of each fragment, on the visible side. */
 EXPORT void interpolate_normals(

@@ -1,7 +1,6 @@
 /* Rays against a tree of triangles, one by one: whether a ray is blocked, or how far it goes. */
 
-#ifndef TEXBAKE_SINGLE_RAYS_H
-#define TEXBAKE_SINGLE_RAYS_H
+#pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -32,5 +31,3 @@ bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64
 
 /* Distance of the first hit within the length of the ray; without a hit, the length. */
 double free_length(const struct ray_tree *tree, const struct single_ray *ray);
-
-#endif

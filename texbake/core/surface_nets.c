@@ -9,7 +9,6 @@
 
 #include "arena.h"
 #include "core.h"
-#include "grid_cells.h"
 #include "numbers.h"
 #include "voxel_grid.h"
 

@@ -13,13 +13,11 @@
 
    Called from flatten.c. */
 
-#include "symmetric_dirichlet.h"
+#include "flattening.h"
 
 #include <math.h>
 
 #include "arena.h"
-#include "boundary_meeting.h"
-#include "conjugate_gradient.h"
 #include "core.h"
 #include "elementary.h"
 #include "numbers.h"

@@ -9,8 +9,7 @@
    and bilinear interpolation; the OpenGL 4.6 specification, section 8.14, for the wrap modes. Departs
    from the latter in that the weights are double. */
 
-#ifndef TEXBAKE_TEXTURE_LOOKUP_H
-#define TEXBAKE_TEXTURE_LOOKUP_H
+#pragma once
 
 #include <math.h>
 #include <stdbool.h>
@@ -199,5 +198,3 @@ static inline float interpolate_cell_f32(
     const float below = at.below_left + x * (at.below_right - at.below_left);
     return above + y * (below - above);
 }
-
-#endif

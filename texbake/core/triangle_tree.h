@@ -1,7 +1,6 @@
 /* A tree of boxes around triangles, as `TriangleTree` in texbake/mesh/triangle_tree.py holds it. */
 
-#ifndef TEXBAKE_TRIANGLE_TREE_H
-#define TEXBAKE_TRIANGLE_TREE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -24,5 +23,3 @@ static inline struct vector corner_of(const struct triangle_tree *tree, int64_t 
 {
     return vector_at(tree->positions[tree->faces[face][corner]]);
 }
-
-#endif

@@ -5,13 +5,12 @@
 
    Called from flatten.c. */
 
-#include "tutte.h"
+#include "flattening.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "arena.h"
-#include "conjugate_gradient.h"
 #include "core.h"
 #include "elementary.h"
 #include "numbers.h"

@@ -1,7 +1,6 @@
 /* Union-find with path halving, for other files of the core. */
 
-#ifndef TEXBAKE_UNION_FIND_H
-#define TEXBAKE_UNION_FIND_H
+#pragma once
 
 #include <stdint.h>
 
@@ -36,5 +35,3 @@ static inline int32_t number_labels(int32_t *labels, int64_t n_items)
     }
     return n_labels;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* Vectors of three float64 numbers. */
 
-#ifndef TEXBAKE_VECTORS_H
-#define TEXBAKE_VECTORS_H
+#pragma once
 
 struct vector {
     double x, y, z;
@@ -32,5 +31,3 @@ static inline struct vector weighted(struct vector a, struct vector b, double v,
 {
     return (struct vector){v * a.x + w * b.x, v * a.y + w * b.y, v * a.z + w * b.z};
 }
-
-#endif

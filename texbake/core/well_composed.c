@@ -11,7 +11,6 @@
 
 #include "arena.h"
 #include "core.h"
-#include "grid_cells.h"
 #include "voxel_grid.h"
 
 static const float JUST_SOLID = -0.05f; /* field of a point that is filled */

@@ -22,7 +22,7 @@ _SMOOTHINGS = 1
 # A step within a polygon: less than any other, as `core/chart_cutting.h` has it.
 _WITHIN_POLYGON = -1e-300
 
-# Labels of faces to divide, and of all others, as in `core/dial_flood.h`.
+# Labels of faces to divide, and of all others, as in `core/parts.h`.
 _OPEN, _CLOSED = np.int32(-1), np.int32(-2)
 
 

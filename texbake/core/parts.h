@@ -1,9 +1,10 @@
-/* Faces that get the label of the nearest seed, for other files of the core. */
+/* A mesh divided into connected parts, for the files that share this: each part names its own. */
 
-#ifndef TEXBAKE_DIAL_FLOOD_H
-#define TEXBAKE_DIAL_FLOOD_H
+#pragma once
 
 #include <stdint.h>
+
+/* dial_flood.c */
 
 /* Labels of faces that await a label, and of those that take none; and the distance of faces that
    nothing reaches. */
@@ -35,4 +36,21 @@ void flood_from(
     const struct flood *flood, int64_t n_sources, const int32_t *sources,
     const int32_t *source_labels);
 
-#endif
+/* face_parts.c */
+
+struct arena;
+
+/* Faces, which of them are neighbors (-1: none), and how far each is. */
+struct face_graph {
+    int64_t n_faces;
+    const int32_t (*neighbors)[3];
+    const double (*lengths)[3];
+};
+
+/* Divide faces into parts of about `part_faces`: `labels` comes with OPEN_FACE for the faces to
+   divide and CLOSED_FACE for all others, and gets the part of each open face, from 0 without gaps.
+   Return how many there are. No part crosses from one value of `within` to another; NULL: all have
+   the same. */
+int32_t divide_faces(
+    struct arena *arena, const struct face_graph *graph, const int32_t *within,
+    int64_t part_faces, int32_t *labels);

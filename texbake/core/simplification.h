@@ -1,0 +1,198 @@
+/* Simplification by collapsing edges, for the files that share this: each part names its own.
+
+   Based on: Garland, Heckbert, "Surface simplification using quadric error metrics", 1997. */
+
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "arena.h"
+#include "vectors.h"
+
+/* p A p + 2 b p + c, with a symmetric matrix A. */
+struct quadric {
+    double xx, xy, xz, yy, yz, zz, bx, by, bz, c;
+};
+
+/* Add weight times the squared distance from the plane through a point, with a unit normal. */
+static inline void add_plane(struct quadric *q, struct vector n, struct vector point, double weight)
+{
+    const double d = -dot(n, point);
+    const struct vector scaled = {weight * n.x, weight * n.y, weight * n.z};
+    q->xx += scaled.x * n.x;
+    q->xy += scaled.x * n.y;
+    q->xz += scaled.x * n.z;
+    q->yy += scaled.y * n.y;
+    q->yz += scaled.y * n.z;
+    q->zz += scaled.z * n.z;
+    q->bx += scaled.x * d;
+    q->by += scaled.y * d;
+    q->bz += scaled.z * d;
+    q->c += weight * d * d;
+}
+
+/* Add weight times the squared distance from a point. */
+static inline void add_point(struct quadric *q, struct vector point, double weight)
+{
+    q->xx += weight;
+    q->yy += weight;
+    q->zz += weight;
+    q->bx -= weight * point.x;
+    q->by -= weight * point.y;
+    q->bz -= weight * point.z;
+    q->c += weight * dot(point, point);
+}
+
+static inline struct quadric add_quadrics(const struct quadric *a, const struct quadric *b)
+{
+    return (struct quadric){
+        a->xx + b->xx, a->xy + b->xy, a->xz + b->xz, a->yy + b->yy, a->yz + b->yz,
+        a->zz + b->zz, a->bx + b->bx, a->by + b->by, a->bz + b->bz, a->c + b->c};
+}
+
+static inline struct quadric scaled_quadric(const struct quadric *q, double factor)
+{
+    return (struct quadric){
+        factor * q->xx, factor * q->xy, factor * q->xz, factor * q->yy, factor * q->yz,
+        factor * q->zz, factor * q->bx, factor * q->by, factor * q->bz, factor * q->c};
+}
+
+/* Half the gradient: A p + b. */
+static inline struct vector half_gradient(const struct quadric *q, struct vector p)
+{
+    return (struct vector){
+        q->xx * p.x + q->xy * p.y + q->xz * p.z + q->bx,
+        q->xy * p.x + q->yy * p.y + q->yz * p.z + q->by,
+        q->xz * p.x + q->yz * p.y + q->zz * p.z + q->bz};
+}
+
+static inline double quadric_at(const struct quadric *q, struct vector p)
+{
+    const struct vector b = {q->bx, q->by, q->bz};
+    const double value = dot(half_gradient(q, p), p) + dot(b, p) + q->c;
+    return value > 0.0 ? value : 0.0;
+}
+
+/* The step from a point to the least value; false where there is none to rounding. By Cholesky's
+   factors, without square roots. */
+static inline bool step_to_least(const struct quadric *q, struct vector from, struct vector *step)
+{
+    const struct vector g = half_gradient(q, from);
+    const double least = 1e-14 * (q->xx + q->yy + q->zz);
+    if (!(q->xx > least))
+        return false;
+    const double l1 = q->xy / q->xx, l2 = q->xz / q->xx;
+    const double d1 = q->yy - l1 * q->xy, e = q->yz - l2 * q->xy;
+    if (!(d1 > least))
+        return false;
+    const double l3 = e / d1, d2 = q->zz - l2 * q->xz - l3 * e;
+    if (!(d2 > least))
+        return false;
+    const double y = g.y - l1 * g.x, z = (g.z - l2 * g.x - l3 * y) / d2;
+    const double y2 = y / d1 - l3 * z;
+    *step = (struct vector){-(g.x / q->xx - l1 * y2 - l2 * z), -y2, -z};
+    return true;
+}
+
+/* collapsible_mesh.c */
+
+/* Vertices with more corners than this stay: looking at them takes the square of it. */
+enum { MOST_CORNERS = 512 };
+
+/* What the faces around a vertex are: a ring, a fan that ends at two edges, or anything else. */
+enum vertex_kind { INTERIOR, BOUNDARY, COMPLEX };
+
+/* A vertex is a place. A wedge is what corners at a place share: a mesh with seams has several at
+   some vertices, and one without has as many wedges as vertices. Corner 3 f + k is that of face f. */
+struct collapsible_mesh {
+    int64_t n_vertices, n_faces, n_left;
+    double (*points)[3];
+    int32_t (*faces)[3];   /* the vertices of a face that is gone are -1 */
+    int32_t (*wedges)[3];
+    int32_t *next_corners; /* of the same vertex, -1 behind the last */
+    int32_t *first_corners;
+    uint8_t *kinds;
+    bool is_mixed; /* some neighboring faces face opposite sides */
+    bool *is_fixed;  /* stays, and where it is */
+    bool *is_shared; /* used by faces beyond this mesh; such vertices get no new edge between them */
+    double least_cosine; /* between the normals of a face before and after */
+    /* Scratch: */
+    int32_t *marks, mark;
+    int32_t *corners_u, *corners_v;
+};
+
+/* The vertex of a corner, -1 in a face that is gone. */
+static inline int32_t vertex_at_corner(const struct collapsible_mesh *mesh, int32_t corner)
+{
+    const int32_t *vertices = mesh->faces[0];
+    return vertices[corner];
+}
+
+/* The vertex one or two corners on in the face of a corner. */
+static inline int32_t vertex_after(const struct collapsible_mesh *mesh, int32_t corner, int step)
+{
+    const int k = corner % 3;
+    return vertex_at_corner(mesh, corner + (step == 1 ? (k == 2 ? -2 : 1) : (k == 0 ? 2 : -1)));
+}
+
+/* A collapse that has been looked at: how many faces have the edge, and the wedges that become
+   others. */
+struct collapse {
+    int n_faces;
+    int32_t wedges_u[2], wedges_v[2];
+};
+
+void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh);
+int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *corners);
+bool can_collapse(
+    struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
+    struct collapse *collapse);
+void collapse_edge(
+    struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
+    const struct collapse *collapse);
+
+/* carried_attributes.c */
+
+/* Values of wedges. Wedges at one place that have a row in common share its value. */
+struct attribute {
+    int n_components;         /* 0 for a mesh without this attribute */
+    const int32_t *row_of;    /* of each wedge */
+    double *values;           /* of each row */
+    bool is_unit;             /* of length 1 */
+};
+
+struct carried_attributes {
+    struct attribute uvs, normals;
+};
+
+bool carry_attributes(
+    struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u, int32_t v,
+    struct vector place, const struct collapse *collapse);
+
+/* quadric_simplification.c */
+
+struct waiting {
+    double cost;
+    int32_t vertex;
+};
+
+struct simplification {
+    struct collapsible_mesh mesh;
+    struct carried_attributes attributes;
+    bool moves; /* vertices go to the place of least error, else one end of the edge stays */
+    uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
+    struct quadric *quadrics;
+    struct quadric *so_far; /* of each vertex when the errors began anew; NULL if they never do */
+    double *errors; /* of each vertex where it is */
+    int32_t *targets; /* of each vertex's cheapest collapse, -1 for none */
+    struct waiting *heap; /* of the vertices, by the cost of those */
+    int64_t n_heap;
+    bool *is_waiting; /* in the heap */
+    bool *is_stale;   /* something around it has changed since its collapse was chosen */
+    int32_t *around;  /* scratch */
+};
+
+void begin_simplification(struct arena *arena, struct simplification *s, bool lock_boundary);
+bool collapse_cheapest(
+    struct simplification *s, int32_t *u, double *cost, struct collapse *collapse);
