@@ -8,10 +8,9 @@ import numpy.typing as npt
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.parallel import run_bands
-from texbake.rendering.displaced import BaseSurface, Displaced, displaced, texel_lengths
+from texbake.rendering.displaced import BaseSurface, Displaced, Places, displaced, texel_lengths
 from texbake.rendering.effects.images import wrap_of
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.tessellation import Places
 from texbake.texture.lookup import lookup, texel_coordinates
 
 # Lookups a band.

@@ -10,7 +10,7 @@ from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effects.projectors import load_cookie, sample_projection
+from texbake.rendering.effects.projectors import load_cookie, project_onto
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, ProjectedTexture
@@ -195,9 +195,9 @@ def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -
     image = load_cookie(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="cookie")
     points = np.array([[2.0, 3.0, 1.0], [1e300, -1e300, 0.0], [0.0, 0.0, 0.0]])
     steps = np.full((3, 2, 3), np.inf)
-    values, coverage = sample_projection(image, SLANTED, points, steps)
-    assert np.isfinite(values).all() and np.isfinite(coverage).all()
-    assert coverage[0] == 0.0
+    found = project_onto(SLANTED, points, steps, image.filter)
+    assert np.isfinite(found.values(image)).all() and np.isfinite(found.coverage).all()
+    assert found.coverage[0] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mesh.shapes import icosphere, plane
-from texbake.rendering.tessellation import MOST_CUTS, cut, edges_to_cut, undivided_triangles
+from texbake.rendering.displaced import MOST_CUTS, cut, edges_to_cut, undivided_triangles
 
 
 def start(mesh):

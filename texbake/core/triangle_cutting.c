@@ -3,9 +3,9 @@
    An edge is cut for both of its triangles, and a triangle with a cut edge has its longest edge cut
    as well, so that pieces do not become thin.
 
-   Based on: the sources given in texbake/rendering/tessellation.py.
+   Based on: the sources given in texbake/rendering/displaced.py.
 
-   Called from texbake/rendering/tessellation.py. */
+   Called from texbake/rendering/displaced.py. */
 
 #include "core.h"
 

@@ -22,7 +22,7 @@ from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.effects.ambient import add_ambient
 from texbake.rendering.effects.lights import PlacedLight, arriving_light, placed_light
-from texbake.rendering.effects.projectors import LightCookie, cookie_colors, cookie_of
+from texbake.rendering.effects.projectors import LightCookie
 from texbake.rendering.effects.shading_models import add_lambert
 from texbake.rendering.fragments import Floats
 from texbake.rendering.rasterize import join_objects
@@ -50,7 +50,9 @@ class StaticLight:
         self._lights = [light for light in scene.lighting.lights if is_static(light)]
         self._placed = [placed_light(light) for light in self._lights]
         self._cookies: list[LightCookie | None] = [
-            cookie_of(light, at) if light.kind == "spot" and light.profile is not None else None
+            LightCookie.of(light, at)
+            if light.kind == "spot" and light.profile is not None
+            else None
             for light, at in zip(self._lights, self._placed, strict=True)
         ]
         self._ambient = scene.lighting.ambient
@@ -85,7 +87,7 @@ class StaticLight:
         for light, at, cookie in zip(self._lights, self._placed, self._cookies, strict=True):
             arrived = arriving_light(at, points, normals)
             if cookie is not None:
-                arrived.radiance = arrived.radiance * cookie_colors(cookie, points)
+                arrived.radiance = arrived.radiance * cookie.colors(points)
             if receives and light.shadow is not None and self._scene is not None:
                 facing = pm.vecdot(normals, np.broadcast_to(arrived.directions, out.shape))
                 dark = (facing <= 0.0) | ~arrived.radiance.any(axis=1)

@@ -108,7 +108,17 @@ class Camera:
 
         The radius of a mesh without extent is 1.
         """
-        return _bounding_sphere(meshes)
+        clouds = [used_positions(mesh) for mesh in meshes]
+        low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+        high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+        center = 0.5 * low + 0.5 * high
+        squared = 0.0
+        for cloud in clouds:
+            offsets = cloud - center
+            squared = max(squared, float(pm.vecdot(offsets, offsets).max()))
+        if not math.isfinite(squared):
+            raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
+        return center, math.sqrt(squared) if squared > 0.0 else 1.0
 
     def clip_from_world(self, aspect: float) -> FloatArray:
         """(4, 4) float64: matrix from world to clip space; `aspect` is width / height."""
@@ -178,21 +188,6 @@ def _unit(vector: FloatArray) -> FloatArray | None:
         return None
     scaled = vector / largest
     return np.asarray(scaled / pm.norm(scaled))
-
-
-def _bounding_sphere(meshes: tuple[Mesh, ...]) -> tuple[FloatArray, float]:
-    """Center and radius of a bounding sphere of the positions that faces use."""
-    clouds = [used_positions(mesh) for mesh in meshes]
-    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
-    center = 0.5 * low + 0.5 * high
-    squared = 0.0
-    for cloud in clouds:
-        offsets = cloud - center
-        squared = max(squared, float(pm.vecdot(offsets, offsets).max()))
-    if not math.isfinite(squared):
-        raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
-    return center, math.sqrt(squared) if squared > 0.0 else 1.0
 
 
 def used_positions(mesh: Mesh) -> FloatArray:

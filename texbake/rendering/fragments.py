@@ -227,6 +227,37 @@ class Fragments:
     # (n or 1,): unoccluded share of ambient and environment light
     ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
 
+    @classmethod
+    def on(
+        cls,
+        target: int,
+        drawn: DrawnObject,
+        faces: IntArray,
+        weights: FloatArray,
+        changes: Floats,
+        **others: Any,
+    ) -> Fragments:
+        """Return fragments on drawn triangles; without `others` they lie in no pixel."""
+        n = len(faces)
+        base_faces, base_weights, base_changes = drawn.on_base(faces, weights, changes)
+        nowhere = {
+            "places": np.zeros((n, 2), np.float32),
+            "pixels": np.zeros(n, np.int32),
+            "counts": np.ones(n, np.float32),
+            "back_facing": np.zeros(n, np.bool_),
+        }
+        return cls(
+            target=target,
+            drawn=drawn,
+            drawn_faces=faces,
+            drawn_weights=weights,
+            faces=base_faces,
+            weights=base_weights,
+            changes=base_changes,
+            light=np.zeros((n, 3), np.float32),
+            **nowhere | others,
+        )
+
     def __len__(self) -> int:
         return len(self.faces)
 
@@ -242,6 +273,12 @@ class Fragments:
         """Values of the material's slots."""
         assert self.slots is not None
         return self.slots
+
+
+def three_weights(weights: FloatArray) -> Floats:
+    """(n, 3) float32: weights of all corners, from those of the second and third."""
+    second, third = weights.T
+    return np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
 
 
 def one_row(value: float | tuple[float, ...], channels: int) -> Floats:

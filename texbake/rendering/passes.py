@@ -185,18 +185,14 @@ def _fragments_of(
         columns, rows = (places.T * np.float32(options.supersampling)).astype(np.int64)
         weights = stepped[rows, columns]
     own = faces - np.int32(world.starts[target])
-    base_faces, base_weights, base_changes = drawn.on_base(own, weights, changes)
-    return Fragments(
-        target=target,
-        drawn=drawn,
-        drawn_faces=own,
-        drawn_weights=weights,
-        faces=base_faces,
-        weights=base_weights,
-        changes=base_changes,
+    return Fragments.on(
+        target,
+        drawn,
+        own,
+        weights,
+        changes,
         places=places,
         pixels=found.pixels[span],
         counts=found.counts[span],
         back_facing=back_facing,
-        light=np.zeros((len(faces), 3), np.float32),
     )

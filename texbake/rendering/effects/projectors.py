@@ -5,9 +5,12 @@ along the light's `up`. It multiplies the light. In a rectangular gate its longe
 angle of the light, and its border is that of the light; in a round gate its shorter side fills the
 cone.
 Projected textures are blended over the base color one after another, by their own opacity times
-their strength. Other surfaces block them only with `occlusion`; see
-`texbake.rendering.effects.projected_visibility`. Nothing is projected behind a projector or outside
-the unit square of its picture.
+their strength. Nothing is projected behind a projector or outside the unit square of its picture.
+With `facing`, a point gets the picture only if the projector and the camera are on the same side of
+its triangle's plane, whichever way the triangle is wound. With `occlusion`, the scene is rasterized
+from the projector, as for the shadow map of a light, and a point gets the share of the picture that
+nothing hides. The projector stands where s, t and q are all 0; its clip space is (2s - q, 2t - q,
+z, q) with a constant z, so that z/w falls with the distance.
 
 A projector's matrix maps a point P in world space to s, t and q, each linear in P; the picture is
 looked up at (s/q, t/q). From one pixel to the next P moves by dP in the plane of its triangle, and
@@ -39,17 +42,12 @@ from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, reaches_any
-from texbake.rendering.effects.projected_visibility import (
-    ProjectorView,
-    facing_projector,
-    projector_view,
-    visibility_from,
-)
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight
+from texbake.rendering.effects.shadows import ShadowMap, render_shadow_map, shadowed_radiance
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Deferred, Result
-from texbake.rendering.scene.lights import Light
+from texbake.rendering.scene.lights import Light, Shadow
 from texbake.rendering.scene.material import ProjectedTexture
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
 from texbake.rendering.scene.transforms import projector_matrix, projector_position
@@ -85,20 +83,6 @@ def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
     return steps
 
 
-def sample_projection(
-    image: LoadedImage, matrix: FloatArray, points: FloatArray, steps: FloatArray | None = None
-) -> tuple[Floats, Floats]:
-    """Look up a projected picture at points.
-
-    `matrix` (4, 4) float64: transforms world space to (s, t, r, q); `points` (n, 3) float64: world
-    space; `steps` (n, 2, 3) float64. Returns `values` (n, C) float32: undefined where the coverage
-    is 0; `coverage` (n,) float32: share of the pixel inside the unit square; 0 behind the projector
-    (q <= 0). Without steps it is 0 or 1.
-    """
-    found = project_onto(matrix, points, steps, image.filter)
-    return found.values(image), found.coverage
-
-
 @dataclass(frozen=True, eq=False)
 class ProjectedPoints:
     """Where points lie on a projected picture.
@@ -119,7 +103,12 @@ class ProjectedPoints:
 def project_onto(
     matrix: FloatArray, points: FloatArray, steps: FloatArray | None, filter_name: str
 ) -> ProjectedPoints:
-    """Project points onto a picture with this filter; see `sample_projection`."""
+    """Project points onto a picture with this filter.
+
+    `matrix` (4, 4) transforms world space to (s, t, r, q), `points` (n, 3) are in world space, and
+    `steps` (n, 2, 3) are as in `pixel_steps`. The coverage is 0 behind the projector (q <= 0), and
+    0 or 1 without steps.
+    """
     n = len(points)
     has_footprint = filter_name in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)
@@ -129,14 +118,6 @@ def project_onto(
         np.ascontiguousarray(matrix, np.float64), places, changes, coverage,
     )  # fmt: skip
     return ProjectedPoints(places, changes if has_footprint else None, coverage)
-
-
-@dataclass(frozen=True, eq=False)
-class LightCookie:
-    """The picture in a spot light; `matrix` (4, 4) transforms world space to (s, t, r, q)."""
-
-    image: LoadedImage
-    matrix: FloatArray
 
 
 def _cookie_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
@@ -166,11 +147,22 @@ def _image_of(light: Light, filter_name: str, threads: int | None) -> LoadedImag
     return load_cookie(light.profile, pixels, filter_name=filter_name, name=name, threads=threads)
 
 
-def cookie_of(light: Light, placed: PlacedLight, image: LoadedImage | None = None) -> LightCookie:
-    """Return the cookie of a placed spot light; reads its image unless `image` is given."""
-    if image is None:
-        image = _image_of(light, "bilinear", None)
-    return LightCookie(image, cookie_matrix(light, placed))
+@dataclass(frozen=True, eq=False)
+class LightCookie:
+    """The picture in a spot light; `matrix` (4, 4) transforms world space to (s, t, r, q)."""
+
+    image: LoadedImage
+    matrix: FloatArray
+
+    @classmethod
+    def of(cls, light: Light, placed: PlacedLight) -> LightCookie:
+        """Read the cookie of a placed spot light."""
+        return cls(_image_of(light, "bilinear", None), cookie_matrix(light, placed))
+
+    def colors(self, points: FloatArray) -> Floats:
+        """(n, 3) float32: factor of the light at points."""
+        found = project_onto(self.matrix, points, None, self.image.filter)
+        return found.values(self.image) * found.coverage[:, None]
 
 
 def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
@@ -186,12 +178,6 @@ def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
         fov=fov,
         aspect=width / height,
     )
-
-
-def cookie_colors(cookie: LightCookie, points: FloatArray) -> Floats:
-    """(n, 3) float32: factor of the light at points."""
-    colors, coverage = sample_projection(cookie.image, cookie.matrix, points)
-    return colors * coverage[:, None]
 
 
 def _place_cookie(state: RenderState, target: int) -> FloatArray:
@@ -241,7 +227,11 @@ LIGHT_PROFILES = Effect(
 )
 
 
-ProjectorViews = list[Deferred[ProjectorView] | None]
+# Near plane relative to the depth of the farthest caster. Reversed depth keeps its precision.
+_NEAR = 2.0**-20
+# For each picture what its projector sees, None where nothing is in it to hide anything; None
+# without `occlusion`.
+ProjectorViews = list[Deferred[ShadowMap | None] | None]
 
 
 def _load_projected(state: RenderState, target: int) -> list[Deferred[LoadedImage]]:
@@ -283,10 +273,45 @@ def _view_from_projectors(state: RenderState, target: int) -> ProjectorViews:
     ]
 
 
-def _view_from(state: RenderState, item: ProjectedTexture) -> ProjectorView:
-    view = projector_view(state, item)
+def _view_from(state: RenderState, item: ProjectedTexture) -> ShadowMap | None:
+    """Rasterize the objects that cast shadows from the position of a projector."""
+    matrix = item.world_matrix
+    casters = [i for i, each in enumerate(state.scene.objects) if each.casts_shadows]
+    depths = [pm.matmul(state.drawn(i).positions, matrix[3, :3]) + matrix[3, 3] for i in casters]
+    farthest = max((float(depth.max()) for depth in depths if len(depth)), default=0.0)
+    if not farthest > 0.0:
+        return None
+    s, t, q = matrix[0], matrix[1], matrix[3]
+    clip = np.stack([2.0 * s - q, 2.0 * t - q, [0.0, 0.0, 0.0, _NEAR * farthest], q])
+    shadow = Shadow()
+    shape = (shadow.size, shadow.size)
+    position = np.ascontiguousarray(projector_position(matrix))
+    view = render_shadow_map(
+        state, clip[None], shape, casters, radius=shadow.filter_radius, position=position
+    )
     state.costs.add("projected textures", 0.0, view.n_bytes)
     return view
+
+
+def _visibility_from(fragments: Fragments, state: RenderState, view: ShadowMap) -> Floats:
+    """(n,) float32: share of the picture that reaches fragments."""
+    assert view.position is not None
+    offsets = view.position - fragments.positions
+    lengths = pm.norm(offsets, axis=1, keepdims=True)
+    toward: Floats = (offsets / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
+    # The direction to the projector stands for the normal: facing is a question of its own.
+    incident = IncidentLight(directions=toward, radiance=one_row((1.0, 1.0, 1.0), 3))
+    found = shadowed_radiance(view, state.world, fragments, toward, incident)
+    return np.ascontiguousarray(found[:, 0])
+
+
+def _faces_projector(fragments: Fragments, state: RenderState, position: FloatArray) -> Floats:
+    """(n,) float32: 1 where the camera sees the side that faces a position, else 0."""
+    drawn = fragments.drawn
+    a, b, c = np.moveaxis(drawn.positions[drawn.faces[fragments.drawn_faces]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    to_eye, to_projector = (pm.vecdot(normals, place - a) for place in (state.camera.eye, position))
+    return np.asarray(to_eye * to_projector > 0.0, np.float32)
 
 
 def _project(fragments: Fragments, state: RenderState) -> None:
@@ -303,9 +328,10 @@ def _project(fragments: Fragments, state: RenderState) -> None:
         found = project_onto(matrix, fragments.positions, steps, name)
         coverage = found.coverage
         if item.facing:
-            coverage *= facing_projector(fragments, state, projector_position(matrix))
-        if view is not None and coverage.any():
-            coverage *= visibility_from(fragments, state, view.get())
+            coverage *= _faces_projector(fragments, state, projector_position(matrix))
+        seen = view.get() if view is not None and coverage.any() else None
+        if seen is not None:
+            coverage *= _visibility_from(fragments, state, seen)
         if not coverage.any():
             continue
         values = found.values(picture.get())

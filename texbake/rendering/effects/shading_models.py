@@ -41,7 +41,7 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.lights import incident
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight
+from texbake.rendering.fragments import Floats, Fragments, IncidentLight, three_weights
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 
@@ -203,23 +203,11 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
     # A corner is not a pixel, so that textures are looked up at their finest level.
     wanted = state.plan.has("derivatives", target)
     changes = np.zeros((n if wanted else 0, 4), np.float32)
-    base_faces, base_weights, base_changes = drawn.on_base(faces, weights, changes)
     first, second, third = np.moveaxis(drawn.positions[drawn.faces[faces]], 1, 0)
     normals = np.cross(second - first, third - first)
     away = pm.vecdot(normals, state.camera.eye - first) < 0.0
-    return Fragments(
-        target=target,
-        drawn=drawn,
-        drawn_faces=faces,
-        drawn_weights=weights,
-        faces=base_faces,
-        weights=base_weights,
-        changes=base_changes,
-        places=np.zeros((n, 2), np.float32),
-        pixels=np.zeros(n, np.int32),
-        counts=np.ones(n, np.float32),
-        back_facing=np.ascontiguousarray(away),
-        light=np.zeros((n, 3), np.float32),
+    return Fragments.on(
+        target, drawn, faces, weights, changes, back_facing=np.ascontiguousarray(away)
     )
 
 
@@ -231,8 +219,7 @@ def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
 
 def _interpolate(fragments: Fragments, state: RenderState) -> None:
     corners = state.of(CORNER_LIGHT, fragments.target)
-    second, third = fragments.drawn_weights.T
-    weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
+    weights = three_weights(fragments.drawn_weights)
     own, reflected = (
         pm.vecmat(weights, values[fragments.drawn_faces])
         for values in (corners.own, corners.reflected)

@@ -37,7 +37,7 @@ Kernel: `core/shadow_maps.c`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +46,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, placed_light
+from texbake.rendering.effects.lights import PLACED_LIGHTS, placed_light
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,
@@ -74,6 +74,7 @@ class ShadowMap:
     depths: npt.NDArray[np.float32]
     face_ids: IntArray  # (V, H, W): triangle of the world; -1 where the texel is empty
     radius: float  # filter radius in texels
+    position: FloatArray | None  # of the light; None for a directional one
 
     @property
     def n_bytes(self) -> int:
@@ -81,26 +82,44 @@ class ShadowMap:
         return self.depths.nbytes + self.face_ids.nbytes
 
 
-def shadowed_radiance(
-    shadow: ShadowMap,
-    light: PlacedLight,
-    world: World,
-    points: FloatArray,
-    normals: Floats,
-    faces: IntArray,
-    incident: IncidentLight,
+def render_shadow_map(
+    state: RenderState,
+    views: FloatArray,
+    shape: tuple[int, int],
+    casters: Sequence[int],
     *,
-    own: tuple[int, int],
-) -> Floats:
-    """(n, 3) float32: light of one lamp that arrives at points, with shadows.
+    radius: float,
+    position: FloatArray | None,
+) -> ShadowMap:
+    """Rasterize objects from a light, with `shape` rows and columns in each view."""
+    modes = np.full(len(state.scene.objects), SKIP, np.uint8)
+    modes[list(casters)] = SHOW_BACK
+    found = [
+        rasterize(state.world, view, shape[1], shape[0], modes=modes, threads=state.threads)
+        for view in views
+    ]
+    return ShadowMap(
+        views=views,
+        inverses=np.ascontiguousarray(pm.inv(views)),
+        depths=np.stack([item.depths for item in found]),
+        face_ids=np.stack([item.face_ids for item in found]),
+        radius=radius,
+        position=position,
+    )
 
-    `points`, `normals` (n, 3); `faces` (n,) int32: triangle of the world that each point lies on.
-    """
-    out = np.empty((len(points), 3), np.float32)
+
+def shadowed_radiance(
+    shadow: ShadowMap, world: World, fragments: Fragments, normals: Floats, incident: IncidentLight
+) -> Floats:
+    """(n, 3) float32: light of one lamp that arrives at fragments, with shadows."""
+    out = np.empty((len(fragments), 3), np.float32)
+    first, stop = world.starts[fragments.target : fragments.target + 2].tolist()
+    is_point = shadow.position is not None
     core.dim_by_shadow(
-        points, normals, faces, *own, world.positions, world.faces, shadow.views, shadow.depths,
-        shadow.face_ids, shadow.inverses, light.kind != "directional", light.position,
-        shadow.radius, incident.directions, incident.radiance, out,
+        fragments.positions, normals, fragments.drawn_faces + np.int32(first), first, stop,
+        world.positions, world.faces, shadow.views, shadow.depths, shadow.face_ids,
+        shadow.inverses, is_point, shadow.position if is_point else np.zeros(3), shadow.radius,
+        incident.directions, incident.radiance, out,
     )  # fmt: skip
     return out
 
@@ -164,39 +183,22 @@ def _prepare(state: RenderState, target: int) -> ShadowMap | None:
         views, shape = view[0][None], view[1]
     else:
         views = perspective_views(light, placed, list(boxes.values()))
-    modes = np.full(len(state.scene.objects), SKIP, np.uint8)
-    modes[casters] = SHOW_BACK
-    found = [
-        rasterize(state.world, matrix, shape[1], shape[0], modes=modes, threads=state.threads)
-        for matrix in views
-    ]
-    return ShadowMap(
-        views=views,
-        inverses=np.ascontiguousarray(pm.inv(views)),
-        depths=np.stack([item.depths for item in found]),
-        face_ids=np.stack([item.face_ids for item in found]),
+    return render_shadow_map(
+        state,
+        views,
+        shape,
+        casters,
         radius=light.shadow.filter_radius,
+        position=None if light.kind == "directional" else placed.position,
     )
 
 
 def _dim(fragments: Fragments, state: RenderState, index: int, incident: IncidentLight) -> None:
-    if not state.plan.has("shadows", fragments.target):
-        return
     shadow = state.get(LIGHT_SHADOWS, index)
-    if shadow is None:
-        return
-    light = state.of(PLACED_LIGHTS, index)
-    first, stop = state.world.starts[fragments.target : fragments.target + 2]
-    incident.radiance = shadowed_radiance(
-        shadow,
-        light,
-        state.world,
-        fragments.positions,
-        fragments.normals,
-        fragments.drawn_faces + np.int32(first),
-        incident,
-        own=(int(first), int(stop)),
-    )
+    if shadow is not None and state.plan.has("shadows", fragments.target):
+        incident.radiance = shadowed_radiance(
+            shadow, state.world, fragments, fragments.normals, incident
+        )
 
 
 def _receivers(request: RenderRequest) -> Iterator[Activation]:

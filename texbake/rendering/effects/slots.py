@@ -18,7 +18,7 @@ from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up, without_textures
 from texbake.rendering.effects.points import coordinates_effect
-from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row
+from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row, three_weights
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, VolumeTexture
 from texbake.texture.lookup import ramp_lookup, volume_lookup
@@ -119,8 +119,7 @@ def vertex_colors(fragments: Fragments) -> Floats:
     mesh = fragments.drawn.mesh
     assert mesh.colors is not None
     corners = mesh.colors[mesh.faces[fragments.faces]]
-    second, third = fragments.weights.T
-    weights = np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
+    weights = three_weights(fragments.weights)
     return np.asarray(pm.vecmat(weights, corners), np.float32)
 
 

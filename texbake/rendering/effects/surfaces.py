@@ -25,7 +25,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
-from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, displaced
+from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, Places, displaced
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
 from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
@@ -42,7 +42,6 @@ from texbake.rendering.scene.textures import (
     ProcedureTexture,
     uv_set_of,
 )
-from texbake.rendering.tessellation import Places
 
 
 def _placing_reasons(request: RenderRequest, index: int) -> Iterator[str]:
@@ -282,23 +281,10 @@ def _values_at(
             return _from_tangent_space(relief.frames, faces, weights, values)
         return values.astype(np.float64)
     assert isinstance(texture, ProcedureTexture)
-    n = len(faces)
-    fragments = Fragments(
-        target=target,
-        drawn=relief.drawn,
-        drawn_faces=faces,
-        drawn_weights=weights,
-        faces=faces,
-        weights=weights,
-        changes=changes,
-        places=np.empty((n, 2), np.float32),
-        pixels=np.empty(n, np.int32),
-        counts=np.empty(n, np.float32),
-        back_facing=np.zeros(n, np.bool_),
-        uvs=uvs,
-        uv_changes=uv_changes,
-        further_uvs={} if uv_set is None or uvs is None else {uv_set: (uvs, uv_changes)},
-    )
+    fragments = Fragments.on(target, relief.drawn, faces, weights, changes)
+    fragments.uvs, fragments.uv_changes = uvs, uv_changes
+    if uv_set is not None and uvs is not None:
+        fragments.further_uvs = {uv_set: (uvs, uv_changes)}
     return _heights(relief.holder, procedure_values(fragments, texture, 1).astype(np.float64))
 
 
