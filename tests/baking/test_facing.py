@@ -81,10 +81,3 @@ def test_parts_are_turned_over_one_by_one():
     for one, other in zip(right.targets.values(), wrong.targets.values(), strict=True):
         np.testing.assert_allclose(values(other)["normal"], values(one)["normal"], atol=2e-6)
     assert any("flipped" in warning for warning in wrong.report.warnings)
-
-
-def test_any_number_of_threads():
-    high, low = flipped(dented()), uv_sphere(8, 12)
-    one, many = (bake(high, low, replace(OPTIONS, threads=n)) for n in (1, 7))
-    for name, expected in values(one).items():
-        assert values(many)[name].tobytes() == expected.tobytes(), name

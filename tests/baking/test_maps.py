@@ -1,18 +1,15 @@
 """Each map without secondary rays against closed forms and exact counts."""
 
-import pickle
 from dataclasses import fields
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.codings import id_colors
-from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import MAP_NAMES, MAPS, MATERIAL_MAPS
+from texbake.baking.maps import MAP_NAMES, MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.materials import (
@@ -24,8 +21,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
-from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE, ID, POSITION_MAX, POSITION_MIN, SPACE
-from texbake.raycast.rays import NO_HIT
+from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE
 from texbake.texture.encoding import decode_heights
 from texbake.texture.image import read_image, write_image
 
@@ -45,24 +41,6 @@ def halves(**fields_):
     centers = mesh.positions[mesh.faces].mean(axis=1)
     groups = (centers[:, 0] > 0.5).astype(np.int32)
     return mesh.replace(face_groups=groups, group_names=("left", "right"), **fields_)
-
-
-def test_every_map_is_listed_under_its_name():
-    assert tuple(MAPS) == MAP_NAMES
-    assert all(kind.name == name for name, kind in MAPS.items())
-    assert {kind.combine for kind in MAPS.values()} == {"mean", "unit mean", "first"}
-
-
-def test_a_result_is_the_same_after_pickling():
-    high = halves(colors=np.full((81, 3), 0.25))
-    maps = [name for name in MAP_NAMES if name not in MATERIAL_MAPS]
-    options = BakeOptions(size=8, maps=tuple(maps), secondary_rays=4, keep_hits=True)
-    result = bake(high, plane(), options)
-    again = pickle.loads(pickle.dumps(result))
-    assert list(again.maps) == maps
-    for name, found in again.maps.items():
-        assert found.kind == MAPS[name]
-        np.testing.assert_array_equal(found.values, result.maps[name].values)
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)
@@ -112,40 +90,6 @@ def test_positions_on_a_sphere_have_its_radius():
     assert lengths.max() <= 1.0 + 2e-7  # float32
     assert lengths.min() >= 1.0 - sag - 2e-7
     assert result.has_data.sum() > 10_000
-
-
-def test_world_positions_are_positions_with_their_own_space(tmp_path):
-    maps = baked(halves(), "position", "world-position")
-    assert np.array_equal(maps["position"].values, maps["world-position"].values)
-    assert maps["position"].write(tmp_path / "p.exr").metadata[SPACE] == "object"
-    assert maps["world-position"].write(tmp_path / "w.exr").metadata[SPACE] == "world"
-
-
-@pytest.mark.parametrize("bits", [8, 16])
-def test_positions_decode_within_half_a_step_of_their_box(tmp_path, bits):
-    high = plane(9, 9, lambda x, y: -3.0 + x * y)
-    low = plane().replace(positions=plane().positions - [0.0, 0.0, 2.5])
-    position = baked(high, "position", low=low)["position"]
-    written = position.write(tmp_path / "p.png", bits=bits)
-    least, greatest = (
-        np.array([float(word) for word in written.metadata[key].split()])
-        for key in (POSITION_MIN, POSITION_MAX)
-    )
-    assert least.tolist() == [0.0, 0.0, -3.0]
-    assert greatest.tolist() == [1.0, 1.0, -2.0]
-    stored = read_image(tmp_path / "p.png", color=False)
-    assert stored.metadata == written.metadata
-    decoded = least + stored.pixels * (greatest - least)
-    half_step = (greatest - least) / (2**bits - 1) / 2
-    # 2e-7: float32 of values of about 3.
-    assert (np.abs(decoded - position.values) <= half_step + 2e-7).all()
-
-
-def test_a_float_file_holds_plain_positions(tmp_path):
-    position = baked(plane(3, 3), "position")["position"]
-    assert position.write(tmp_path / "p.exr").bits == 32
-    stored = read_image(tmp_path / "p.exr", color=False)
-    assert np.array_equal(stored.pixels, position.values)
 
 
 # Curvature
@@ -210,49 +154,6 @@ def test_ids_count_exactly_the_texels_of_each_group():
     values = baked(halves(), "object-id")["object-id"].values[:, :, 0]
     assert np.array_equal(values[:, : N // 2], np.ones((N, N // 2)))
     assert np.array_equal(values[:, N // 2 :], np.full((N, N // 2), 2.0))
-
-
-@pytest.mark.parametrize("samples", [4, 16])
-def test_ids_are_never_averaged(samples):
-    low = plane()
-    # The border of the groups, x = 1/2, runs through the middle of texels 10.
-    maps = baked(halves(), "object-id", "displacement", low=low, size=21, samples=samples,
-                 padding=3, fill="push-pull")  # fmt: skip
-    assert set(np.unique(maps["object-id"].values).tolist()) == {1.0, 2.0}
-    # The first sample of a row's texel is its left one; on the diagonal from corner to corner it is
-    # too close to an edge of the high-poly mesh, and is retried last.
-    first = maps["object-id"].values[:, 10, 0] == 1.0
-    assert first[2:-2].mean() > 0.9
-
-
-def test_only_padding_is_filled_around_ids():
-    low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
-    maps = baked(halves(), "object-id", low=low, padding=4, fill="push-pull")
-    values = maps["object-id"].values[:, :, 0]
-    assert set(np.unique(values).tolist()) == {0.0, 1.0, 2.0}
-    # 32 x 32 texels of the chart, and 4 around it but for what is farther than 4 at the corners.
-    assert 32 * 32 + 4 * 4 * 32 < np.count_nonzero(values) <= 40 * 40
-
-
-@pytest.mark.parametrize(("bits", "top"), [(None, 255), (16, 65535)])
-def test_ids_are_colors_in_integer_files_and_the_file_names_them(tmp_path, bits, top):
-    item = baked(halves(), "object-id")["object-id"]
-    written = item.write(tmp_path / "id.png", bits=bits)
-    stored = read_image(tmp_path / "id.png", color=False)
-    assert stored.metadata == written.metadata
-    table = {key.removeprefix(ID): name for key, name in written.metadata.items()}
-    assert sorted(table.values()) == ["left", "right"]
-    codes = np.rint(stored.pixels * top).astype(int) * 255 // top
-    for column, name in ((0, "left"), (N - 1, "right")):
-        word = "#{:02x}{:02x}{:02x}".format(*codes[3, column])
-        assert table[word] == name
-
-
-def test_float_files_hold_plain_ids(tmp_path):
-    item = baked(halves(), "object-id")["object-id"]
-    written = item.write(tmp_path / "id.exr")
-    assert written.metadata == {f"{ID}1": "left", f"{ID}2": "right"}
-    assert np.array_equal(read_image(tmp_path / "id.exr", color=False).pixels, item.values)
 
 
 def test_more_ids_than_half_floats_can_hold_are_an_error(tmp_path):
@@ -442,40 +343,7 @@ def test_opacity_needs_a_fixed_number_of_samples():
         baked(plane(), "opacity", "normal", samples="adaptive")
 
 
-def test_a_mask_is_written_as_linear_values(tmp_path):
-    item = baked(strip(0.5), "opacity", samples=4, size=33, front=0.1, back=0.1)["opacity"]
-    item.write(tmp_path / "o.png", bits=8)
-    stored = read_image(tmp_path / "o.png", color=False).pixels
-    np.testing.assert_allclose(stored, item.values, atol=0.5 / 255)
-
-
 # All maps
-
-
-def test_all_maps_are_the_same_for_any_number_of_threads():
-    high = halves(colors=ramp(plane(8, 8)))
-    every = {name: ChannelSource(channel.default) for name, channel in CHANNELS.items()}
-    materials = Materials(
-        face_materials=high.face_groups,
-        materials=(MeshMaterial(name="a", channels=every), MeshMaterial(name="b")),
-    )
-    names = [name for name, kind in MAPS.items() if kind.needs == "hits"]
-    first, second = (
-        baked(high, *names, materials=materials, samples=4, threads=threads, padding=2)
-        for threads in (1, 3)
-    )
-    for name in names:
-        assert first[name].values.tobytes() == second[name].values.tobytes(), name
-
-
-def test_values_ask_the_trace_for_nothing_but_its_rows():
-    hits = Hits(
-        np.array([0, 1], np.int32), np.zeros(2, np.int32), np.full((2, 2), 0.25, np.float32),
-        np.array([0, NO_HIT], np.int32), np.zeros((2, 2), np.float32),
-        np.zeros((2, 3), np.float32),
-    )  # fmt: skip
-    values = MAPS["opacity"].values(hits, SimpleNamespace())
-    assert values.tolist() == [[1.0], [0.0]]
 
 
 def test_the_page_of_the_maps_has_a_row_for_each():

@@ -116,11 +116,6 @@ def test_an_offset_limits_the_front_distance():
     assert np.array_equal(result.has_data, np.broadcast_to(np.arange(16) < 8, (16, 16)))
 
 
-def test_same_bytes_for_any_number_of_threads():
-    masks = {"skew_mask": np.random.default_rng(1).random((9, 9), dtype=np.float32)}
-    assert same(baked(threads=1, **masks), baked(threads=3, **masks))
-
-
 @pytest.mark.parametrize(
     ("images", "message"),
     [

@@ -1,6 +1,5 @@
 """Maps that a model looks the same without are told, and others are not."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,14 +62,3 @@ def test_the_job_passes_them_on(tmp_path: Path, high: str) -> None:
     )  # fmt: skip
     told = [line for line in done.warnings if line.startswith("normal: it has no effect")]
     assert len(told) == (high == "same")
-
-
-def test_secondary_rays_start_at_hits_and_only_for_maps_that_need_them() -> None:
-    options = BakeOptions(size=32, secondary_rays=16, keep_hits=True)
-    for maps, n_fans in ((("normal",), 0), (("ao", "bent-normal"), 1), (("ao", "thickness"), 2)):
-        found = bake(orange(20_000), BALL, replace(options, maps=maps))
-        counts = found.report.counts
-        assert found.hits is not None
-        n_hits = int((found.hits.high_faces >= 0).sum())
-        assert counts.rays_missed == counts.rays_cast - n_hits
-        assert counts.secondary_rays == n_fans * options.secondary_rays * n_hits

@@ -4,68 +4,115 @@ import numpy as np
 import pytest
 
 from texbake.baking.bake import bake
+from texbake.baking.maps import MAP_NAMES
 from texbake.baking.options import BakeOptions
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.mesh.shapes import plane
-from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
-from texbake.texture.encoding import decode_heights, decode_normals
+from texbake.metadata import (
+    CURVATURE_MID,
+    CURVATURE_SCALE,
+    DISPLACEMENT_MID,
+    DISPLACEMENT_SCALE,
+    ID,
+    POSITION_MAX,
+    POSITION_MIN,
+    SPACE,
+    THICKNESS_SCALE,
+)
+from texbake.texture.encoding import decode_heights, encode_srgb
 from texbake.texture.image import read_image
 
 
 @pytest.fixture(scope="module")
-def baked():
-    high = plane(60, 60, lambda x, y: 0.03 * np.sin(5 * x + y) * np.cos(6 * y))
-    maps = ("normal", "displacement", "vector-displacement")
-    return bake(high, plane(), BakeOptions(size=(48, 32), maps=maps, padding=2)).maps
+def every(painted):
+    """All maps of a model that is not at the origin."""
+    high, low, materials = painted
+    high, low = (mesh.replace(positions=3.0 * mesh.positions - [0, 2, 9]) for mesh in (high, low))
+    options = BakeOptions(maps=MAP_NAMES, size=(48, 32), padding=0, secondary_rays=4)
+    return bake(high, low, options, materials=materials).maps
 
 
+def decoded(item, image, bits):
+    """The values of a map in a file, and the step from one code to the next."""
+    pixels, data, coding = image.pixels.astype(np.float64), image.metadata, item.kind.coding
+    if coding == "normal":
+        return 2.0 * pixels - 1.0, 2.0
+    if coding in ("height", "vector"):
+        mid, scale = data[DISPLACEMENT_MID], data[DISPLACEMENT_SCALE]
+        assert bits == 32 or scale < 2.1 * np.abs(item.values).max()
+        return decode_heights(pixels, mid=mid, scale=scale), scale
+    if coding == "curvature":
+        mid, scale = data[CURVATURE_MID], data[CURVATURE_SCALE]
+        return decode_heights(pixels, mid=mid, scale=scale), scale
+    if coding == "thickness":
+        return pixels * data[THICKNESS_SCALE], data[THICKNESS_SCALE]
+    if coding == "position" and POSITION_MIN in data:
+        least, greatest = (
+            np.array([float(word) for word in data[key].split()])
+            for key in (POSITION_MIN, POSITION_MAX)
+        )
+        return least + pixels * (greatest - least), greatest - least
+    if coding == "id" and pixels.shape[2] == 3:
+        codes = np.rint(255.0 * pixels).astype(int)
+        ids = np.zeros(pixels.shape[:2])
+        for key, name in data.items():
+            color = bytes.fromhex(key.removeprefix(f"{ID}#"))
+            ids[(codes == list(color)).all(axis=2)] = item.legend.index(name) + 1
+        return ids[:, :, None], 0.0
+    return pixels, 1.0
+
+
+# Half a code, or float32 of values of about 10, or 11 bits of half floats.
 @pytest.mark.parametrize(
-    ("name", "bits", "half_step"),
-    [
-        ("n.png", 8, 1 / 255), ("n.png", 16, 1 / 65535), ("n.tif", 8, 1 / 255),
-        ("n.tif", 16, 1 / 65535), ("n.tif", 32, 1e-7), ("n.tga", 8, 1 / 255),
-        ("n.exr", 16, 2**-11), ("n.exr", 32, 1e-7),
-    ],
+    ("suffix", "bits"),
+    [("png", 8), ("png", 16), ("tif", 8), ("tif", 16), ("tif", 32), ("tga", 8), ("exr", 16),
+     ("exr", 32)],
 )  # fmt: skip
-def test_normals_come_back_within_half_a_step(baked, tmp_path, name, bits, half_step):
-    written = baked["normal"].write(tmp_path / name, bits=bits)
-    assert written.bits == bits
-    image = read_image(tmp_path / name, color=False)
-    assert image.metadata == written.metadata
-    # A component is 2x - 1, so half a step of x is a whole step of it; within 4e-6 of flat is flat.
-    vectors = image.pixels * 2.0 - 1.0
-    np.testing.assert_allclose(vectors, baked["normal"].values, atol=half_step * 1.01 + 4e-6)
-    angles = np.linalg.norm(decode_normals(image.pixels) - baked["normal"].values, axis=2)
-    assert angles.max() < 2 * half_step + 1e-5
+def test_every_map_comes_back_within_half_a_step(every, tmp_path, suffix, bits):
+    is_float = suffix == "exr" or bits == 32
+    for name, item in every.items():
+        path = tmp_path / f"{name}.{suffix}"
+        written = item.write(path, bits=bits)
+        image = read_image(path, color=False)
+        assert (written.bits, written.n_clipped) == (bits, 0)
+        assert image.metadata == written.metadata, name
+        values, step = decoded(item, image, 32 if is_float else bits)
+        expected, tolerance = item.values.astype(np.float64), 4e-6
+        if is_float:
+            tolerance += (2.0**-11 if bits == 16 else 1e-6) * max(1.0, np.abs(expected).max())
+        elif item.kind.coding == "color":
+            expected = encode_srgb(np.clip(expected, 0.0, 1.0))
+            tolerance += 0.501 / (2**bits - 1)
+        else:
+            tolerance = tolerance + step * 0.501 / (2**bits - 1)
+        if item.kind.coding == "curvature" and not is_float:  # the rarest texels are clipped
+            white = (1.0 - image.metadata[CURVATURE_MID]) * image.metadata[CURVATURE_SCALE]
+            clipped = np.abs(expected) > white
+            assert clipped[item.has_data].mean() <= 0.011
+            values[clipped], expected[clipped] = 0.0, 0.0
+        off = np.abs(values - expected)[item.has_data]
+        assert (off <= tolerance).all(), (name, off.max())
 
 
-@pytest.mark.parametrize("kind", ["displacement", "vector-displacement"])
-@pytest.mark.parametrize(("name", "bits"), [("d.png", 8), ("d.png", 16), ("d.tif", 16)])
-def test_heights_come_back_within_half_a_step(baked, tmp_path, kind, name, bits):
-    written = baked[kind].write(tmp_path / name, bits=bits)
-    assert written.n_clipped == 0
-    image = read_image(tmp_path / name, color=False)
-    mid, scale = image.metadata[DISPLACEMENT_MID], image.metadata[DISPLACEMENT_SCALE]
-    heights = decode_heights(image.pixels, mid=mid, scale=scale)
-    step = scale / (2**bits - 1)
-    assert np.abs(heights - baked[kind].values).max() <= step / 2 * 1.001
-    assert scale < 2.1 * np.abs(baked[kind].values).max()
+def test_files_name_the_space_of_their_values(every, tmp_path):
+    spaces = dict.fromkeys(("normal", "bent-normal", "vector-displacement"), "tangent")
+    spaces |= {"position": "object", "world-position": "world"}
+    low, high = (every["position"].bounds[i] for i in (0, 1))
+    written = every["position"].write(tmp_path / "a.png").metadata
+    for key, corner in (POSITION_MIN, low), (POSITION_MAX, high):
+        assert [float(word) for word in written[key].split()] == corner.tolist()
+    for name, space in spaces.items():
+        for suffix in "png", "exr":
+            assert every[name].write(tmp_path / f"a.{suffix}").metadata[SPACE] == space
+    assert np.array_equal(every["position"].values, every["world-position"].values)
 
 
-@pytest.mark.parametrize("name", ["d.exr", "d.tif"])
-def test_float_files_hold_plain_heights(baked, tmp_path, name):
-    baked["displacement"].write(tmp_path / name)
-    image = read_image(tmp_path / name, color=False)
-    np.testing.assert_array_equal(image.pixels, baked["displacement"].values)
-    assert (image.metadata[DISPLACEMENT_MID], image.metadata[DISPLACEMENT_SCALE]) == (0.0, 1.0)
-
-
-def test_given_mid_and_scale_are_used_and_clipped_values_are_counted(baked, tmp_path):
-    displacement = baked["displacement"]
+def test_given_mid_and_scale_are_used_and_clipped_values_are_counted(every, tmp_path):
+    displacement = every["displacement"]
     written = displacement.write(tmp_path / "d.png", mid=0.25, scale=0.1)
     assert written.metadata == {DISPLACEMENT_MID: 0.25, DISPLACEMENT_SCALE: 0.1}
-    below = displacement.values < -0.025
-    above = displacement.values > 0.075
+    below = (displacement.values < -0.025) & displacement.has_data[..., None]
+    above = (displacement.values > 0.075) & displacement.has_data[..., None]
     assert written.n_clipped == below.sum() + above.sum() > 0
     image = read_image(tmp_path / "d.png", color=False)
     assert (image.pixels[below] == 0).all()
@@ -87,9 +134,9 @@ def test_write_takes_from_the_options_what_is_not_given(tmp_path):
         ("n.jpg", 8, OptionError), ("n", None, FileFormatError), ("missing/n.png", None, FileError),
     ],
 )  # fmt: skip
-def test_a_map_that_a_format_cannot_hold_is_one_clear_error(baked, tmp_path, name, bits, error):
+def test_a_map_that_a_format_cannot_hold_is_one_clear_error(every, tmp_path, name, bits, error):
     with pytest.raises(error) as raised:
-        baked["normal"].write(tmp_path / name, bits=bits)
+        every["normal"].write(tmp_path / name, bits=bits)
     assert str(tmp_path / name) in str(raised.value)
     assert list(tmp_path.iterdir()) == []
 

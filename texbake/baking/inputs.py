@@ -95,6 +95,10 @@ class HighSurface:
             )
         return self._material_points[hits]
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return all fields but the points, whose weak keys cannot be pickled."""
+        return {name: value for name, value in vars(self).items() if name != "_material_points"}
+
     @cached_property
     def _material_points(self) -> WeakKeyDictionary[Hits, list[MaterialPoints]]:
         return WeakKeyDictionary()

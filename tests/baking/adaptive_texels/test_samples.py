@@ -223,21 +223,6 @@ def test_each_of_several_maps_has_its_own_estimate():
     assert wide[99] < 0.8 * once["displacement"][99]
 
 
-def test_same_bytes_for_any_number_of_threads():
-    high, low = plane(60, 60, bumps), flat(3)
-    results = []
-    for threads in (1, 2, 5):
-        result = bake(
-            high, low, options(maps=("normal", "displacement"), max_error="1deg,0.001",
-                               padding=4, threads=threads)
-        )  # fmt: skip
-        figures = [f"{name}: {value}" for name, value in vars(result.report.sampling).items()]
-        results.append((figures, *(m.values.tobytes() for m in result.maps.values())))
-    for other in results[1:]:
-        assert other[0] == results[0][0]
-        assert other == results[0]
-
-
 def test_closer_bounds_cast_more_and_are_nearer():
     high, low = plane(60, 60, bumps), plane()
     truth, has_data = means_by_brute_force(high, low, options(), ("normal",))["normal"]

@@ -186,17 +186,6 @@ def test_occluders_are_all_or_the_match():
         assert (result.maps["normal"].values == [0, 0, 1]).all()
 
 
-def test_ignored_parts_do_not_occlude():
-    low = plane(4, 4).replace(name="plate_low")
-    plate = plane(4, 4).replace(name="plate_high")
-    lid = plane().replace(name="lid_ignore", positions=plane().positions + np.array([0, 0, 0.5]))
-    chosen = BakeOptions(size=8, maps=("ao",))
-    parts = PartsOptions(match_by_name=True)
-    assert (
-        bake_parts([plate, lid], [low], chosen, parts).targets[ONLY].maps["ao"].values == 1
-    ).all()
-
-
 @pytest.mark.parametrize("samples", [1, 16])
 @pytest.mark.parametrize("tile", [(1, 0), (3, 2)])
 def test_tiles_are_shifted_bakes(samples, tile):
@@ -388,14 +377,6 @@ def test_a_cage_is_divided_as_its_mesh():
         )
         mine = alone.texel_faces >= 0
         assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
-
-
-def test_same_bytes_for_any_number_of_threads():
-    one, three = (
-        bake_parts([HIGH], [LOW], options(threads=n), MATCH).targets[ONLY] for n in (1, 3)
-    )
-    for name in MAPS:
-        assert np.array_equal(one.maps[name].values, three.maps[name].values)
 
 
 BARE = LOWS[0].replace(uvs=None, uv_faces=None)
