@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from texbake.baking.rays import RayField
+from texbake.baking.rays import RayField, UnobstructedRays
 from texbake.baking.texels import Samples
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.raycast.scene import RayScene
 
 
 def samples_on(mesh, n=500, seed=0):
@@ -87,3 +89,28 @@ def test_a_cage_that_touches_the_surface_starts_there():
     rays = field.rays(samples)
     np.testing.assert_allclose(frame.to_model(rays.origins), points, atol=1e-14)
     np.testing.assert_allclose(frame.length_to_model(rays.lengths), 0.2, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("height", "faces_up", "front", "back"),
+    [(0.3, False, 0.3, 0.7), (0.3, True, 0.8, 0.7), (-0.2, False, 0.8, 0.2), (-0.2, True, 0.8, 0.7),
+     (0.9, False, 0.8, 0.7), (-0.75, False, 0.8, 0.7)],
+)  # fmt: skip
+def test_another_part_of_the_low_poly_mesh_ends_rays_where_it_faces_their_own(
+    height, faces_up, front, back
+):
+    """Rays of a floor: what looks at it from above is another part, its underside is its end."""
+    other = plane()
+    other = other.replace(positions=other.positions + [0.0, 0.0, height])
+    if not faces_up:
+        other = other.replace(faces=other.faces[:, ::-1], uv_faces=other.uv_faces[:, ::-1])
+    low = join_meshes([plane(), other])
+    frame = LocalFrame.around(low)
+    samples = samples_on(plane(), 20)[0]
+    field = RayField(low, frame, kind="face", front=0.8, back=0.7)
+    with RayScene.build(low, frame) as scene:
+        rays = UnobstructedRays(field, scene).rays(samples)
+    np.testing.assert_allclose(rays.directions, [[0, 0, -1]] * 20, atol=1e-15)
+    np.testing.assert_allclose(frame.length_to_model(rays.fronts), front, atol=1e-6)
+    np.testing.assert_allclose(frame.length_to_model(rays.lengths), front + back, atol=2e-6)
+    np.testing.assert_allclose(frame.to_model(rays.origins)[:, 2], front, atol=1e-6)
