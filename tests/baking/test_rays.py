@@ -101,7 +101,7 @@ def test_another_part_of_the_low_poly_mesh_ends_rays_where_it_faces_their_own(
 ):
     """Rays of a floor: what looks at it from above is another part, its underside is its end."""
     other = plane()
-    other = other.replace(positions=other.positions + [0.0, 0.0, height])
+    other = other.replace(positions=other.positions + np.array([0.0, 0.0, height]))
     if not faces_up:
         other = other.replace(faces=other.faces[:, ::-1], uv_faces=other.uv_faces[:, ::-1])
     low = join_meshes([plane(), other])
