@@ -24,6 +24,7 @@ from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -265,9 +266,11 @@ def compare_shapes(
 ) -> list[tuple[float, float]]:
     """Mean angle between normals in degrees, and share of pixels that show different parts.
 
-    One pair for each low-poly mesh, without maps, over six views; the high-poly mesh is drawn once.
+    One pair for each low-poly mesh, over six views. Its normals are those of its faces, because a
+    normal map corrects shading, but not a surface that lies elsewhere. The high-poly mesh is drawn
+    once.
     """
-    meshes, found = (high, *lows), []
+    meshes, found = (high, *(_shaded_flat(low, threads) for low in lows)), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
     models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
     views = [replace(options, view=(*view, options.distance)) for view in _views_around(options)]
@@ -276,6 +279,11 @@ def compare_shapes(
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
         found.append((mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1)))
     return found
+
+
+def _shaded_flat(mesh: Mesh, threads: int | None) -> Mesh:
+    normals, corners = flat_normals(mesh, threads=threads)
+    return mesh.replace(normals=normals, normal_faces=corners, tangents=None)
 
 
 def _draw_models(
