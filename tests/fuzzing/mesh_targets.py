@@ -13,7 +13,7 @@ from drawn import Drawn
 import texbake as tb
 from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
 from texbake.mapping.atlas.cutting import cut
-from texbake.mapping.options import METHOD_OPTIONS
+from texbake.mapping.options import METHODS
 from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh import decimate
 from texbake.mesh.frame import LocalFrame
@@ -127,9 +127,9 @@ def atlas(drawn: Drawn) -> None:
 def mappings(drawn: Drawn) -> None:
     """The classical mappings."""
     mesh = drawn.mesh(most=20)
-    method = drawn.pick([name for name in METHOD_OPTIONS if name != "atlas"])
+    method = drawn.pick([name for name in METHODS if name != "atlas"])
     given = {"size": drawn.pick((16, 64)), "method": method}
-    if "padding" in METHOD_OPTIONS[method]:
+    if "padding" in METHODS[method]:
         given["padding"] = drawn.pick((0, 1, 4))
     if method == "projector":
         rows = drawn.floats(4, 4).tolist()
@@ -137,10 +137,10 @@ def mappings(drawn: Drawn) -> None:
         given |= {"matrix": rows} if drawn.flag() else {"camera": camera}
     if method == "parametric":
         given["linear"] = tuple(drawn.floats(6).tolist())
-    if drawn.flag() and "center" in METHOD_OPTIONS[method]:
+    if drawn.flag() and "center" in METHODS[method]:
         given["center"] = tuple(drawn.floats(3).tolist())
     names = {"axis", "fit", "sides", "caps", "overlap", "surface", "via", "unseen"}
-    read = names & set(METHOD_OPTIONS[method])
+    read = names & set(METHODS[method].options)
     tb.unwrap(mesh, drawn.options(tb.UnwrapOptions, *sorted(read), **given))
 
 

@@ -7,7 +7,7 @@ import texbake
 from texbake.baking import texels
 from texbake.core import core
 from texbake.errors import MeshError
-from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
+from texbake.mapping.atlas.charts import find_isolated_faces, single_face_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
@@ -131,9 +131,9 @@ def test_rays_through_triangles_that_overlap_are_bounded(monkeypatch):
 
 def test_loose_triangles_keep_their_shapes():
     mesh = loose()
-    lone, others = find_lone_faces(mesh.positions, mesh.faces, None, 1)
-    assert len(lone) == N and len(others) == 0
-    charts = lone_charts(mesh.positions, mesh.faces)
+    isolated, others = find_isolated_faces(mesh.positions, mesh.faces, None, 1)
+    assert len(isolated) == N and len(others) == 0
+    charts = single_face_charts(mesh.positions, mesh.faces)
     flat, space = charts.uvs[charts.faces], mesh.positions[mesh.faces]
     for values in flat, space:
         assert values.shape[:2] == (N, 3)

@@ -5,12 +5,13 @@ from scipy.ndimage import binary_dilation
 from texbake.mapping.atlas.packing.bins import place_charts
 from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
+    ChartRotations,
     PackingGrid,
     Shapes,
+    least_box_angles,
     shapes_of,
 )
-from texbake.mapping.atlas.packing.poses import Poses, least_box_angles
-from texbake.mapping.atlas.packing.settle import SearchLimits, pair_weights, separate
+from texbake.mapping.atlas.packing.refine import SearchLimits, pair_weights, separate
 
 SEARCH = SearchLimits(samples=20, radius=8, step=4, patience=100, work=100_000_000)
 
@@ -138,7 +139,7 @@ def test_a_turned_rectangle_is_turned_back_to_its_least_box() -> None:
     found = least_box_angles(uvs, ids)
     assert found == pytest.approx([-angle])
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    poses = Poses.turned(uvs, faces, ids, np.stack([found, found + np.pi / 2], axis=1))
+    poses = ChartRotations.of(uvs, faces, ids, np.stack([found, found + np.pi / 2], axis=1))
     assert poses.extents == pytest.approx(np.array([[[5.0, 2.0], [2.0, 5.0]]]))
 
 
@@ -146,7 +147,7 @@ def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
     uvs = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [3.0, 0.0], [7.4, 0.0], [3.0, 6.4]])
     faces = np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32)
     ids = np.repeat(np.arange(2, dtype=np.int32), 3)
-    poses = Poses.turned(uvs, faces, ids, np.zeros((2, 1)))
+    poses = ChartRotations.of(uvs, faces, ids, np.zeros((2, 1)))
     bitmaps = poses.bitmaps(1.0, -0.5)
     # The triangle of 4.4 x 6.4 lies in the middle of 4 x 6 cells, with centers from (0.7, 0.7) on:
     # 5, 4, 2 and 1 of the columns are below its long side.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.flattening.flatten import flatten
+from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.distortion import Distortion, distortion

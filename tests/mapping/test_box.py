@@ -5,8 +5,7 @@ import pytest
 
 from tests.models import model, real
 from texbake.errors import OptionError
-from texbake.mapping.classical.box import box
-from texbake.mapping.classical.box_sides import box_sides
+from texbake.mapping.classical.box import box, box_sides
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import connected_faces

@@ -7,9 +7,8 @@ from hypothesis import given, strategies as st
 from tests.artist_models import write_model
 from tests.models import model, real
 from texbake.mapping.classical.box import box
-from texbake.mapping.classical.cylindrical import cylindrical
+from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.planar import planar
-from texbake.mapping.classical.spherical import spherical
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
-from texbake.mapping.atlas.cutting.parts import Part, step_lengths
+from texbake.mapping.atlas.cutting.parts import ChartLimits, Part, disk_charts, step_lengths
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, plane

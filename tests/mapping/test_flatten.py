@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
-from texbake.mapping.atlas.flattening.flatten import flatten, measured
+from texbake.mapping.atlas.flatten import flatten, measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlapping_faces
 
@@ -88,12 +88,12 @@ def test_figures_of_a_known_stretch():
     # A unit square stretched to 2 x 1/2 keeps its area: σ = (2, 1/2) in every triangle.
     points, faces = sheet(3, 3, lambda u, v: (u, v, 0 * u))
     layout = points[:, :2] * [2.0, 0.5] * 7.0 + 100.0
-    flat = measured(points, faces, layout)
+    flat = measure_layout(points, faces, layout)
     assert flat.energy == pytest.approx(2 * (4 + 1 / 4), rel=1e-12)
     assert flat.l2 == pytest.approx(math.sqrt((4 + 1 / 4) / 2), rel=1e-12)
     assert flat.injective
     assert_laid_flat(flat, points, faces)
-    assert measured(points, faces, layout[:, ::-1]) is None
+    assert measure_layout(points, faces, layout[:, ::-1]) is None
 
 
 def test_optimum_against_another_optimizer():
@@ -133,7 +133,7 @@ def test_optimum_against_another_optimizer():
     start = points[:, :2] * angles / np.maximum(np.sin(angles), 1e-9)
     found = minimize(energy, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": 2000})
     flat = flatten(points, faces, accuracy=1e-6)
-    best = measured(points, faces, found.x.reshape(-1, 2))  # both at the area in space
+    best = measure_layout(points, faces, found.x.reshape(-1, 2))  # both at the area in space
     assert flat.energy - 4 == pytest.approx(best.energy - 4, rel=1e-5)
     assert flat.l2 == pytest.approx(best.l2, abs=1e-6)
     # By default a step of less than a thousandth of the distortion is the last one.
@@ -147,7 +147,7 @@ def test_no_flips_on_rough_disks():
         points, faces = sheet(20, 20, lambda u, v, z=noise: (u, v, z))
         flat = flatten(points, faces)
         assert_laid_flat(flat, points, faces)
-        before = measured(points, faces, points[:, :2])
+        before = measure_layout(points, faces, points[:, :2])
         assert flat.energy < before.energy
         again = flatten(points, faces, points[:, :2])
         # Two starts, one minimum, up to where the steps stop.

@@ -7,11 +7,11 @@ from hypothesis import given, settings, strategies as st
 from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.intermediate import (
+    Box,
     IntermediateSurface,
     mapped_by_rays,
     surface_around,
 )
-from texbake.mapping.classical.intermediate_box import Box
 from texbake.mapping.options import UnwrapOptions
 
 ROUND = ("cylinder", "sphere")

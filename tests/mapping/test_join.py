@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.flattening.flatten import flatten
+from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.atlas.joining.join import join_charts
-from texbake.mapping.atlas.joining.piece import hull_area
+from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlapping_faces

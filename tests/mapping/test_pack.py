@@ -9,10 +9,9 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
-from texbake.mapping.atlas.packing.bitmaps import Shapes
+from texbake.mapping.atlas.packing.bitmaps import Outlines, Shapes
 from texbake.mapping.atlas.packing.pack import Packing, pack_charts
-from texbake.mapping.atlas.packing.poses import Outlines
-from texbake.mapping.atlas.packing.search import draft_layout
+from texbake.mapping.atlas.packing.search import coarse_layout
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
@@ -163,10 +162,10 @@ def test_more_effort_fills_more() -> None:
 
 
 def placed_in_strip(seed: int) -> tuple[Array, Shapes, Ints, int]:
-    """Draft triangles on a coarse grid; return the cells that charts cover, and the layout."""
+    """Place triangles on a coarse grid; return the cells that charts cover, and the layout."""
     uvs, faces, ids = triangles(seed, 12)
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=12)
-    draft = draft_layout(charts, (256, 256), 2, most_work=3_000_000, seed=seed)
+    draft = coarse_layout(charts, (256, 256), 2, most_work=3_000_000, seed=seed)
     assert draft is not None
     covered = np.zeros((draft.size[1], draft.size[0]), dtype=np.int64)
     for chart, (x, y, orientation) in enumerate(draft.places):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
-from texbake.mapping.classical.parametric import parametric
+from texbake.mapping.classical.planar import parametric
 from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.shapes import cube, plane, uv_sphere

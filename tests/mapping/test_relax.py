@@ -7,8 +7,7 @@ from tests.models import model, real
 from texbake.mapping.atlas.charts import Charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import snap_points
 from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
-from texbake.mapping.atlas.flattening.flatten import measured
-from texbake.mapping.atlas.flattening.relax import relax_charts
+from texbake.mapping.atlas.flatten import measure_layout, relax_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
 
@@ -106,7 +105,7 @@ def test_a_chart_that_would_overlap_itself():
     after = relax_charts(points, faces, before)
     layers = overlap_layers(after.uvs[after.faces], np.zeros(len(faces), np.int32), depth=1e-6)
     assert not layers.any()
-    old = measured(points, faces, uvs)
+    old = measure_layout(points, faces, uvs)
     assert 4.0001 < figures(points, faces, after)[1] < old.energy
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mapping.classical.spherical import spherical
+from texbake.mapping.classical.cylindrical import spherical
 from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import seam_length

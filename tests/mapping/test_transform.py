@@ -6,7 +6,7 @@ import pytest
 from texbake import distortion, unwrap
 from texbake.errors import OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.transform import WARPS
+from texbake.mapping.options.projection import WARPS
 from texbake.mapping.transform import (
     bulge,
     power,

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mapping.classical.cylindrical import cylindrical
+from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.planar import planar
-from texbake.mapping.classical.spherical import spherical
 from texbake.mapping.classical.two_part import two_part
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from texbake.child import ChildError
-from texbake.mapping.atlas.cutting.workers import WorkerRequest, run_in_workers
+from texbake.mapping.atlas.cutting.xatlas_charts import WorkerRequest, run_in_workers
 
 # A worker that answers with its process id and the request, or runs the request as code.
 WORKER = """

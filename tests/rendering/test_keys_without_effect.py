@@ -15,7 +15,7 @@ import pytest
 from test_random_scenes import recording
 
 from texbake.errors import TexbakeError
-from texbake.mapping.options import METHOD_OPTIONS
+from texbake.mapping.options import METHODS
 from texbake.mesh.parametric.options import MakeOptions
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.scene.file.schema import TABLES
@@ -181,7 +181,7 @@ def method_of(key: str) -> str:
         return 'method = "projector", camera = [10, 20]'
     if key == "timeout":
         return 'method = "atlas", charts = "xatlas"'
-    methods = [name for name, options in METHOD_OPTIONS.items() if key in options]
+    methods = [name for name, method in METHODS.items() if key in method.options]
     return f'method = "{(methods or ["spherical"])[0]}"'
 
 

@@ -6,8 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
 from texbake.texture.procedures import DEFAULT_RAMPS, evaluate, turbulence_sum
-from texbake.texture.procedures.patterns import HARD, RAMP, SINE
-from texbake.texture.procedures.ramps import own_ramp
+from texbake.texture.procedures.patterns import HARD, RAMP, SINE, own_ramp
 
 
 def mean_of_pulse(pattern, width, phase, span):

@@ -9,7 +9,7 @@
 
    Based on: Zheng, Fu, Au, Tai, "Bilateral Normal Filtering for Mesh Denoising", 2011.
 
-   Called from texbake/mapping/atlas/cutting/disks.py. */
+   Called from texbake/mapping/atlas/cutting/parts.py. */
 
 #include "chart_cutting.h"
 

@@ -14,7 +14,7 @@
    that the caller can divide the patch. Lipman, "Bijective Mappings of Meshes with Boundary and the
    Degree in Mesh Processing", 2014.
 
-   Called from part_layout.c and texbake/mapping/atlas/flattening/flatten.py. */
+   Called from part_layout.c and texbake/mapping/atlas/flatten.py. */
 
 #include "flattening.h"
 

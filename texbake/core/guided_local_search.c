@@ -16,7 +16,7 @@
    along rows, so that one subtraction gives the cost of a run of cells, and a layout without overlap
    is exact.
 
-   Called from texbake/mapping/atlas/packing/settle.py. */
+   Called from texbake/mapping/atlas/packing/refine.py. */
 
 #include <string.h>
 

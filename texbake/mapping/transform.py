@@ -16,7 +16,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.transform import WARPS, WarpFunction
+from texbake.mapping.options.projection import WARPS, WarpFunction
 from texbake.mesh.mesh import FloatArray, Mesh
 
 _MIDDLE = 0.5

@@ -23,8 +23,8 @@ from texbake.mapping.corner_uvs import (
     with_selected_corners,
 )
 from texbake.mapping.distortion import Distortion, distortion
-from texbake.mapping.options import METHOD_OPTIONS, UnwrapOptions
-from texbake.mapping.options.transform import TransformOptions
+from texbake.mapping.options import METHODS, UnwrapOptions
+from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -237,10 +237,9 @@ def _mapped_by_atlas(
 
 def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
     """Map by a classical method, then scale to the requested texel density."""
-    name = options.method.replace("-", "_")  # of the module and of the function in it
-    projected: Projected = getattr(import_module(f"texbake.mapping.classical.{name}"), name)(
-        part, options
-    )
+    module, name = METHODS[options.method].function.split(".")
+    method = getattr(import_module(f"texbake.mapping.classical.{module}"), name)
+    projected: Projected = method(part, options)
     corners = scale_to_density(part, transform_uvs(projected.corners, options), options)
     tallies = dict(projected.tallies)
     return _Mapped(corners=corners, tallies=tallies, padding=options.padding)
@@ -309,7 +308,7 @@ class UnwrapReport:
 def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
     """The options that the method reads; a warp function by its name."""
     shared = ("method", "size", "only", *TransformOptions.__dataclass_fields__)
-    names = [*shared, *METHOD_OPTIONS[options.method]]
+    names = [*shared, *METHODS[options.method].options]
     names += ["uv_set"] if options.uv_set is not None else []
     values = {name: getattr(options, name) for name in names}
     if callable(options.warp):

@@ -10,12 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.errors import UnwrapError, UvError
-from texbake.mapping.atlas.charts import Charts, existing_charts, gather_charts
+from texbake.mapping.atlas.charts import (
+    Charts,
+    existing_charts,
+    find_isolated_faces,
+    gather_charts,
+    single_face_charts,
+)
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
-from texbake.mapping.atlas.flattening.relax import relax_charts
+from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
-from texbake.mapping.atlas.lone_faces import find_lone_faces, lone_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.atlas import fitting_padding
@@ -130,11 +135,13 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
         mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
     )
     points = snap_points(mesh)
-    lone, others = find_lone_faces(points, mesh.faces, regions, threads, polygons=mesh.polygon_of)
-    if not len(lone):
+    isolated, others = find_isolated_faces(
+        points, mesh.faces, regions, threads, polygons=mesh.polygon_of
+    )
+    if not len(isolated):
         charts = _connected_charts(mesh, points, options, regions, stages, threads)
     else:
-        pieces = [(lone, lone_charts(points, mesh.faces[lone]))]
+        pieces = [(isolated, single_face_charts(points, mesh.faces[isolated]))]
         if len(others):
             connected = Mesh(
                 positions=mesh.positions,

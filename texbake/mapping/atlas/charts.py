@@ -9,12 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import opposite_half_edges
+from texbake.mesh.weld import weld_rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,3 +118,63 @@ def existing_charts(
         n_mirrored=0,
         n_split=0,
     )
+
+
+# Faces without neighbors, as soups of triangles have them, are charts of their own if there are
+# more than this: cutting, relaxing and joining take a fraction of a millisecond for each of them,
+# and can do nothing for it.
+_MANY = 1000
+
+
+def find_isolated_faces(
+    points: FloatArray,
+    faces: IntArray,
+    regions: IntArray | None,
+    threads: int | None,
+    *,
+    polygons: IntArray | None = None,
+) -> tuple[IntArray, IntArray]:
+    """Find the faces that no other one continues across any edge, if there are many.
+
+    `points` (V, 3) float64; `faces` (F, 3) int32; `regions` (F,) int32; `polygons` (F,) int32.
+    Returns `isolated` (n,) int32: such faces with an area; none if there are no more than a
+    thousand; `others` (m,) int32: all other faces; without those of no area if there are isolated
+    ones.
+    """
+    corners = weld_rows(points, threads=threads)[faces]
+    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    opposite = opposite_half_edges(corners, solid=solid, regions=regions, polygons=polygons)
+    continued = (opposite.reshape(-1, 3) >= 0).any(axis=1)
+    isolated = np.flatnonzero(solid & ~continued).astype(np.int32)
+    isolated = isolated[surface_areas(points[faces[isolated]]) > 0.0]
+    if len(isolated) <= _MANY:
+        return isolated[:0], np.arange(len(faces), dtype=np.int32)
+    return isolated, np.flatnonzero(continued).astype(np.int32)
+
+
+def single_face_charts(points: FloatArray, faces: IntArray) -> Charts:
+    """Lay each face flat as a chart of its own.
+
+    `points` (V, 3) float64; `faces` (F, 3) int32.
+    """
+    n_faces = len(faces)
+    uvs = flatten_triangles(points[faces])
+    return Charts(
+        uvs=(uvs - uvs.mean(axis=1, keepdims=True)).reshape(-1, 2),
+        faces=np.arange(3 * n_faces, dtype=np.int32).reshape(-1, 3),
+        chart_ids=np.repeat(np.arange(n_faces, dtype=np.int32), 3),
+        n_ignored=0,
+        n_mirrored=0,
+        n_split=0,
+    )
+
+
+def flatten_triangles(corners: FloatArray) -> FloatArray:
+    """(F, 3, 2) float64: triangles placed in the plane, with their lengths, counter-clockwise."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    lengths = pm.norm(first, axis=1)
+    flat = np.zeros((len(corners), 3, 2))
+    flat[:, 1, 0] = lengths
+    flat[:, 2, 0] = pm.vecdot(first, second) / lengths
+    flat[:, 2, 1] = 2.0 * surface_areas(corners) / lengths
+    return flat

@@ -1,4 +1,8 @@
-"""Planar mapping: drop the coordinate along the normal of a plane.
+"""Mappings by a linear formula: planar from positions, parametric from the mesh's own (u, v).
+
+Planar mapping drops the coordinate along the normal of a plane. A surface made from (u, v) stores
+them as its texture coordinates; parametric mapping makes s = au u + bu v + cu and
+t = av u + bv v + cv of them, which repeats, rotates or moves the texture.
 
 Based on: K. Pearson, "On lines and planes of closest fit to systems of points in space",
 Philosophical Magazine 2(11), 1901 (principal directions). It departs in integrating over the
@@ -14,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import OptionError
 from texbake.mapping.classical.frames import LocalPoints, center_of, points_about, upright_frame
 from texbake.mapping.corner_uvs import Projected, surface_areas
 from texbake.mapping.options import UnwrapOptions
@@ -147,3 +152,20 @@ def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> Floa
     right, up, normal = frame
     cos, sin = pm.cos(angle), pm.sin(angle)
     return np.array([cos * right + sin * up, cos * up - sin * right, normal])
+
+
+def parametric(mesh: Mesh, options: UnwrapOptions) -> Projected:
+    """Map the mesh's own (u, v) to (s, t).
+
+    `options`: `linear` is read: (au, bu, cu, av, bv, cv).
+    """
+    mesh.corner_uvs()  # raises where there are none
+    assert mesh.uvs is not None and mesh.uv_faces is not None
+    au, bu, cu, av, bv, cv = options.linear
+    u, v = mesh.uvs[:, 0], mesh.uvs[:, 1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        mapped = np.stack([au * u + bu * v + cu, av * u + bv * v + cv], axis=-1)
+    corners = mapped[mesh.uv_faces]
+    if not np.isfinite(corners).all():
+        raise OptionError(f"linear: {options.linear} makes coordinates that are not finite")
+    return Projected(corners=corners)

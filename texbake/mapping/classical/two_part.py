@@ -34,8 +34,7 @@ from texbake.mapping.classical.frames import (
     points_about,
     upright_frame,
 )
-from texbake.mapping.classical.intermediate import mapped_by_rays, surface_around
-from texbake.mapping.classical.intermediate_box import Box
+from texbake.mapping.classical.intermediate import Box, mapped_by_rays, surface_around
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES

@@ -2,48 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.atlas import AtlasOptions
-from texbake.mapping.options.projection import ProjectionOptions
-from texbake.mapping.options.transform import TransformOptions
+from texbake.mapping.options.projection import ProjectionOptions, TransformOptions
 from texbake.mesh.options import ANGLE_OPTION, DEFAULT_ANGLE, NORMALS_OPTION, check_angle
 from texbake.schema import Option
 
-# The methods, and which options each of them reads beside those that all share.
-METHOD_OPTIONS: dict[str, tuple[str, ...]] = {
-    "atlas": (
-        "padding",
-        "quality",
-        "max_stretch",
-        "seams_at_hard_edges",
-        "seam_angle",
-        "charts",
-        "timeout",
-        "tiles",
-        "by_group",
-        "keep",
+
+@dataclass(frozen=True)
+class Method:
+    """A way to make texture coordinates."""
+
+    options: tuple[str, ...]  # those that it reads beside the ones that all methods share
+    function: str = ""  # a classical mapping: its module in `texbake.mapping.classical`, its name
+
+
+METHODS = {
+    "atlas": Method((
+        "padding", "quality", "max_stretch", "seams_at_hard_edges", "seam_angle", "charts",
+        "timeout", "tiles", "by_group", "keep",
+    )),
+    "planar": Method(("axis", "normal", "fit", "sides"), "planar.planar"),
+    "cylindrical": Method(("axis", "center", "theta", "height", "caps"), "cylindrical.cylindrical"),
+    "spherical": Method(("axis", "center", "theta"), "cylindrical.spherical"),
+    "box": Method(("center", "overlap", "padding"), "box.box"),
+    "two-part": Method(
+        ("axis", "center", "theta", "height", "surface", "via", "eye", "padding"),
+        "two_part.two_part",
     ),
-    "planar": ("axis", "normal", "fit", "sides"),
-    "cylindrical": ("axis", "center", "theta", "height", "caps"),
-    "spherical": ("axis", "center", "theta"),
-    "box": ("center", "overlap", "padding"),
-    "two-part": ("axis", "center", "theta", "height", "surface", "via", "eye", "padding"),
-    "parametric": ("linear",),
-    "projector": ("camera", "fov", "matrix", "unseen"),
-}
-METHODS = tuple(METHOD_OPTIONS)
-# Of those, the ones that only some surfaces of a two-part mapping read.
-_SURFACE_OPTIONS = {
-    "plane": frozenset[str](),
-    "cylinder": frozenset({"theta", "height"}),
-    "sphere": frozenset({"theta"}),
-    "box": frozenset({"padding"}),
-}
-_OF_SOME_SURFACES = frozenset[str]().union(*_SURFACE_OPTIONS.values())
-_OF_SOME_METHODS = {name for names in METHOD_OPTIONS.values() for name in names}
+    "parametric": Method(("linear",), "planar.parametric"),
+    "projector": Method(("camera", "fov", "matrix", "unseen"), "projector.projector"),
+}  # fmt: skip
+# Options of a two-part mapping, and the surfaces that read them.
+_OF_SURFACES = {"theta": ("cylinder", "sphere"), "height": ("cylinder",), "padding": ("box",)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +52,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         Option(
             "How the coordinates are made: an atlas of charts with little stretch, or a "
             "classical mapping.",
-            choices=METHODS,
+            choices=tuple(METHODS),
         ),
     ] = "atlas"
     keep: Annotated[
@@ -99,19 +93,17 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             object.__setattr__(self, "uv_set", None)
         if self.uv_set is not None and (not self.uv_set.strip() or not self.uv_set.isprintable()):
             raise OptionError(f"uv_set: {quoted(self.uv_set)} is not a name")
-        read = METHOD_OPTIONS[self.method]
-        for field in fields(self):
-            unread = field.name in _OF_SOME_METHODS and field.name not in read
-            if unread and getattr(self, field.name) != field.default:
-                raise OptionError(f"{field.name}: the method {self.method} does not use it")
+        of_methods = {name for method in METHODS.values() for name in method.options}
+        for name in sorted(of_methods.difference(METHODS[self.method].options)):
+            self._require_default(name, f"the method {self.method} does not use it")
         if self.via == "reflection" and self.eye is None:
             raise OptionError("eye: a reflection needs it; give the point that it is seen from")
         if self.eye is not None and self.via != "reflection":
             raise OptionError(f"eye: via {self.via} does not use it")
         if self.method == "two-part":
-            for name in sorted(_OF_SOME_SURFACES - _SURFACE_OPTIONS[self.surface]):
-                if getattr(self, name) != getattr(UnwrapOptions, name):
-                    raise OptionError(f"{name}: the surface {self.surface} does not use it")
+            for name, surfaces in _OF_SURFACES.items():
+                if self.surface not in surfaces:
+                    self._require_default(name, f"the surface {self.surface} does not use it")
         if (
             self.method == "atlas"
             and self.texel_density is not None
@@ -121,7 +113,10 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
         for name in "max_stretch", "seams_at_hard_edges", "seam_angle", "charts", "timeout":
-            if self.keep and getattr(self, name) != getattr(UnwrapOptions, name):
-                raise OptionError(
-                    f"{name}: charts that are kept are not cut; leave it out, or `keep`"
-                )
+            if self.keep:
+                why = "charts that are kept are not cut; leave it out, or `keep`"
+                self._require_default(name, why)
+
+    def _require_default(self, name: str, why: str) -> None:
+        if getattr(self, name) != getattr(UnwrapOptions, name):
+            raise OptionError(f"{name}: {why}")

@@ -16,14 +16,21 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.parallel import run_bands
-from texbake.texture.procedures.legends import gradient, radial
 from texbake.texture.procedures.noise import fractal, noise, turbulence, value_noise, worley
 from texbake.texture.procedures.options import (
     COLORED_PROCEDURES,
     PROCEDURE_DEFAULTS,
     checked_parameters,
 )
-from texbake.texture.procedures.patterns import checker, granite, marble, stripes, wood
+from texbake.texture.procedures.patterns import (
+    checker,
+    gradient,
+    granite,
+    marble,
+    radial,
+    stripes,
+    wood,
+)
 from texbake.texture.procedures.points import (
     BAND,
     ProcedurePoints,

@@ -1,4 +1,4 @@
-"""Checkers, stripes and solid stone and wood, as functions of a point.
+"""Checkers, stripes, solid stone and wood, and legends, as functions of a point.
 
 Checker: the cell that holds (1/2, 1/2, 1/2) is 1, and cells alternate with 0. With s = ±1 by turns
 along each axis the checker is 1/2 + 1/2 s(x) s(y) s(z), and its mean over a box is that with the
@@ -21,6 +21,14 @@ with a known variance v, is taken to an even distribution over 0 to 1 by the log
 other. Where octaves fade, the mean of the curve over what is missing is the same curve with their
 variance added to v.
 
+A pattern of colors finer than a pixel shows the mean of its colors, which is not the color of its
+mean value.
+
+A legend says how far a point lies between two marks, along a direction or from a center. The value
+is 0 at `start`, 1 at `end` and linear between them; `wrap` says what comes beyond. In a wide pixel
+it is the mean over the pixel, from the antiderivative of the wrapped value, which is exact for a
+gradient.
+
 Based on: Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise); Ebert et al.,
 "Texturing and Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The
 RenderMan Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage
@@ -31,12 +39,44 @@ factor a before the turbulence, without which (a = 1) veins are hardly bent. Ker
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
-from texbake.core import core
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core, portable_math as pm
+from texbake.texture.procedures import DEFAULT_RAMPS
 from texbake.texture.procedures.noise import WEIGHTS, gradients, lattice, squared_amplitudes
 from texbake.texture.procedures.points import ProcedurePoints, Work, unit_vector
-from texbake.texture.procedures.ramps import own_ramp
+
+# Number of values for the mean color; ramps have only a few stops.
+_N_VALUES = 1 << 12
+
+
+@dataclass(frozen=True, eq=False)
+class Ramp:
+    """Color ramp of a procedure."""
+
+    # (k, 3) float64; linear RGB at evenly spaced values from 0 to 1. Read-only.
+    stops: npt.NDArray[np.float64]
+    # (3,) float64; mean color over the distribution of the procedure's values. Read-only.
+    mean: npt.NDArray[np.float64]
+
+
+@lru_cache(maxsize=16)
+def own_ramp(name: str, distribution: str) -> Ramp:
+    """Return the ramp of a procedure with values distributed `even` in [0, 1] or as a `sine`."""
+    stops = np.array(DEFAULT_RAMPS[name])
+    t = (np.arange(_N_VALUES) + 0.5) / _N_VALUES
+    values = t if distribution == "even" else 0.5 + 0.5 * pm.sin(2.0 * np.pi * t)
+    places = np.linspace(0.0, 1.0, len(stops))
+    mean = np.array([pm.interp(values, places, channel).mean() for channel in stops.T])
+    stops.flags.writeable = False
+    mean.flags.writeable = False
+    return Ramp(stops, mean)
+
 
 # As in `core/pulse_train.h`.
 HARD, SINE, RAMP = range(3)
@@ -128,3 +168,80 @@ def granite(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
         )  # fmt: skip
 
     return work
+
+
+_Floats = npt.NDArray[np.float64]
+# Shares of the legend; a narrower pixel shows the value at its point.
+_NARROW = 1e-4
+
+
+def gradient(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
+    """Position along `direction`, from `start` to `end`."""
+    direction = unit_vector(parameters["direction"])[: samples.n_dimensions]
+
+    def work(start: int, stop: int) -> None:
+        points = _finite(samples.points[start:stop])
+        widths = pm.matmul(_widths(samples, start, stop), np.abs(direction))
+        samples.out[start:stop, 0] = legend_values(pm.matmul(points, direction), widths, parameters)
+
+    return work
+
+
+def radial(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
+    """Distance from `center`, from `start` to `end`."""
+    center = np.array(parameters["center"])[: samples.n_dimensions]
+
+    def work(start: int, stop: int) -> None:
+        away = _finite(samples.points[start:stop]) - center
+        lengths = pm.norm(away, axis=1)
+        units = away / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        widths = pm.vecdot(np.abs(units), _widths(samples, start, stop))
+        samples.out[start:stop, 0] = legend_values(lengths, widths, parameters)
+
+    return work
+
+
+def legend_values(positions: _Floats, widths: _Floats, parameters: dict[str, Any]) -> _Floats:
+    """(n,) mean value of a legend over intervals of these widths around positions."""
+    start, end, wrap = (parameters[key] for key in ("start", "end", "wrap"))
+    at, widths = (positions - start) / (end - start), np.abs(widths / (end - start))
+    if wrap == "clamp":
+        at = np.clip(at, -1.0 - widths, 2.0 + widths)
+    else:
+        period = 1.0 if wrap == "repeat" else 2.0
+        at = at - period * np.floor(at / period)
+    wide = np.maximum(widths, _NARROW)
+    means = (_integral(at + 0.5 * wide, wrap) - _integral(at - 0.5 * wide, wrap)) / wide
+    return np.clip(np.where(widths > _NARROW, means, _wrapped(at, wrap)), 0.0, 1.0)
+
+
+def _wrapped(at: _Floats, wrap: str) -> _Floats:
+    if wrap == "clamp":
+        return np.clip(at, 0.0, 1.0)
+    return at - np.floor(at) if wrap == "repeat" else 1.0 - np.abs(1.0 - at % 2.0)
+
+
+def _integral(at: _Floats, wrap: str) -> _Floats:
+    """Integral of the wrapped value from 0."""
+    if wrap == "clamp":
+        return 0.5 * np.clip(at, 0.0, 1.0) ** 2 + np.maximum(at - 1.0, 0.0)
+    if wrap == "repeat":
+        whole = np.floor(at)
+        return 0.5 * whole + 0.5 * (at - whole) ** 2
+    whole = np.floor(0.5 * at)
+    rest = at - 2.0 * whole
+    return whole + np.where(rest <= 1.0, 0.5 * rest**2, 1.0 - 0.5 * (2.0 - rest) ** 2)
+
+
+def _finite(points: _Floats) -> _Floats:
+    """Points as the other procedures take them: what is no number, or too far away, counts as 0."""
+    return np.where(np.abs(points) <= 2.0**50, points, 0.0)
+
+
+def _widths(samples: ProcedurePoints, start: int, stop: int) -> _Floats:
+    """(n, D) widths of the pixels along each axis; 0 for a point."""
+    shape = (min(stop, len(samples.points)) - start, samples.n_dimensions)
+    if samples.widths is None:
+        return np.zeros(shape)
+    widths = np.broadcast_to(samples.widths[start:stop], shape).astype(np.float64)
+    return np.where((widths > 0.0) & (widths < 2.0**50), widths, 0.0)

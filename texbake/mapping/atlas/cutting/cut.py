@@ -15,10 +15,11 @@ import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.charts import Charts, gather_charts
-from texbake.mapping.atlas.cutting.disks import ChartLimits, disk_charts
 from texbake.mapping.atlas.cutting.parts import (
+    ChartLimits,
     Part,
     connected_parts,
+    disk_charts,
     divide_parts,
     face_batches,
     split_parts,

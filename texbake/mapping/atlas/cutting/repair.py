@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, flatten_triangles
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import connected_faces
@@ -143,23 +143,12 @@ def _taken_apart(
     new_charts = charts.astype(np.int64)
     new_charts[torn] = charts.max() + 1 + connected_faces(edge_ids(joints[torn]))
 
-    uvs = np.concatenate([uvs, laid_flat(corners[lost]).reshape(-1, 2)])
+    uvs = np.concatenate([uvs, flatten_triangles(corners[lost]).reshape(-1, 2)])
     faces = faces.copy()
     faces[lost] = np.arange(len(uvs) - 3 * lost.sum(), len(uvs)).reshape(-1, 3)
     pairs = np.stack([faces, np.repeat(new_charts[:, None], 3, axis=1)], axis=2).reshape(-1, 2)
     pairs, new_faces = np.unique(pairs, axis=0, return_inverse=True)
     return new_faces.reshape(-1, 3), uvs[pairs[:, 0]], pairs[:, 1].astype(np.int32)
-
-
-def laid_flat(corners: FloatArray) -> FloatArray:
-    """(F, 3, 2) float64: triangles placed in the plane, with their lengths, counter-clockwise."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    lengths = pm.norm(first, axis=1)
-    flat = np.zeros((len(corners), 3, 2))
-    flat[:, 1, 0] = lengths
-    flat[:, 2, 0] = pm.vecdot(first, second) / lengths
-    flat[:, 2, 1] = 2.0 * surface_areas(corners) / lengths
-    return flat
 
 
 def _turned_over(

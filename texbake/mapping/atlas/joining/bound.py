@@ -17,8 +17,14 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.joining.join import join_charts
-from texbake.mapping.atlas.joining.piece import ChartPiece, relax_piece
-from texbake.mapping.atlas.joining.pieces import charts_of, parts_of, pieces_of, whole_polygons
+from texbake.mapping.atlas.joining.pieces import (
+    ChartPiece,
+    charts_of,
+    parts_of,
+    pieces_of,
+    relax_piece,
+    whole_polygons,
+)
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges

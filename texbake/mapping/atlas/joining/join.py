@@ -20,9 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.joining.merger import Allowance, Merger, find_merger, relaxed_merger
-from texbake.mapping.atlas.joining.piece import ChartPiece
-from texbake.mapping.atlas.joining.pieces import charts_of, compact_parts, pieces_of
+from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
+from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
@@ -79,7 +78,7 @@ def join_charts(
     ]
     if most_chart_l2 is None:
         most_chart_l2 = max(1.0 + 3.0 * (most_l2 - 1.0), 1.1)
-    allowed = Allowance(
+    allowed = MergeTolerance(
         excess=area * (most_l2**2 - 1.0),
         waste=area * most_waste,
         chart_l2=most_chart_l2,
@@ -99,7 +98,7 @@ class _Candidate:
     other: int
     cost: float = 0.0
     effort: int = _GUESSED
-    merger: Merger | None = None
+    merge: ChartMerge | None = None
 
     def __lt__(self, than: _Candidate) -> bool:
         return (self.cost, self.one, self.other) < (than.cost, than.one, than.other)
@@ -112,7 +111,7 @@ class _Joining:
         self,
         pieces: list[ChartPiece],
         opposite: IntArray,
-        allowed: Allowance,
+        allowed: MergeTolerance,
         threads: int | None,
     ) -> None:
         self.pieces = dict(enumerate(pieces))
@@ -148,7 +147,7 @@ class _Joining:
                 self._queue, self._waiting = self._waiting, []
                 heapq.heapify(self._queue)
 
-    def _room(self) -> Allowance:
+    def _room(self) -> MergeTolerance:
         """What is left of the allowance."""
         return replace(
             self._allowed,
@@ -171,9 +170,9 @@ class _Joining:
             candidate = heapq.heappop(self._queue)
             if not self._is_current(candidate):
                 continue
-            assert candidate.merger is not None
-            if self._room().covers(candidate.merger):
-                self._join(candidate, candidate.merger.piece)
+            assert candidate.merge is not None
+            if self._room().covers(candidate.merge):
+                self._join(candidate, candidate.merge.piece)
                 joined = True
             else:
                 self._waiting.append(candidate)
@@ -204,8 +203,8 @@ class _Joining:
         def look(start: int, stop: int) -> None:
             for candidate in candidates[start:stop]:
                 one, other = self.pieces[candidate.one], self.pieces[candidate.other]
-                if candidate.merger is None:
-                    candidate.merger = find_merger(
+                if candidate.merge is None:
+                    candidate.merge = find_merge(
                         one,
                         other,
                         self._opposite,
@@ -213,20 +212,20 @@ class _Joining:
                         n_iterations=n_iterations,
                     )
                 else:
-                    candidate.merger = relaxed_merger(
-                        candidate.merger, one, other, n_iterations=n_iterations
+                    candidate.merge = relax_merge(
+                        candidate.merge, one, other, n_iterations=n_iterations
                     )
 
         run_bands(look, len(candidates), band=1, threads=self._threads)
         for candidate in candidates:
             candidate.effort = n_iterations
-            merger = candidate.merger
-            candidate.cost = math.inf if merger is None else merger.cost(self._allowed)
+            merge = candidate.merge
+            candidate.cost = math.inf if merge is None else merge.cost(self._allowed)
             self._costs[candidate.one][candidate.other] = candidate.cost
             self._costs[candidate.other][candidate.one] = candidate.cost
             sizes = [len(self.pieces[i].faces) for i in (candidate.one, candidate.other)]
             self._work += n_iterations * (sum(sizes) + _LEAST_FACES)
-            if merger is not None:
+            if merge is not None:
                 heapq.heappush(self._queue, candidate)
 
     def _neighbors(self, index: int) -> list[int]:

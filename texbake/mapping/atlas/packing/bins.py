@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mapping.atlas.packing.bitmaps import Bitmaps, PackingGrid
-from texbake.mapping.atlas.packing.poses import Outlines
-from texbake.mapping.atlas.packing.settle import SNAP_MARGIN, Settled
+from texbake.mapping.atlas.packing.bitmaps import Bitmaps, Outlines, PackingGrid
+from texbake.mapping.atlas.packing.refine import SNAP_MARGIN, FinalLayout
 from texbake.mesh.mesh import IntArray
 
 _FIRST_GUESS = 0.6  # share of the texture that is filled
@@ -37,7 +36,7 @@ class Bins:
 
     Attributes
     ----------
-    found : Settled
+    found : FinalLayout
         Places at the last scale that fit.
     tiles : (C,) int32
         Tile of each chart at that scale.
@@ -47,7 +46,7 @@ class Bins:
         Half the perimeter of each chart's least bounding box, and the longer side of the shortest.
     """
 
-    found: Settled
+    found: FinalLayout
     tiles: IntArray
     room_above: float
 
@@ -87,7 +86,7 @@ class Bins:
                 room_above = min(room_above, math.sqrt(self.grid.height / top))
             tiles[order] += group * self.n_tiles
         self.room_above = room_above
-        self.found = Settled(poses=self.poses, bitmaps=bitmaps, places=places, scale=scale)
+        self.found = FinalLayout(poses=self.poses, bitmaps=bitmaps, places=places, scale=scale)
         self.tiles = tiles
         return True
 
@@ -145,7 +144,7 @@ class Bins:
 
 def place_at_scale(bins: Bins, scale: float, n_orders: int) -> bool:
     """Place charts in as few tiles as several orders achieve; return whether they fit at all."""
-    best: tuple[Settled, IntArray] | None = None
+    best: tuple[FinalLayout, IntArray] | None = None
     shares = np.bincount(bins.groups, bins.areas) * scale**2 / (bins.grid.width * bins.grid.height)
     fewest = int(np.maximum(np.ceil(shares[np.bincount(bins.groups) > 0]), 1).sum())
     for trial in range(n_orders + 1):

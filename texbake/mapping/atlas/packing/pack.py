@@ -21,10 +21,9 @@ import numpy as np
 
 from texbake.errors import UnwrapError, counted
 from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
-from texbake.mapping.atlas.packing.bitmaps import PackingGrid
-from texbake.mapping.atlas.packing.poses import Outlines, least_box_angles
-from texbake.mapping.atlas.packing.search import draft_layout, squeezed_layout
-from texbake.mapping.atlas.packing.settle import RoughLayout, Settled, settle_layout
+from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid, least_box_angles
+from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refine_layout
+from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
@@ -53,18 +52,18 @@ class _Budget:
     settled: int
     draft_work: int
     squeeze_work: int
-    settle_work: int
+    refine_work: int
     least_share: float  # of the work, for meshes of few faces
 
 
 _BUDGETS = {
     "good": _Budget(
         drafts=2, squeezed=2, settled=1,
-        draft_work=20_000_000, squeeze_work=40_000_000, settle_work=50_000_000, least_share=0.4,
+        draft_work=20_000_000, squeeze_work=40_000_000, refine_work=50_000_000, least_share=0.4,
     ),
     "best": _Budget(
         drafts=8, squeezed=5, settled=4,
-        draft_work=150_000_000, squeeze_work=250_000_000, settle_work=200_000_000, least_share=0.2,
+        draft_work=150_000_000, squeeze_work=250_000_000, refine_work=200_000_000, least_share=0.2,
     ),
 }  # fmt: skip
 # Steps of work per face besides, for the bitmaps of the scales that are tried.
@@ -173,7 +172,7 @@ def _packed(bins: Bins, size: tuple[int, int], padding: int) -> Packing:
 
 def _searched(
     bins: Bins, size: tuple[int, int], padding: int, effort: str, threads: int | None
-) -> Settled | None:
+) -> FinalLayout | None:
     """Return the densest packing that a search finds; None if it finds none."""
     budget, charts = _BUDGETS[effort], bins.charts
     texels, others = size[0] * size[1], charts.n_charts - 1
@@ -185,21 +184,21 @@ def _searched(
     if charts.n_charts <= _MOST_COARSE:
         work = int(budget.draft_work * share) + scaling_work
         drafts = _best(
-            lambda seed: draft_layout(charts, size, padding, most_work=work, seed=seed),
+            lambda seed: coarse_layout(charts, size, padding, most_work=work, seed=seed),
             range(budget.drafts),
             threads,
         )[: budget.squeezed]
         work = int(budget.squeeze_work * share)
         layouts = _best(
-            lambda draft: squeezed_layout(draft, most_work=work, seed=0), drafts, threads
+            lambda draft: squeeze_layout(draft, most_work=work, seed=0), drafts, threads
         )
     elif place_at_largest_scale(bins, 0):
         layouts = [bins.found.layout(bins.grid, bins.angles)]
     else:
         return None
-    work = int(budget.settle_work * share) + scaling_work
+    work = int(budget.refine_work * share) + scaling_work
     settled = _best(
-        lambda layout: settle_layout(charts, layout, bins.grid, most_work=work, seed=0),
+        lambda layout: refine_layout(charts, layout, bins.grid, most_work=work, seed=0),
         layouts[: budget.settled],
         threads,
     )

@@ -20,9 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mapping.atlas.packing.bitmaps import Shapes, shapes_of
-from texbake.mapping.atlas.packing.poses import Outlines, Poses
-from texbake.mapping.atlas.packing.settle import (
+from texbake.mapping.atlas.packing.bitmaps import ChartRotations, Outlines, Shapes, shapes_of
+from texbake.mapping.atlas.packing.refine import (
     RoughLayout,
     SearchLimits,
     pair_weights,
@@ -43,7 +42,7 @@ _SQUEEZE = SearchLimits(samples=40, radius=24, step=8, patience=300, work=400_00
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Draft:
+class CoarseLayout:
     """Charts placed one after another on the coarse grid."""
 
     shapes: Shapes  # the charts in `_N_POSES` poses and four quarter turns
@@ -53,9 +52,9 @@ class Draft:
     scale: float  # texels per unit
 
 
-def draft_layout(
+def coarse_layout(
     charts: Outlines, size: tuple[int, int], padding: int, *, most_work: int, seed: int
-) -> Draft | None:
+) -> CoarseLayout | None:
     """Search for an order in which charts can be placed at a large scale; None if none fits."""
     cell = math.sqrt(size[0] * size[1]) / _COARSE_CELLS
     # Charts are enlarged by half the distance that two of them must keep, so that they may touch:
@@ -69,7 +68,7 @@ def draft_layout(
     found = _searched_order(strip, most_work, first_scale)
     if found is None:
         return None
-    return Draft(
+    return CoarseLayout(
         shapes=found.shapes,
         places=found.places,
         areas=areas * found.scale**2,
@@ -78,7 +77,7 @@ def draft_layout(
     )
 
 
-def squeezed_layout(draft: Draft, *, most_work: int, seed: int) -> RoughLayout:
+def squeeze_layout(draft: CoarseLayout, *, most_work: int, seed: int) -> RoughLayout:
     """Squeeze a draft into the smallest grid of about the same proportions that it fits into."""
     weights = pair_weights(draft.areas)
     places, across, up = _squeezed(draft.shapes, draft.places, weights, draft.size, most_work, seed)
@@ -104,7 +103,12 @@ class _Strip:
     """Charts placed in a strip as wide as the grid but higher, at any number of scales."""
 
     def __init__(
-        self, poses: Poses, areas: FloatArray, size: tuple[int, int], margin: float, seed: int
+        self,
+        poses: ChartRotations,
+        areas: FloatArray,
+        size: tuple[int, int],
+        margin: float,
+        seed: int,
     ) -> None:
         self.poses, self.areas, self.margin, self.seed = poses, areas, margin, seed
         self.width, self.height = size

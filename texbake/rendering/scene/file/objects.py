@@ -51,7 +51,7 @@ GLTF_SUFFIXES = (".glb", ".gltf")
 
 MappingTable = table(
     UnwrapOptions,
-    {"method": choice(METHODS), "matrix": ProjectorMatrix},
+    {"method": choice(tuple(METHODS)), "matrix": ProjectorMatrix},
     name="Mapping",
     without=("normals", "angle"),
     required=("method",),

@@ -1,8 +1,9 @@
-"""Two neighboring charts glued into one: where they may be glued, and the first layout.
+"""Two neighboring charts stitched into one: where they may be stitched, and what it costs.
 
 Neighbors meet along paths of edges. Vertices inside a path become inner vertices of the joined
 chart, so that any difference of their angle from a full turn becomes stretch. Where that is large,
-as at the corner of a cube, it is better to glue the path only up to that vertex.
+as at the corner of a cube, it is better to stitch the path only up to that vertex. The cost is
+found by flattening both charts together.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.joining.piece import ChartPiece, hull_area
+from texbake.mapping.atlas.joining.pieces import ChartPiece, hull_area, relax_piece
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
@@ -42,7 +43,7 @@ class Contact:
         return float(self.lengths.sum())
 
 
-def contact_of(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contact | None:
+def find_contact(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contact | None:
     """Find where two pieces meet; None if they do not."""
     across = opposite[one.border]
     slots = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
@@ -92,7 +93,7 @@ def _chained(
     return chosen, np.array(paths, dtype=np.int32), has_previous[chosen]
 
 
-def gluing_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
+def stitch_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
     """Choices of half-edges to glue along a contact, the longest first.
 
     They are: all half-edges; the longest path; and the longest stretch of a path that passes no
@@ -110,7 +111,7 @@ def gluing_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
     return ways
 
 
-def glued(
+def stitch(
     one: ChartPiece, other: ChartPiece, contact: Contact, way: npt.NDArray[np.int64]
 ) -> ChartPiece:
     """Glue two pieces along some half-edges of their contact.
@@ -193,3 +194,106 @@ def _fitted(
     cos, sin = (cos / length, sin / length) if length > 0.0 else (1.0, 0.0)
     turn = np.array([[cos, sin], [-sin, cos]])
     return np.asarray(pm.matmul(uvs - source_mean, turn) + target_mean)
+
+
+# Cost of a merge that makes nothing worse; of these, the one that glues most of a border is first.
+_LEAST_COST = 1e-3
+
+
+# A chart below this share of the largest allowed area may also join a chart that is large enough.
+_NEXT_TO_NOTHING = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeTolerance:
+    """How much worse joining may make the charts."""
+
+    excess: float  # what may be added to the sum of area times (L2² - 1) over all charts
+    # What may be added to the total area that charts leave empty in their convex hulls.
+    waste: float
+    chart_l2: float  # largest stretch of a joined chart
+    chart_area: float  # largest area of a joined chart; tiny charts may always join
+    # Greatest extent of a joined chart; it may also be as long as the longer of the two.
+    chart_length: float
+
+    def covers(self, merge: ChartMerge) -> bool:
+        """Whether a merge is allowed; one that makes nothing worse always is."""
+        return (
+            merge.excess <= max(self.excess, 0.0)
+            and merge.waste <= max(self.waste, 0.0)
+            and merge.piece.l2 <= self.chart_l2
+        )
+
+    def has_place(self, one: ChartPiece, other: ChartPiece) -> bool:
+        """Whether two pieces are small enough to be joined."""
+        whole, lesser = one.area + other.area, min(one.area, other.area)
+        return whole <= self.chart_area or lesser <= _NEXT_TO_NOTHING * self.chart_area
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChartMerge:
+    """Two pieces flattened as one."""
+
+    piece: ChartPiece  # the joined piece
+    # excess, waste: what it adds to the sum of the two; see `MergeTolerance`.
+    excess: float
+    waste: float
+    share: float  # length along which they are glued, as a share of the shorter border
+
+    def cost(self, scale: MergeTolerance) -> float:
+        """Share of the allowance that it uses, divided by the share that is glued."""
+        excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
+        waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
+        return (excess + waste + _LEAST_COST) / self.share
+
+
+def find_merge(
+    one: ChartPiece,
+    other: ChartPiece,
+    opposite: IntArray,
+    *,
+    scale: MergeTolerance,
+    n_iterations: int,
+) -> ChartMerge | None:
+    """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
+
+    `opposite` (3 F,) int32: from `opposite_half_edges`. Returns None if they do not meet, or cannot
+    be flattened together without flips or overlaps.
+    """
+    if one.area < other.area:
+        one, other = other, one
+    contact = find_contact(one, other, opposite)
+    if contact is None or not scale.has_place(one, other):
+        return None
+    shorter = min(float(one.border_lengths.sum()), float(other.border_lengths.sum()))
+    longest = max(scale.chart_length, one.length, other.length)
+    best = None
+    for way in stitch_choices(contact):
+        union = stitch(one, other, contact, way)
+        length = float(contact.lengths[way].sum())
+        if length == 0.0 or not union.is_disk:
+            continue
+        sketch = _chart_merge(union, one, other, length / shorter)
+        if sketch.waste > scale.waste or sketch.piece.length > longest:
+            continue
+        merge = relax_merge(sketch, one, other, n_iterations=n_iterations)
+        if merge is not None and (best is None or merge.cost(scale) < best.cost(scale)):
+            best = merge
+    return best
+
+
+def relax_merge(
+    merge: ChartMerge, one: ChartPiece, other: ChartPiece, *, n_iterations: int
+) -> ChartMerge | None:
+    """Improve the layout of a merge; None if it then has flips or overlaps."""
+    piece = relax_piece(merge.piece, n_iterations=n_iterations)
+    return None if piece is None else _chart_merge(piece, one, other, merge.share)
+
+
+def _chart_merge(piece: ChartPiece, one: ChartPiece, other: ChartPiece, share: float) -> ChartMerge:
+    return ChartMerge(
+        piece=piece,
+        excess=piece.excess - one.excess - other.excess,
+        waste=piece.waste - one.waste - other.waste,
+        share=share,
+    )

@@ -10,11 +10,12 @@ import numpy as np
 from texbake.core import core
 from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
+    ChartRotations,
+    Outlines,
     PackingGrid,
     Shapes,
     shapes_of,
 )
-from texbake.mapping.atlas.packing.poses import Outlines, Poses
 from texbake.mesh.mesh import FloatArray, IntArray
 
 # Texels by which charts are enlarged: half of the 1/256 texel that rasterizers snap to, which is
@@ -93,10 +94,10 @@ class RoughLayout:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Settled:
+class FinalLayout:
     """Charts at exact places on the cells of a grid, at a scale in cells per unit."""
 
-    poses: Poses
+    poses: ChartRotations
     bitmaps: Bitmaps
     places: IntArray
     scale: float
@@ -118,15 +119,15 @@ class Settled:
         )
 
 
-def settle_layout(
+def refine_layout(
     charts: Outlines, layout: RoughLayout, grid: PackingGrid, *, most_work: int, seed: int
-) -> Settled | None:
+) -> FinalLayout | None:
     """Move charts to exact places close to those of a layout, at the largest scale that works.
 
     None if they cannot be moved apart near the layout's scale.
     """
     areas = charts.areas()
-    best: Settled | None = None
+    best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
     scale = layout.scale / grid.cell
     while work < most_work and step >= _LEAST_STEP:
@@ -161,7 +162,7 @@ def _moved_apart(
     grid: PackingGrid,
     scale: float,
     seed: int,
-) -> tuple[Settled | None, int, int]:
+) -> tuple[FinalLayout | None, int, int]:
     """Separate charts near their centers at a scale; return places, overlap and work.
 
     The places are None if a chart is larger than the grid.
@@ -185,5 +186,5 @@ def _moved_apart(
         seed=seed,
     )
     places = np.concatenate([places, np.zeros_like(places[:, :1])], axis=1)
-    result = Settled(poses=poses, bitmaps=bitmaps, places=places, scale=scale)
+    result = FinalLayout(poses=poses, bitmaps=bitmaps, places=places, scale=scale)
     return result, overlap, work + steps + grid.width * grid.height // 4

@@ -1,1 +1,0 @@
-"""Flattening charts with as little distortion as possible."""
