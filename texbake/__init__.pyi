@@ -28,14 +28,17 @@ from .mesh.files import read_mesh as read_mesh, write_mesh as write_mesh
 from .mesh.info import mesh_info as mesh_info
 from .mesh.interchange import from_trimesh as from_trimesh, to_trimesh as to_trimesh
 from .mesh.mesh import Mesh as Mesh
-from .mesh.options import RepairOptions as RepairOptions, TransformOptions as TransformOptions
+from .mesh.options import (
+    RemeshOptions as RemeshOptions,
+    RepairOptions as RepairOptions,
+    SimplifyOptions as SimplifyOptions,
+    TransformOptions as TransformOptions,
+)
 from .mesh.parametric.make import make as make
 from .mesh.parametric.options import MakeOptions as MakeOptions
 from .mesh.remesh import remesh as remesh
-from .mesh.remesh_options import RemeshOptions as RemeshOptions
 from .mesh.repair import repair as repair
 from .mesh.simplify import simplify as simplify
-from .mesh.simplify_options import SimplifyOptions as SimplifyOptions
 from .mesh.transform import transform as transform
 from .rendering.compare import compare as compare
 from .rendering.options import RenderOptions as RenderOptions

@@ -20,7 +20,7 @@ import pymeshlab
 import texbake
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.options import RemeshOptions
 from texbake.mesh.shapes import grid_sphere
 from texbake.mesh.topology import find_edges
 

@@ -299,15 +299,15 @@ def _read_matrix(path: Path) -> Any:
 
 
 def _read_profile(path: Path) -> Any:
-    from texbake.mesh.parametric.sources import read_profile
+    from texbake.mesh.parametric.sources import profile_of
 
-    return read_profile(path)
+    return profile_of(path)
 
 
 def _read_patches(path: Path) -> Any:
-    from texbake.mesh.parametric.sources import read_patches
+    from texbake.mesh.parametric.sources import patches_of
 
-    return read_patches(path)
+    return patches_of(path)
 
 
 def _read_hits(path: Path) -> Any:

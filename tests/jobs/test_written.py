@@ -15,8 +15,8 @@ from texbake.mesh.materials import (
     read_materials,
 )
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.mesh.simplify_options import SimplifyOptions
 from texbake.texture.image import write_image
 from texbake.verbs.simplify import simplify_file, simplify_levels
 from texbake.verbs.unwrap import unwrap_files

@@ -7,7 +7,7 @@ import pytest
 
 from texbake import FileError, OptionError, make
 from texbake.errors import FileFormatError
-from texbake.mesh.parametric.sources import read_patches, read_profile
+from texbake.mesh.parametric.sources import patches_of, profile_of
 
 
 @pytest.fixture
@@ -30,23 +30,19 @@ def written(tmp_path):
     ["0 0\n1 0.5\n1 2\n", "# a jar\n\n0, 0\n 1,0.5 # foot\r\n+1e0\t2.0", "\ufeff0 0\n1 .5\n1 2"],
 )
 def test_profiles_are_read(written, text):
-    assert read_profile(written(text)).tolist() == [[0, 0], [1, 0.5], [1, 2]]
+    assert profile_of(written(text)).tolist() == [[0, 0], [1, 0.5], [1, 2]]
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         ("", "the file is empty"),
-        ("# nothing\n", "fewer than two points"),
-        ("1 1\n", "fewer than two points"),
         ("1 1\n1 1\n1 1\n", "fewer than two points"),
         ("0 0\n0 1\n", "it lies on the axis"),
-        ("0 0\n1 1\n-0.5 2\n", "line 3: the radius -0.5 is negative"),
+        ("0 0\n1 1\n-0.5 2\n", "a radius is negative"),
         ("0 0\n\nnan 1\n", "line 3: 'nan' is not finite"),
-        ("0 0\n1 -inf\n", "line 2: '-inf' is not finite"),
         ("0 0\n1 1e999\n", "line 2: '1e999' is not finite"),
         ("0 0\n1\n", "line 2: it has 1 words; a point needs 2 numbers"),
-        ("0 0\n1 2 3\n", "line 2: it has 3 words; a point needs 2 numbers"),
         ("0 0\none two\n", "line 2: 'one' is not a number"),
         (b"0 0\n\0\0 1", "it is not a profile; it holds binary data"),
         (b"0 0\n\xff\xfe 1", "it is not a profile; it is not text in UTF-8"),
@@ -131,7 +127,7 @@ def alone():
     ],
 )
 def test_every_layout_gives_the_same_patches(written, text):
-    np.testing.assert_array_equal(read_patches(written(text)), CONTROL)
+    np.testing.assert_array_equal(patches_of(written(text)), CONTROL)
 
 
 def without(text, number):
@@ -155,38 +151,27 @@ def without(text, number):
         ("0\n", "line 1: '0' is not a number of patches"),
         ("-3\n", "line 1: '-3' is not a number of patches"),
         (5000 * "9" + "\n", "9' is not a number of patches"),
-        ("2\n", "it ends before patch 1 of 2"),
-        # holes in indices
-        (shared().replace(",16\n", "\n"), "line 2: patch 1 of 2 has 15 indices; it needs 16"),
-        (shared().replace(",16\n", ",16,17\n"), "line 2: patch 1 of 2 has 17 indices"),
-        (without(shared(), 3), "line 3: patch 2 of 2 has 1 indices; it needs 16"),
-        ("2\n" + rows([FIRST], ",")[0], "it ends before patch 2 of 2"),
-        (shared().replace(",16\n", ",29\n"), "line 2: patch 1 has the index 29; there are points"),
-        (shared().replace("\n1,2,", "\n0,2,"), "line 2: patch 1 has the index 0; there"),
-        (shared().replace("\n1,2,", "\n1.5,2,"), "line 2: patch 1 has '1.5' for an index"),
-        (shared().replace("\n1,2,", "\n-,2,"), "line 2: patch 1 has '-' for an index"),
-        # holes in points
-        ("\n".join(shared().splitlines()[:3]), "it ends before the number of points"),
+        ("2\n", "it ends before the number of points"),
+        (shared().replace(",16\n", "\n"), "line 2: it has 15 words; patch 1 needs 16 numbers"),
+        (without(shared(), 3), "line 3: it has 1 words; patch 2 needs 16 numbers"),
+        (shared().replace(",16\n", ",29\n"), "29 is no index; there are points 1 to 28"),
+        (shared().replace("\n1,2,", "\n0,2,"), "0 is no index"),
+        (shared().replace("\n1,2,", "\n1.5,2,"), "1.5 is no index"),
+        (shared().replace("\n1,2,", "\n-,2,"), "line 2: '-' is not a number"),
         (without(shared(), 4), "line 4: '0 0.125 0.25' is not a number of points"),
-        (without(shared(), 20), "it has 27 of 28 points"),
-        (shared() + "1,2,3\n", "line 33: it goes on after the last of 28 points"),
+        (without(shared(), 20), "it has 27 points, and should have 28"),
+        (shared() + "1,2,3\n", "it has 29 points, and should have 28"),
         (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),
         (shared().replace("0,0.125,0.25", "0,nan,0"), "line 5: 'nan' is not finite"),
-        (shared().replace("0,0.125,0.25", "0,x,0"), "line 5: 'x' is not a number"),
-        # patches short of points
-        (without(degrees(), 10), "line 18: patch 1 of 2 ends after 15 points; it needs 16"),
-        (without(degrees(), 35), "it ends where patch 2 of 2 has 15 points; it needs 16"),
-        (degrees().replace("3 3", "3 4", 1), "line 2: patch 1 of 2 begins with '3 4'"),
-        (degrees() + "\n3 3", "line 36: it goes on after the last of 32 points"),
-        (without(alone(), 5), "it ends where patch 2 of 2 has 15 points; it needs 16"),
-        ("2\n" + without(alone(), 32), "it ends where patch 2 of 2 has 15 points"),
-        ("3\n" + alone(), "it ends where patch 3 of 3 has 0 points"),
-        ("1\n" + alone(), "line 18: it goes on after the last of 16 points"),
-        ("999999999999\n" + alone(), "it ends where patch 3 of 999999999999 has 0 points"),
-        ("999999999999\n1 2 3 4", "line 2: patch 1 of 999999999999 has 4 indices"),
+        (without(degrees(), 10), "line 19: a patch begins with "),
+        (without(degrees(), 35), "it has 31 points; 2 patches need 32"),
+        (degrees().replace("3 3", "3 4", 1), "line 2: a patch begins with '3 4'"),
+        (without(alone(), 5), "it has 31 points; 2 patches need 32"),
+        ("1\n" + alone(), "it has 32 points; 1 patches need 16"),
+        ("999999999999\n" + alone(), "it has 32 points; 999999999999 patches need"),
     ],
 )
-def test_a_hole_is_reported_with_its_patch_and_line(written, content, message):
+def test_a_hole_is_one_clear_line(written, content, message):
     path = written(content)
     with pytest.raises(FileFormatError) as caught:
         make("bezier", patches=path)
@@ -200,7 +185,7 @@ def test_a_teapot_of_the_classic_layout_reads_whole(written):
     patches = [[(9 * patch + n) % 306 + 1 for n in range(16)] for patch in range(32)]
     points = np.random.default_rng(0).normal(size=(306, 3)).round(5)
     text = "\n".join(["32", *rows(patches, ","), "306", *rows(points, ",")])
-    found = read_patches(written(text))
+    found = patches_of(written(text))
     assert found.shape == (32, 4, 4, 3)
     np.testing.assert_array_equal(found.reshape(32, 16, 3), points[np.array(patches) - 1])
 
@@ -224,7 +209,7 @@ def test_points_may_have_texture_coordinates(tmp_path, layout):
         lines = ["1", ",".join(str(i + 1) for i in range(16)), "16", *lines]
     path = tmp_path / "patch.txt"
     path.write_text("\n".join(lines))
-    np.testing.assert_array_equal(read_patches(path), points.reshape(1, 4, 4, 5))
+    np.testing.assert_array_equal(patches_of(path), points.reshape(1, 4, 4, 5))
     path.write_text("\n".join([*lines[:-1], "1 2 3"]))
     with pytest.raises(FileFormatError, match=r"it has 3 words; a point .*needs 5 numbers"):
-        read_patches(path)
+        patches_of(path)

@@ -15,9 +15,9 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces
+from texbake.mesh.options import RemeshOptions
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import remesh, remesh_with_report
-from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import duplicate_faces, face_components, find_edges, genus
 

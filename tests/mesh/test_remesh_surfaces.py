@@ -8,9 +8,9 @@ from texbake.core import core
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import face_areas, surface_distance
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.options import RemeshOptions
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
-from texbake.mesh.remesh_options import RemeshOptions
 from texbake.mesh.remeshing.holes import Loops
 from texbake.mesh.remeshing.sides import kind_of, require_topology
 from texbake.mesh.shapes import cube, icosphere, plane

@@ -11,9 +11,9 @@ from texbake.mesh.decimate import bring_down
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import face_objects, joined_objects, object_names
+from texbake.mesh.options import QUALITIES
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import simplify, simplify_with_report
-from texbake.mesh.simplify_options import QUALITIES
 from texbake.mesh.topology import face_components, find_edges, genus
 from texbake.mesh.vertex_stream import gather, weld_corners, weld_positions
 

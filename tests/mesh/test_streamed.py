@@ -73,8 +73,9 @@ def assert_same(path: Path) -> None:
         np.testing.assert_array_equal(found, corners)
         if size < 100 and whole.n_faces > 100:
             break
-    np.testing.assert_array_equal(mesh.spread_points(7), corners[::7, 0])
-    np.testing.assert_array_equal(mesh.spread_points(1), corners.reshape(-1, 3))
+    for step in (1, 7):
+        found = mesh.spread_corners(step)
+        np.testing.assert_array_equal(found, corners[::step].reshape(-1, 3))
     normals, normal_faces = shading_normals(whole)
     smooth = smooth_normals(whole)[whole.faces]
     for ids in (np.arange(0, whole.n_faces, 3), np.array([whole.n_faces - 1])):

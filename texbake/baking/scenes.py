@@ -227,7 +227,7 @@ def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
     """All vertices, or in a large mesh one for each of evenly spread faces: (n, 3) float64."""
     step = max(1, high.n_faces // _HIGH_POINTS)
     if isinstance(high, StreamedMesh):
-        return high.spread_points(step)
+        return high.spread_corners(step)[:: 1 if step == 1 else 3]
     vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
     return high.positions[vertices]
 

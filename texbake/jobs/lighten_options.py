@@ -13,11 +13,12 @@ from texbake.mesh.options import (
     DEFAULT_ANGLE,
     JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
+    MIN_FACES,
     ORIENTATION_OPTION,
+    REMESH_OPTION,
+    SimplifyOptions,
     check_angle,
 )
-from texbake.mesh.remesh_options import REMESH_OPTION
-from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions
 from texbake.schema import CheckedOptions, Option, option
 
 LEAST_SIZE, MOST_SIZE = 1024, 2048

@@ -11,7 +11,7 @@ from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, counted
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.remesh_options import AUTO, CLOSED
+from texbake.mesh.options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps

@@ -19,12 +19,15 @@ from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
     DEFAULT_ORIENTATION,
+    DEFAULT_REMESH,
     JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
+    MIN_FACES,
+    REMESH_OPTION,
+    SimplifyOptions,
     check_angle,
+    check_target,
 )
-from texbake.mesh.remesh_options import DEFAULT_REMESH, REMESH_OPTION
-from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions, check_target
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import CheckedOptions, Option, option
 

@@ -23,35 +23,26 @@ CORNERS = ("faces", "uv_faces", "normal_faces")
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes into one, each as a group of its own, named as the mesh."""
+    """Put meshes into one, each as a group of its own, named as the mesh.
+
+    Left out are colors, tangents, and texture coordinates or normals that not all of them have.
+    """
     if len(meshes) == 1:
         return meshes[0]
-    fields: dict[str, Any] = {}
-    for values, corners in (
-        ("positions", "faces"),
-        ("uvs", "uv_faces"),
-        ("normals", "normal_faces"),
-    ):
-        parts = [getattr(mesh, values) for mesh in meshes]
-        if any(part is None for part in parts):
-            continue
-        fields[values] = np.concatenate(parts)
-        fields[corners] = offset_joined(
-            [(getattr(mesh, corners), len(part)) for mesh, part in zip(meshes, parts, strict=True)]
+    changes: dict[str, Any] = {"colors": None, "tangents": None, "group_objects": ()}
+    for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
+        if any(getattr(mesh, values) is None for mesh in meshes):
+            changes |= {values: None, corners: None}
+    parts = [
+        mesh.replace(
+            face_groups=np.zeros(mesh.n_faces, np.int32), group_names=(mesh.name,), **changes
         )
-    counts = [mesh.n_faces for mesh in meshes]
-    return Mesh(
-        face_groups=np.repeat(np.arange(len(meshes), dtype=np.int32), counts),
-        group_names=tuple(mesh.name for mesh in meshes),
-        group_objects=tuple(range(len(meshes))),
-        name=f"{len(meshes)} meshes",
-        uv_sets=joined_uv_sets(meshes),
-        polygon_of=joined_polygons(meshes),
-        **fields,
-    )
+        for mesh in meshes
+    ]
+    return join_parts(parts, f"{len(meshes)} meshes")
 
 
-def joined_polygons(meshes: Sequence[Mesh]) -> IntArray | None:
+def _joined_polygons(meshes: Sequence[Mesh]) -> IntArray | None:
     """Polygon of each face of meshes put into one."""
     if all(mesh.polygon_of is None for mesh in meshes):
         return None
@@ -113,7 +104,7 @@ def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
         group_objects=_numbered_objects(parts),
         name=name,
         uv_sets=joined_uv_sets(parts),
-        polygon_of=joined_polygons(parts),
+        polygon_of=_joined_polygons(parts),
         **fields,
     )
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.topology import face_components
+from texbake.mesh.topology import face_components, repeated_vertices
 from texbake.mesh.vertex_stream import VertexStream
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
@@ -154,7 +154,7 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     Returns (F, 3) int32: faces over the stream's vertices, wound like those they come from.
     """
     vertex_of, points = stream.vertices
-    faces = _with_three_places(stream, stream.faces).copy()
+    faces = _with_three_places(stream, stream.faces)
     n_left = core.collapse_edges(
         vertex_of, points.copy(), faces, None, None, None, None, n_faces, False, lock_boundary
     )
@@ -182,7 +182,7 @@ def move_and_collapse(
     """
     vertex_of, points = stream.vertices
     points = points.copy()
-    faces = _with_three_places(stream, stream.faces).copy()
+    faces = _with_three_places(stream, stream.faces)
     uv_rows, uvs = _rows_of_vertices(vertex_of, stream.uv_ids, mesh.uvs)
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
     n_left = core.collapse_edges(
@@ -287,6 +287,4 @@ def _clustered(stream: VertexStream, cell_of: npt.NDArray[np.intp]) -> IntArray:
 
 def _with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:
     """Those of some faces whose corners lie at three places."""
-    a, b, c = stream.position_ids[faces].T
-    proper = (a != b) & (b != c) & (c != a)
-    return faces if proper.all() else faces[proper]
+    return faces[~repeated_vertices(stream.position_ids[faces])]

@@ -1,13 +1,13 @@
-"""Options of `repair` and `transform`, and those that several verbs share; without NumPy."""
+"""Options of `repair`, `transform`, `simplify` and `remesh`, and those they share; no NumPy."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal, get_args
 
 from texbake.errors import OptionError, quoted
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, Option, option
 
 ORIENTATIONS: Final = ("auto", "keep")
 DEFAULT_ORIENTATION: Final = "auto"
@@ -162,3 +162,198 @@ def length_of(name: str, what: str, value: str | float, diagonal: float) -> floa
             "diagonal such as 1%"
         )
     return 0.01 * number * diagonal if word.endswith("%") else number
+
+
+Quality = Literal["fast", "best"]
+
+QUALITIES: Final[tuple[Quality, ...]] = get_args(Quality)
+DEFAULT_QUALITY: Final[Quality] = "fast"
+Seams = Literal["auto", "keep", "drop"]
+
+SEAMS: Final[tuple[Seams, ...]] = get_args(Seams)
+DEFAULT_SEAMS: Final[Seams] = "auto"
+
+Topology = Literal["keep", "simplify"]
+
+TOPOLOGIES: Final[tuple[Topology, ...]] = get_args(Topology)
+DEFAULT_TOPOLOGY: Final[Topology] = "keep"
+
+MIN_FACES: Final = 4
+"""The faces of a tetrahedron: fewer enclose nothing."""
+
+
+FACES_OPTION: Final = Option(
+    "Number of triangles to reach.",
+    metavar="N",
+    low=MIN_FACES,
+    flag="--faces",
+    default="as few as the error allows",
+)
+ERROR_OPTION: Final = Option(
+    "Stop where the two surfaces would lie further apart anywhere: 0.02 (model units) or 0.5% (of "
+    "the diagonal). With a number of triangles, whichever comes first.",
+    metavar="D",
+    default="no limit",
+)
+
+
+def error_limit(error: str | float | None, diagonal: float) -> float | None:
+    """Return the greatest distance that an error allows, in the units of the diagonal."""
+    return None if error is None else length_of("error", "a distance", error, diagonal)
+
+
+def check_target(n_faces: int | None, error: str | float | None) -> None:
+    """Raise `OptionError` unless a number of faces, an error, or both are given."""
+    if n_faces is None and error is None:
+        raise OptionError("n_faces, error: neither is given; give one of them, or both")
+    error_limit(error, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimplifyOptions(CheckedOptions):
+    """How far and how well a mesh is simplified."""
+
+    n_faces: Annotated[int | None, FACES_OPTION] = None
+    error: Annotated[str | float | None, ERROR_OPTION] = None
+    quality: Annotated[
+        str,
+        Option(
+            "Simplify quickly (fast), or more slowly and closer to the surface (best).",
+            choices=QUALITIES,
+        ),
+    ] = DEFAULT_QUALITY
+    seams: Annotated[
+        str,
+        Option(
+            "Seams of texture coordinates: keep them while the number of triangles can be reached "
+            "with them (auto), keep them and more triangles if need be (keep), or leave texture "
+            "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
+            "then makes new charts.",
+            choices=SEAMS,
+        ),
+    ] = DEFAULT_SEAMS
+    topology: Annotated[
+        str,
+        Option(
+            "If holes, tunnels and parts need more triangles than requested, stop with an error "
+            "(keep), or close them with a surface around the mesh, without texture coordinates "
+            "(simplify).",
+            choices=TOPOLOGIES,
+        ),
+    ] = DEFAULT_TOPOLOGY
+    orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
+    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
+    normals: Annotated[str, NORMALS_OPTION] = "keep"
+    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_angle(self.normals, self.angle)
+        check_target(self.n_faces, self.error)
+
+
+MIN_RESOLUTION: Final = 8
+MAX_RESOLUTION: Final = 1024
+
+ALL, LARGEST = "all", "largest"
+AUTO, CLOSED, OPEN = "auto", "closed", "open"
+
+REMESH_CHOICES: Final = ("auto", "always", "never")
+DEFAULT_REMESH: Final = "auto"
+
+REMESH_OPTION = Option(
+    "Make the low-poly mesh from a closed surface around the high-poly mesh: always, never, or "
+    "where that has an inside or is torn, and is not an open surface (auto).",
+    choices=REMESH_CHOICES,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemeshOptions(CheckedOptions):
+    """How finely a mesh is wrapped, and which gaps are closed."""
+
+    surface: Annotated[
+        str,
+        Option(
+            "Make a closed surface, with all holes filled (closed); an open surface of one sheet, "
+            "which keeps its boundary (open); or the one that fits the mesh (auto).",
+            choices=(AUTO, CLOSED, OPEN),
+        ),
+    ] = AUTO
+
+    resolution: Annotated[
+        int,
+        Option(
+            "Voxels along the longest side of the mesh.",
+            metavar="N",
+            low=MIN_RESOLUTION,
+            high=MAX_RESOLUTION,
+        ),
+    ] = 256
+    close: Annotated[
+        str | float,
+        Option(
+            "Close gaps up to this width: 0.02 (model units) or 1% (of the diagonal). Gaps of less "
+            "than two voxels are closed in any case. Holes of an open surface up to this width are "
+            "filled.",
+            metavar="D",
+        ),
+    ] = "1%"
+    keep_interior: Annotated[
+        bool,
+        Option(
+            "Keep cavities that are wider than the gaps that are closed, instead of filling them. "
+            "The faces of the mesh must agree about which side is out."
+        ),
+    ] = False
+    sharp_edges: Annotated[
+        bool,
+        Option(
+            "Keep corners and edges sharp where the faces of the mesh meet at more than 30 "
+            "degrees. Without it, they are rounded by up to a voxel."
+        ),
+    ] = False
+    components: Annotated[
+        int | str,
+        Option(
+            "Which separate parts of the result to keep: all, the largest, or the N largest by "
+            "volume.",
+            choices=(ALL, LARGEST),
+            metavar="N",
+            low=1,
+        ),
+    ] = ALL
+    n_faces: Annotated[
+        int | None,
+        Option(
+            "Number of triangles to simplify the result to.",
+            metavar="N",
+            low=MIN_FACES,
+            flag="--faces",
+            default="not simplified",
+        ),
+    ] = None
+    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.gap(1.0)
+        if self.surface == OPEN and self.keep_interior:
+            raise OptionError("keep_interior: an open surface has no interior; leave it out")
+
+    def gap(self, diagonal: float) -> float:
+        """Return the width of the gaps to close, in the units of the diagonal.
+
+        Examples
+        --------
+        >>> RemeshOptions(close="2%").gap(50.0)
+        1.0
+        """
+        return length_of("close", "a width", self.close, diagonal)
+
+    @property
+    def n_components(self) -> int | None:
+        """How many of the largest parts are kept; None for all."""
+        if isinstance(self.components, int):
+            return self.components
+        return 1 if self.components == LARGEST else None

@@ -31,7 +31,7 @@ from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
-from texbake.mesh.simplify_options import DEFAULT_SEAMS
+from texbake.mesh.options import DEFAULT_SEAMS
 from texbake.mesh.smoothing_groups import is_flat_shaded
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups

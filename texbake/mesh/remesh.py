@@ -25,7 +25,7 @@ from texbake.mesh.distance import face_areas, surface_distance
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.remesh_options import AUTO, CLOSED, OPEN, RemeshOptions
+from texbake.mesh.options import AUTO, CLOSED, OPEN, RemeshOptions
 from texbake.mesh.remesh_report import RemeshReport
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
 from texbake.mesh.remeshing.flood import Rooms, flood_outside

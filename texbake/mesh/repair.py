@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.compose import CORNERS, turned_over
+from texbake.mesh.compose import CORNERS, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -99,11 +99,11 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
     """Join vertices of one position, color and object, and leave out those that no face uses."""
     columns = [mesh.positions, mesh.colors, vertex_objects(mesh)]
     faces = weld_rows(np.column_stack([each for each in columns if each is not None]))[mesh.faces]
-    used, compact = np.unique(faces, return_inverse=True)
+    used, compact = used_rows(faces, mesh.n_vertices)
     colors = None if mesh.colors is None else mesh.colors[used]
     merged = mesh.replace(
         positions=mesh.positions[used],
-        faces=compact.reshape(faces.shape).astype(np.int32),
+        faces=compact,
         colors=colors,
         uv_sets=mesh.uv_sets,
         polygon_of=mesh.polygon_of,

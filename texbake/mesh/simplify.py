@@ -26,14 +26,14 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
-from texbake.mesh.simplify_options import (
+from texbake.mesh.options import (
     DEFAULT_QUALITY,
     DEFAULT_SEAMS,
     MIN_FACES,
     SimplifyOptions,
     error_limit,
 )
+from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
 from texbake.progress import ProgressSink, Stages
 
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.

@@ -23,6 +23,7 @@ from texbake.mesh.weld import unique_rows
 from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int64]
 
 # Faces or vertices per band.
 _BAND = 1 << 16
@@ -118,16 +119,24 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
 
     `faces` (F, 3) int32.
     """
-    tails = faces.ravel().astype(np.int64)
-    heads = np.roll(faces, -1, axis=1).ravel().astype(np.int64)
-    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    counts = np.diff(np.append(starts, len(keys)))
+    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    _, order, starts, counts = _sorted_edges(tails, heads)
     pairs = starts[counts == 2]
     first, second = order[pairs], order[pairs + 1]
     others = order[np.repeat(counts != 2, counts)]
     return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
+
+
+def _sorted_edges(tails: IntArray, heads: IntArray) -> tuple[Indices, Indices, Indices, Indices]:
+    """Keys of half-edges, equal for those of one edge; the order by key; its runs of equal keys.
+
+    Of the runs where they start, and their lengths.
+    """
+    one, other = np.minimum(tails, heads), np.maximum(tails, heads)
+    keys = (one.astype(np.int64) << 32) | other
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    return keys, order, starts, np.diff(np.append(starts, len(keys)))
 
 
 def wind_alike(
@@ -342,11 +351,7 @@ def opposite_half_edges(
         return opposite
     half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()
     starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    tails, heads = starts[half_edges].astype(np.int64), ends[half_edges].astype(np.int64)
-    keys = (np.minimum(tails, heads) << 32) | np.maximum(tails, heads)
-    order = np.argsort(keys, kind="stable")
-    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    counts = np.diff(np.append(begins, len(keys)))
+    keys, order, begins, counts = _sorted_edges(starts[half_edges], ends[half_edges])
     pairs = [order[begins[counts == 2] + side] for side in (0, 1)]
     crowded = order[np.repeat(counts > 2, counts)]
     for labels in (regions, polygons):

@@ -13,9 +13,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mesh.compose import used_rows
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
+from texbake.mesh.topology import repeated_vertices
 from texbake.mesh.weld import weld_rows
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
@@ -61,7 +63,7 @@ class VertexStream:
 
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""
-        faces, used = _compact(faces, len(self.points))
+        used, faces = used_rows(faces, len(self.points))
         ids = (self.uv_ids, self.normal_ids, self.group_ids, self.object_ids)
         return VertexStream(
             faces,
@@ -73,9 +75,11 @@ class VertexStream:
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    corners = _proper(weld_vertices(mesh, threads=threads)[mesh.faces])
+    corners = weld_vertices(mesh, threads=threads)[mesh.faces]
+    corners = corners[~repeated_vertices(corners)]
     corners = _without_stacks(corners, corners, mesh.n_vertices)
-    faces, position_ids = _compact(corners, mesh.n_vertices)
+    used, faces = used_rows(corners, mesh.n_vertices)
+    position_ids = used.astype(np.int32)
     return VertexStream(
         faces,
         _local_points(mesh, position_ids),
@@ -100,9 +104,10 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
         return weld_positions(mesh, threads=threads)
     positions = weld_vertices(mesh, threads=threads)[mesh.faces]
     rows = np.stack([ids.ravel() for ids in (positions, *columns.values())], axis=1)
-    corners = _proper(weld_rows(rows, threads=threads).reshape(-1, 3))
+    corners = weld_rows(rows, threads=threads).reshape(-1, 3)
+    corners = corners[~repeated_vertices(corners)]
     corners = _without_stacks(corners, positions.ravel()[corners], mesh.n_vertices)
-    faces, vertices = _compact(corners, len(rows))
+    vertices, faces = used_rows(corners, len(rows))
     position_ids, *others = rows[vertices].T
     return VertexStream(
         faces,
@@ -144,10 +149,10 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     those of the surface that is left.
     """
     corners = stream.position_ids[faces]
-    faces = faces[_is_proper(corners) & _is_first_of_its_kind(corners)]
+    faces = faces[~repeated_vertices(corners) & _is_first_of_its_kind(corners)]
     if len(faces) == 0:
         return None
-    position_faces, position_ids = _compact(stream.position_ids[faces], mesh.n_vertices)
+    position_ids, position_faces = used_rows(stream.position_ids[faces], mesh.n_vertices)
     low = Mesh(
         positions=mesh.positions[position_ids],
         faces=position_faces,
@@ -155,10 +160,10 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
         name=mesh.name,
     )
     if mesh.uvs is not None and stream.uv_ids is not None:
-        uv_faces, uv_ids = _compact(stream.uv_ids[faces], len(mesh.uvs))
+        uv_ids, uv_faces = used_rows(stream.uv_ids[faces], len(mesh.uvs))
         low = low.replace(uvs=mesh.uvs[uv_ids], uv_faces=uv_faces)
     if mesh.normals is not None and stream.normal_ids is not None:
-        normal_faces, normal_ids = _compact(stream.normal_ids[faces], len(mesh.normals))
+        normal_ids, normal_faces = used_rows(stream.normal_ids[faces], len(mesh.normals))
         low = low.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
     groups = stream.object_ids if stream.group_ids is None else stream.group_ids
     if groups is not None:
@@ -172,16 +177,6 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
 
 def _local_points(mesh: Mesh, position_ids: IntArray) -> FloatArray:
     return UnitGrid.around(mesh).to_grid(mesh.positions[position_ids])
-
-
-def _is_proper(faces: IntArray) -> npt.NDArray[np.bool_]:
-    a, b, c = faces.T
-    return np.asarray((a != b) & (b != c) & (c != a))
-
-
-def _proper(faces: IntArray) -> IntArray:
-    proper = _is_proper(faces)
-    return faces if proper.all() else faces[proper]
 
 
 def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:
@@ -202,11 +197,3 @@ def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntAr
     if len(faces) <= _FACES_OF_A_VERTEX * np.count_nonzero(used):
         return faces
     return faces[_is_first_of_its_kind(places)]
-
-
-def _compact(faces: IntArray, n_values: int) -> tuple[IntArray, IntArray]:
-    """Faces over the values that they use, and which those are."""
-    used = np.zeros(n_values, dtype=bool)
-    used[faces.ravel()] = True
-    ids = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return ids[faces], np.flatnonzero(used).astype(np.int32)

@@ -31,8 +31,8 @@ from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import face_objects, weld_vertices
+from texbake.mesh.options import AUTO, RemeshOptions
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
-from texbake.mesh.remesh_options import AUTO, RemeshOptions
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
 from texbake.mesh.remeshing.flood import flood_outside
 from texbake.mesh.remeshing.nets import JUST_SOLID, Nets, nets_around, signed, solid_points

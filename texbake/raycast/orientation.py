@@ -23,6 +23,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.compose import turned_over
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import (
@@ -109,42 +110,28 @@ def oriented(
 def oriented_in(
     mesh: Mesh, scene: RayScene, *, keep_open: bool = False
 ) -> tuple[Mesh, OrientationReport]:
-    """Flip the parts of a mesh that face inwards, using a scene of it that was built before."""
-    found = find_orientation(mesh, scene, keep_open=keep_open)
-    report = OrientationReport(
-        mesh=mesh.name,
-        n_parts=found.n_turned,
-        n_faces=found.n_faces,
-        n_unclear=len(found.unclear),
-    )
-    return turned_over(mesh, found.turned), report
+    """Flip the parts of a mesh that face inwards, using a scene of it that was built before.
 
-
-@dataclass(frozen=True, eq=False)
-class Orientation:
-    """What was found out.
-
-    Attributes
-    ----------
-    turned : (F,) bool
-        Faces to flip.
-    n_parts, n_turned : int
-        Parts, and those that face inwards as a whole.
-    n_faces : int
-        Faces to flip.
-    unclear : tuple of int
-        The first face of each part that is seen alike from both sides, and so is left as it is.
+    Faces that occur in both windings are right.
     """
-
-    turned: BoolArray
-    n_parts: int
-    n_turned: int
-    unclear: tuple[int, ...]
-
-    @property
-    def n_faces(self) -> int:
-        """Faces to flip."""
-        return int(np.count_nonzero(self.turned))
+    welded = weld_rows(mesh.positions)[mesh.faces]
+    parts, turned = _parts_wound_alike(mesh, welded)
+    n_parts = int(parts.max(initial=-1)) + 1
+    points = _points(mesh, parts, turned, n_parts)
+    votes = _Votes.of(points, parts, n_parts, scene)
+    one_sided = ~two_sided_faces(welded)
+    if keep_open:
+        one_sided &= ~_open_faces(welded, mesh.n_vertices)
+    matters = np.bincount(parts, one_sided, n_parts) > 0.0
+    inwards = votes.inwards() & matters
+    unclear = ((votes.seen & ~votes.clear) | points.left_out) & matters
+    turned = (turned ^ inwards[parts]) & ~unclear[parts] & one_sided
+    counts = (int(np.count_nonzero(which)) for which in (inwards, turned, unclear))
+    n_inwards, n_turned, n_unclear = counts
+    report = OrientationReport(
+        mesh=mesh.name, n_parts=n_inwards, n_faces=n_turned, n_unclear=n_unclear
+    )
+    return turned_over(mesh, turned), report
 
 
 def share_seen_from_behind(scene: RayScene) -> float:
@@ -159,26 +146,6 @@ def share_seen_from_behind(scene: RayScene) -> float:
     n_hits = int(np.count_nonzero(hits.faces != NO_HIT))
     # Without culling, what is met first is the hit, and `passed_back` says that it is a back face.
     return float(np.count_nonzero(hits.passed_back & (hits.faces != NO_HIT))) / max(n_hits, 1)
-
-
-def find_orientation(mesh: Mesh, scene: RayScene, *, keep_open: bool = False) -> Orientation:
-    """Find the faces that face inwards; those that occur in both windings are right."""
-    welded = weld_rows(mesh.positions)[mesh.faces]
-    parts, turned = _parts_wound_alike(mesh, welded)
-    n_parts = int(parts.max(initial=-1)) + 1
-    points = _points(mesh, parts, turned, n_parts)
-    votes = _Votes.of(points, parts, n_parts, scene)
-    one_sided = ~two_sided_faces(welded)
-    if keep_open:
-        one_sided &= ~_open_faces(welded, mesh.n_vertices)
-    matters = np.bincount(parts, one_sided, n_parts) > 0.0
-    inwards = votes.inwards() & matters
-    firsts = np.unique(parts, return_index=True)[1]
-    unclear = ((votes.seen & ~votes.clear) | points.left_out) & matters
-    turned = (turned ^ inwards[parts]) & ~unclear[parts] & one_sided
-    return Orientation(
-        turned, n_parts, int(np.count_nonzero(inwards)), tuple(firsts[unclear].tolist())
-    )
 
 
 def _open_faces(welded: IntArray, n_vertices: int) -> BoolArray:
@@ -353,9 +320,8 @@ _VIEWS = _views()
 
 def _area_vectors(mesh: Mesh) -> FloatArray:
     """(F, 3) float64: twice the area of each face along its normal, in units of the mesh's size."""
-    corners = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
-    a, b, c = (corners[mesh.faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
+    centered = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
+    return area_vectors(centered, mesh.faces)
 
 
 def _on_sphere(random: np.random.Generator, n: int) -> FloatArray:

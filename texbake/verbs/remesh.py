@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from texbake.baking.memory import PROCESS
 from texbake.files import PathLike
-from texbake.mesh.remesh_options import RemeshOptions
+from texbake.mesh.options import RemeshOptions
 from texbake.verbs.step import FORMAT_OF_MESH, Settings, Sizes, n_faces, step_of
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb
 

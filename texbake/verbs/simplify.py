@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from texbake.baking.memory import PROCESS
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
-from texbake.mesh.options import check_angle
-from texbake.mesh.simplify_options import MIN_FACES, SimplifyOptions, check_target, error_limit
+from texbake.mesh.options import MIN_FACES, SimplifyOptions, check_angle, check_target, error_limit
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import FORMAT_OF_MESH, Job, Settings, n_faces, step_of
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb

@@ -10,9 +10,9 @@ from texbake.jobs.export.options import ExportOptions
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.options import QUALITIES, SimplifyOptions
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.simplify import simplify
-from texbake.mesh.simplify_options import QUALITIES, SimplifyOptions
 from texbake.verbs.export import export_files
 from texbake.verbs.simplify import simplify_levels
 

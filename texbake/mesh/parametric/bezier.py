@@ -32,7 +32,7 @@ _PARALLEL = 1e-12
 def make_bezier(*, resolution: tuple[int, int], patches: FloatArray) -> Mesh:
     """Surface of bicubic patches.
 
-    `patches` (P, 4, 4, 3) or (P, 4, 4, 5) float64: control points, as of `read_patches`.
+    `patches` (P, 4, 4, 3) or (P, 4, 4, 5) float64: control points, as of `patches_of`.
     """
     n_u, n_v = resolution
     n_patches = len(patches)

@@ -18,7 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import repeated_vertices
 from texbake.mesh.weld import number_firsts, unique_rows
 
 BoolArray = npt.NDArray[np.bool_]
@@ -143,8 +145,7 @@ def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> Surfa
         nodes = np.concatenate([nodes, (nodes[starts] + nodes[ends]) // 2])
         vertex_ids = np.concatenate([vertex_ids, vertex_ids[starts]])
     faces = triangles[kept]
-    a, b, c = vertex_ids[faces].T
-    return SurfaceGrid(nodes, vertex_ids, faces[(a != b) & (b != c) & (c != a)])
+    return SurfaceGrid(nodes, vertex_ids, faces[~repeated_vertices(vertex_ids[faces])])
 
 
 def grid_mesh(
@@ -162,10 +163,7 @@ def grid_mesh(
     `positions` (N, 3), `uvs` (N, 2), `normals` (N, 3) float64: of the nodes; of several nodes at
     one vertex, the position of the first counts; `face_groups` (F,) int32.
     """
-    used = np.zeros(len(grid.nodes), dtype=bool)
-    used[grid.faces.ravel()] = True
-    kept = np.flatnonzero(used)
-    node_faces = (np.cumsum(used, dtype=np.int32) - 1)[grid.faces]
+    kept, node_faces = used_rows(grid.faces, len(grid.nodes))
 
     first_nodes, vertex_of = number_firsts(_firsts_of(grid.vertex_ids[kept]))
     uvs = uvs[kept]

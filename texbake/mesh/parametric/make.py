@@ -37,6 +37,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
+from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.bezier import make_bezier
 from texbake.mesh.parametric.grid import (
@@ -112,16 +113,7 @@ def _distances(image: npt.ArrayLike, resolution: tuple[int, int] | None) -> Floa
     """(H, W) float64: distances, NaN where there is none."""
     if resolution is not None:
         raise OptionError("resolution: a range image has a vertex for each pixel; leave it out")
-    try:
-        pixels = np.asarray(image, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise OptionError("image: it is not an array of numbers; read a file first") from error
-    if pixels.ndim == 3 and pixels.shape[2] > 0:
-        pixels = pixels[..., 0]
-    if pixels.ndim != 2 or min(pixels.shape) < 2:
-        raise OptionError(
-            f"image: an array of the shape {pixels.shape} is not an image of 2 x 2 pixels or more"
-        )
+    pixels = _channels(image)[..., 0]
     check_triangles(2 * pixels.size)
     with np.errstate(invalid="ignore"):
         return np.where(np.isfinite(pixels) & (pixels > 0.0), pixels, np.nan)
@@ -137,9 +129,9 @@ def _joined(
 ) -> Mesh:
     """Join neighboring pixels by triangles where they have distances that differ little."""
     n_rows, n_columns = ranges.shape
-    numbers = np.arange(ranges.size).reshape(ranges.shape)
+    numbers = np.arange(ranges.size, dtype=np.int32).reshape(ranges.shape)
     # One more column for the texture: the first one again, beyond the right border.
-    places = np.column_stack([numbers, numbers[:, 0]]) if closed else numbers
+    places: IntArray = np.column_stack([numbers, numbers[:, 0]]) if closed else numbers
     of_uvs = np.arange(places.size, dtype=np.int32).reshape(places.shape)
     corners, kept = _triangles(of_uvs, ranges.ravel()[places.ravel()], max_step)
     faces = places.ravel()[corners]
@@ -149,13 +141,13 @@ def _joined(
     if closed:
         u = np.append(u, u[0] + 1.0)
     uvs = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    used, vertex_faces = np.unique(faces[kept], return_inverse=True)
-    used_uvs, uv_faces = np.unique(corners[kept], return_inverse=True)
+    used, vertex_faces = used_rows(faces[kept], ranges.size)
+    used_uvs, uv_faces = used_rows(corners[kept], places.size)
     return Mesh(
         positions=positions.reshape(-1, 3)[used],
-        faces=vertex_faces.reshape(-1, 3).astype(np.int32),
+        faces=vertex_faces,
         uvs=uvs[used_uvs],
-        uv_faces=uv_faces.reshape(-1, 3).astype(np.int32),
+        uv_faces=uv_faces,
         name=name,
     )
 
@@ -292,30 +284,26 @@ def _laid_out(n_u: int, n_v: int) -> tuple[SurfaceGrid, FloatArray, FloatArray]:
 
 
 def _gray(image: npt.ArrayLike) -> FloatArray:
-    """(H, W) float64 of an image."""
+    """(H, W) float64: one or two channels are gray and alpha, three or four colors and alpha."""
+    channels = _channels(image)
+    pixels = channels[..., : 3 if channels.shape[2] > 2 else 1].mean(axis=2)
+    if not np.isfinite(pixels).all():
+        raise OptionError("image: some of its pixels are not finite")
+    return np.asarray(pixels)
+
+
+def _channels(image: npt.ArrayLike) -> FloatArray:
+    """(H, W, C) float64 of an image."""
     try:
         pixels = np.asarray(image, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise OptionError("image: it is not an array of numbers; read a file first") from error
-    if pixels.ndim == 3 and pixels.shape[2] > 0:
-        # One or two channels are gray and alpha; three or four are colors and alpha.
-        pixels = pixels[..., : 3 if pixels.shape[2] > 2 else 1].mean(axis=2)
-    if pixels.ndim != 2:
+    channels = pixels[..., np.newaxis] if pixels.ndim == 2 else pixels
+    if channels.ndim != 3 or min(channels.shape[:2]) < 2 or channels.shape[2] == 0:
         raise OptionError(
-            f"image: an array of the shape {pixels.shape} is not an image; give (H, W)"
+            f"image: an array of the shape {pixels.shape} is not an image of 2 x 2 pixels or more"
         )
-    if min(pixels.shape) < 2:
-        raise OptionError(
-            f"image: it has {pixels.shape[1]} x {pixels.shape[0]} pixels; "
-            "a height field needs at least 2 x 2"
-        )
-    bad = np.argwhere(~np.isfinite(pixels))
-    if len(bad):
-        raise OptionError(
-            f"image: {len(bad)} of its pixels are not finite, "
-            f"the first in row {bad[0][0]}, column {bad[0][1]}"
-        )
-    return pixels
+    return channels
 
 
 def _bilinear(pixels: FloatArray, column: FloatArray, row: FloatArray) -> FloatArray:

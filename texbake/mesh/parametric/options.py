@@ -58,21 +58,27 @@ _LEAST_RESOLUTIONS = {
 }
 
 
-def _by_shape(name: str) -> str:
-    """Which shapes read an option, with its default in each: `1 (sphere, torus), 2 (plane)`."""
+def _option(name: str, text: str, **more: Any) -> Option:
+    """An option that says which shapes read it, with its default in each.
+
+    Such as `1 (sphere, torus), 2 (plane)`.
+    """
     readers: dict[str, list[str]] = {}
     for shape, defaults in SHAPE_DEFAULTS.items():
         if name in defaults:
             default = defaults[name]
-            text = (
-                "none"
-                if default in (None, False)
-                else f"{default:g}"
-                if not isinstance(default, tuple)
-                else "x".join(map(str, default))
-            )
-            readers.setdefault(text, []).append(shape)
-    return ", ".join(f"{text} ({', '.join(shapes)})" for text, shapes in readers.items())
+            if isinstance(default, tuple):
+                shown = "x".join(map(str, default))
+            else:
+                shown = f"{default:g}" if default else "none"
+            readers.setdefault(shown, []).append(shape)
+    by_shape = ", ".join(f"{shown} ({', '.join(shapes)})" for shown, shapes in readers.items())
+    return Option(text, **{"default": by_shape, **more})
+
+
+def _length(name: str, text: str, **more: Any) -> Option:
+    metavar = {"radius": "R", "minor_radius": "R", "height": "H", "width": "W"}.get(name, "D")
+    return _option(name, text, metavar=metavar, above=0, unit="model units", **more)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,120 +97,85 @@ class MakeOptions(CheckedOptions):
 
     resolution: Annotated[
         int | tuple[int, int] | None,
-        Option(
+        _option(
+            "resolution",
             "Number of squares along u and v, each of two triangles.",
             metavar="N|NUxNV",
             low=1,
-            default=_by_shape("resolution"),
         ),
     ] = None
     radius: Annotated[
         float | None,
-        Option(
+        _length(
+            "radius",
             "Radius of the shape, for a torus or a Möbius strip of its center line, for a "
             "cylindrical range image that of white.",
-            metavar="R",
-            above=0,
-            unit="model units",
-            default=_by_shape("radius"),
         ),
     ] = None
     height: Annotated[
         float | None,
-        Option(
-            "Height of the shape; for a height field, the height of white.",
-            metavar="H",
-            above=0,
-            unit="model units",
-            default=_by_shape("height"),
-        ),
+        _length("height", "Height of the shape; for a height field, the height of white."),
     ] = None
     width: Annotated[
-        float | None,
-        Option(
-            "Width of the shape, for a Möbius strip across it.",
-            metavar="W",
-            above=0,
-            unit="model units",
-            default=_by_shape("width"),
-        ),
+        float | None, _length("width", "Width of the shape, for a Möbius strip across it.")
     ] = None
     minor_radius: Annotated[
-        float | None,
-        Option(
-            "Radius of the tube of a torus.",
-            metavar="R",
-            above=0,
-            unit="model units",
-            default=_by_shape("minor_radius"),
-        ),
+        float | None, _length("minor_radius", "Radius of the tube of a torus.")
     ] = None
     sides: Annotated[
         int | None,
-        Option(
+        _option(
+            "sides",
             "Number of flat sides in place of a round one, for a prism or a pyramid.",
             metavar="N",
             low=3,
-            default=_by_shape("sides"),
         ),
     ] = None
-    caps: Annotated[
-        bool | None, Option("Close the shape with flat ends.", default=_by_shape("caps"))
-    ] = None
+    caps: Annotated[bool | None, _option("caps", "Close the shape with flat ends.")] = None
     twists: Annotated[
-        int | None,
-        Option("Number of half turns of the strip.", metavar="N", default=_by_shape("twists")),
+        int | None, _option("twists", "Number of half turns of the strip.", metavar="N")
     ] = None
     turns: Annotated[
         float | None,
-        Option(
+        _option(
+            "turns",
             "Fraction of a full turn by which the profile is swept.",
             metavar="T",
             above=0,
             high=1,
-            default=_by_shape("turns"),
         ),
     ] = None
     crease: Annotated[
         float | None,
-        Option(
+        _option(
+            "crease",
             "Smallest angle at which an edge of the profile is hard.",
             metavar="DEG",
             low=0,
             high=90,
             unit="degrees",
-            default=_by_shape("crease"),
         ),
     ] = None
-    distance: Annotated[
-        float | None,
-        Option(
-            "Depth of white in a depth image.",
-            metavar="D",
-            above=0,
-            unit="model units",
-            default=_by_shape("distance"),
-        ),
-    ] = None
+    distance: Annotated[float | None, _length("distance", "Depth of white in a depth image.")] = (
+        None
+    )
     fov: Annotated[
         float | None,
-        Option(
+        _option(
+            "fov",
             "Vertical field of view of a depth image.",
             metavar="DEG",
             above=0,
             below=180,
             unit="degrees",
-            default=_by_shape("fov"),
         ),
     ] = None
     max_step: Annotated[
         float | None,
-        Option(
+        _length(
+            "max_step",
             "Greatest step in depth within a triangle of a range image; holes stay where it is "
             "larger.",
-            metavar="D",
-            above=0,
-            unit="model units",
             default="any",
         ),
     ] = None

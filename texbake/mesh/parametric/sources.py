@@ -37,235 +37,138 @@ Based on: F. Crow, "The Origins of the Teapot", IEEE Computer Graphics and Appli
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, OptionError, quoted
+from texbake.errors import FileFormatError, OptionError, TexbakeError, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.mesh import FloatArray
-
-
-def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
-    """Profile of a file, or of an array that a caller has at hand; see `read_profile`."""
-    if isinstance(source, (str, os.PathLike)):
-        return read_profile(source)
-    try:
-        points = np.asarray(source, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise OptionError("profile: it is not an array of numbers") from error
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise OptionError(
-            f"profile: an array of shape {points.shape} is not a profile; give (n, 2)"
-        )
-    if not np.isfinite(points).all():
-        raise OptionError("profile: a point is not finite")
-    if (points[:, 0] < 0.0).any():
-        raise OptionError("profile: a radius is negative")
-    fault = _profile_fault(points)
-    if fault:
-        raise OptionError(f"profile: {fault}")
-    return points
-
-
-def read_profile(path: PathLike) -> FloatArray:
-    """Read a profile.
-
-    Each line has a radius and a height, with blanks or a comma between them; `#` begins a comment.
-
-    Returns (n, 2) float64: at least two points that differ, of radius 0 or more, not all on the
-    axis.
-    """
-    lines = read_lines(path, "a profile")
-    rows = []
-    for line in lines:
-        row = parse_row(path, line, 2, "a point")
-        if row[0] < 0.0:
-            raise FileFormatError(
-                f"{path}: line {line.number}: the radius {line.words[0]} is negative"
-            )
-        rows.append(row)
-    points = np.array(rows, dtype=np.float64).reshape(-1, 2)
-    fault = _profile_fault(points)
-    if fault:
-        raise FileFormatError(f"{path}: {fault}")
-    return points
-
-
-def _profile_fault(points: FloatArray) -> str:
-    """Why points make no surface; empty where they do."""
-    if len(points) < 2 or (points == points[0]).all():
-        return "it has fewer than two points that differ; a profile needs a radius and height each"
-    if not points[:, 0].any():
-        return "it lies on the axis; a profile needs a point with a radius above 0"
-    return ""
-
 
 _N_POINTS = 16  # of a patch
 # Numbers of a control point: its place, or its place and its texture coordinates.
 POINT_WIDTHS = (3, 5)
 
 
+def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
+    """(n, 2) float64 points of a profile, from a file or an array, with radii of 0 or more."""
+    points, error, name = _numbers_of(source, "profile", _read_profile)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise error(f"{name}: an array of shape {points.shape} is not a profile; give (n, 2)")
+    if (points[:, 0] < 0.0).any():
+        raise error(f"{name}: a radius is negative")
+    if len(points) < 2 or (points == points[0]).all():
+        raise error(
+            f"{name}: it has fewer than two points that differ; a profile needs a radius and "
+            "height each"
+        )
+    if not points[:, 0].any():
+        raise error(f"{name}: it lies on the axis; a profile needs a point with a radius above 0")
+    return points
+
+
 def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
-    """Patches of a file, or of an array that a caller has at hand; see `read_patches`."""
-    if isinstance(source, (str, os.PathLike)):
-        return read_patches(source)
-    try:
-        patches = np.asarray(source, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise OptionError("patches: it is not an array of numbers") from error
-    if (
-        patches.ndim != 4
-        or patches.shape[1:3] != (4, 4)
-        or patches.shape[3] not in POINT_WIDTHS
-        or len(patches) == 0
-    ):
-        raise OptionError(
-            f"patches: an array of shape {patches.shape} does not hold patches; give (n, 4, 4, 3), "
+    """(P, 4, 4, 3 or 5) float64 control points, from a file or an array: patch, row, column."""
+    patches, error, name = _numbers_of(source, "patches", _read_patches)
+    if patches.ndim != 4 or patches.shape[1:3] != (4, 4) or patches.shape[3] not in POINT_WIDTHS:
+        raise error(
+            f"{name}: an array of shape {patches.shape} does not hold patches; give (n, 4, 4, 3), "
             "or (n, 4, 4, 5) with texture coordinates"
         )
-    if not np.isfinite(patches).all():
-        raise OptionError("patches: a point is not finite")
+    if len(patches) == 0:
+        raise error(f"{name}: it has no patches")
     return patches
 
 
-def read_patches(path: PathLike) -> FloatArray:
-    """Read a file of bicubic Bézier patches, in any layout that this module's docstring shows.
+def _numbers_of(
+    source: PathLike | npt.ArrayLike, name: str, read: Callable[[PathLike], FloatArray]
+) -> tuple[FloatArray, type[TexbakeError], PathLike]:
+    """Finite numbers of a file or an array, and the error about them, with the name in it."""
+    if isinstance(source, (str, os.PathLike)):
+        return read(source), FileFormatError, source
+    try:
+        numbers = np.asarray(source, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name}: it is not an array of numbers") from error
+    if not np.isfinite(numbers).all():
+        raise OptionError(f"{name}: a point is not finite")
+    return numbers, OptionError, name
 
-    Blanks or commas separate the numbers of a line; `#` begins a comment.
 
-    Returns (P, 4, 4, 3) or (P, 4, 4, 5) float64: control points: patch, row, column; x, y and z,
-    and u and v if the file has them.
-    """
+def _read_profile(path: PathLike) -> FloatArray:
+    rows = [parse_row(path, line, 2, "a point") for line in read_lines(path, "a profile")]
+    return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
+def _read_patches(path: PathLike) -> FloatArray:
+    """Read control points in any layout that this module's docstring shows."""
     lines = read_lines(path, "a patch file")
     if not lines:
         raise FileFormatError(f"{path}: it has no patches; it holds comments alone")
     if len(lines[0].words) in POINT_WIDTHS:
-        points = _separate(path, lines, None)
+        points, n_patches = _points(path, lines), -(-len(lines) // _N_POINTS)
     else:
-        n_patches, rest = _count(path, lines[0], "patches"), lines[1:]
-        width = len(rest[0].words) if rest else 0
-        # Only shared points have a second number alone on its line; a hole must not hide them.
-        if width in (2, *POINT_WIDTHS) and not any(_count_in(line) is not None for line in rest):
-            points = (_with_degrees if width == 2 else _separate)(path, rest, n_patches)
+        n_patches, lines = _count(path, lines[0], "patches"), lines[1:]
+        width = len(lines[0].words) if lines else 0
+        if width == 2:
+            points = _points(path, _without_degrees(path, lines))
+        elif width in POINT_WIDTHS:
+            points = _points(path, lines)
         else:
-            points = _shared(path, rest, n_patches)
+            points = _shared(path, lines, n_patches)
+    if len(points) != _N_POINTS * n_patches:
+        raise FileFormatError(
+            f"{path}: it has {len(points)} points; {n_patches} patches need {_N_POINTS * n_patches}"
+        )
     return points.reshape(-1, 4, 4, points.shape[-1])
 
 
 def _shared(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatArray:
-    """Patches of indices into points that follow."""
-    rows = []
-    for patch in range(1, n_patches + 1):
-        if patch > len(lines):
-            raise FileFormatError(f"{path}: it ends before patch {patch} of {n_patches}")
-        line = lines[patch - 1]
-        if len(line.words) != _N_POINTS:
-            raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch} of {n_patches} has "
-                f"{len(line.words)} indices; it needs {_N_POINTS}"
-            )
-        rows.append(line)
-    if len(lines) == n_patches:
+    """Points of patches that are indices, from 1, into points that follow."""
+    rows = [
+        parse_row(path, line, _N_POINTS, f"patch {number}")
+        for number, line in enumerate(lines[:n_patches], start=1)
+    ]
+    if len(lines) <= n_patches:
         raise FileFormatError(f"{path}: it ends before the number of points")
     n_points = _count(path, lines[n_patches], "points")
-    indices = np.array(
-        [_indices(path, line, patch, n_points) for patch, line in enumerate(rows, start=1)]
-    )
-    of_points = lines[n_patches + 1 :]
-    if len(of_points) < n_points:
-        raise FileFormatError(f"{path}: it has {len(of_points)} of {n_points} points; it was cut")
-    _refuse_more(path, of_points, n_points)
-    width = _width(of_points)
-    points = np.array([parse_row(path, line, width, "a point") for line in of_points])
-    found: FloatArray = points[indices - 1]
-    return found
+    points = _points(path, lines[n_patches + 1 :])
+    if len(points) != n_points:
+        raise FileFormatError(f"{path}: it has {len(points)} points, and should have {n_points}")
+    indices = np.array(rows).ravel()
+    bad = indices[~np.isin(indices, np.arange(1, n_points + 1))]
+    if len(bad):
+        raise FileFormatError(f"{path}: {bad[0]:g} is no index; there are points 1 to {n_points}")
+    return points[indices.astype(np.int64) - 1]
 
 
-def _indices(path: PathLike, line: TextLine, patch: int, n_points: int) -> list[int]:
-    """Indices of one patch, from 1."""
-    indices = []
-    for word in line.words:
-        try:
-            index = int(word)
-        except ValueError as error:
+def _without_degrees(path: PathLike, lines: Sequence[TextLine]) -> list[TextLine]:
+    """Lines of points alone, of patches that each begin with their degrees."""
+    for line in lines[:: _N_POINTS + 1]:
+        if line.words != ["3", "3"]:
             raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch} has {quoted(word)} for an index"
-            ) from error
-        if not 1 <= index <= n_points:
-            raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch} has the index {quoted(index)}; "
-                f"there are points 1 to {n_points}"
+                f"{path}: line {line.number}: a patch begins with {quoted(' '.join(line.words))}; "
+                "only degrees of 3 3 are read"
             )
-        indices.append(index)
-    return indices
+    return [line for number, line in enumerate(lines) if number % (_N_POINTS + 1)]
 
 
-def _with_degrees(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatArray:
-    """Patches of a line of degrees and 16 points each."""
-    of_points: list[TextLine] = []
-    for number, line in enumerate(lines):
-        patch, place = divmod(number, _N_POINTS + 1)
-        if place > 0 and len(line.words) == 2:
-            raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch + 1} of {n_patches} ends after "
-                f"{place - 1} points; it needs {_N_POINTS}"
-            )
-        if place == 0 and patch < n_patches and line.words != ["3", "3"]:
-            raise FileFormatError(
-                f"{path}: line {line.number}: patch {patch + 1} of {n_patches} begins with "
-                f"{quoted(' '.join(line.words))}; only degrees of 3 3 are read"
-            )
-        if place > 0 or patch >= n_patches:
-            of_points.append(line)
-    return _separate(path, of_points, n_patches)
-
-
-def _separate(path: PathLike, lines: Sequence[TextLine], n_patches: int | None) -> FloatArray:
-    """Patches of 16 points each; as many as there are where no number of them is known."""
-    if n_patches is None:
-        n_patches = -(-len(lines) // _N_POINTS)
-    _refuse_more(path, lines, _N_POINTS * n_patches)
-    width = _width(lines)
-    rows = [
-        parse_row(path, line, width, f"a point of patch {number // _N_POINTS + 1}")
-        for number, line in enumerate(lines)
-    ]
-    patch, n_left = divmod(len(rows), _N_POINTS)
-    if patch < n_patches:
-        raise FileFormatError(
-            f"{path}: it ends where patch {patch + 1} of {n_patches} has {n_left} points; "
-            f"it needs {_N_POINTS}"
-        )
-    return np.array(rows)
-
-
-def _width(of_points: Sequence[TextLine]) -> int:
-    """Numbers of each point: as many as the first has, if that may be."""
-    width = len(of_points[0].words) if of_points else 0
-    return width if width in POINT_WIDTHS else POINT_WIDTHS[0]
-
-
-def _count_in(line: TextLine) -> int | None:
-    """Return the whole number that stands in a line, alone."""
-    return whole_number(line.words[0]) if len(line.words) == 1 else None
+def _points(path: PathLike, lines: Sequence[TextLine]) -> FloatArray:
+    """(n, 3) or (n, 5) points of lines, as many numbers each as the first has."""
+    width = len(lines[0].words) if lines else 0
+    width = width if width in POINT_WIDTHS else POINT_WIDTHS[0]
+    rows = [parse_row(path, line, width, "a point") for line in lines]
+    return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
 def _count(path: PathLike, line: TextLine, what: str) -> int:
     """Read a number of things, alone on its line."""
-    count = _count_in(line)
+    count = whole_number(line.words[0]) if len(line.words) == 1 else None
     if not count:
         raise FileFormatError(
             f"{path}: line {line.number}: {quoted(' '.join(line.words))} is not a number of {what}"
         )
     return count
-
-
-def _refuse_more(path: PathLike, lines: Sequence[TextLine], n_points: int) -> None:
-    if len(lines) > n_points:
-        raise FileFormatError(
-            f"{path}: line {lines[n_points].number}: it goes on after the last of {n_points} points"
-        )

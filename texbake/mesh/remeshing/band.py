@@ -15,7 +15,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.frame import LocalFrame, snapped
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.remesh_options import MIN_RESOLUTION, RemeshOptions
+from texbake.mesh.options import MIN_RESOLUTION, RemeshOptions
 from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import face_components
@@ -79,8 +80,8 @@ def _of_parts(
     points: FloatArray, faces: IntArray, kept: npt.NDArray[np.bool_]
 ) -> tuple[FloatArray, IntArray]:
     """Some of the faces, and the points that they use."""
-    used, compact = np.unique(faces[kept], return_inverse=True)
-    return points[used], compact.reshape(-1, 3).astype(np.int32)
+    used, compact = used_rows(faces[kept], len(points))
+    return points[used], compact
 
 
 def without_cut_off(

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -166,7 +167,7 @@ def divided_along(
         before[turned[:, 3]] - before[turned[:, 1]],
     )
     upright = np.cross(*diagonals)
-    fits = _face_along(upright, _crosses(after, halves))
+    fits = _face_along(upright, area_vectors(after, halves))
     divided = faces.reshape(-1, 2, 3).copy()
     divided[rows[fits]] = halves[fits]
     return divided.reshape(-1, 3)
@@ -174,7 +175,7 @@ def divided_along(
 
 def _normals_of(tree: TriangleTree, face_ids: IntArray) -> FloatArray:
     """(V, 3): unit normals of faces of the mesh; 0 for those without area, or for none."""
-    normals = _crosses(tree.positions, tree.faces[np.maximum(face_ids, 0)])
+    normals = area_vectors(tree.positions, tree.faces[np.maximum(face_ids, 0)])
     lengths = pm.norm(normals, axis=1, keepdims=True)
     unit = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
     unit[face_ids < 0] = 0.0
@@ -236,8 +237,8 @@ def flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -
     at = np.minimum(np.searchsorted(known, joined), len(known) - 1)
     halves = np.stack([np.stack([a, b, d], 1), np.stack([b, a, c], 1)], axis=1)
     sides = one[wanted] // 3, other[wanted] // 3
-    upright = _crosses(positions, faces[sides[0]]) + _crosses(positions, faces[sides[1]])
-    crosses = _crosses(positions, halves)
+    upright = area_vectors(positions, faces[sides[0]]) + area_vectors(positions, faces[sides[1]])
+    crosses = area_vectors(positions, halves)
     fits = _face_along(upright, crosses)
     fits &= (pm.norm(crosses, axis=2) > _SLIVER).all(axis=1)
     fits &= known[at] != joined
@@ -257,10 +258,3 @@ def _face_along(upright: FloatArray, crosses: FloatArray) -> BoolArray:
     lengths = pm.norm(crosses, axis=2) * pm.norm(upright, axis=1)[:, None]
     cosines = pm.matvec(crosses, upright)
     return np.asarray((cosines > _UPRIGHT * lengths).all(axis=1))
-
-
-def _crosses(positions: FloatArray, faces: IntArray) -> FloatArray:
-    """Normals of faces, twice as long as their areas."""
-    corners = positions[faces]
-    sides = corners[..., 1:, :] - corners[..., :1, :]
-    return np.asarray(np.cross(sides[..., 0, :], sides[..., 1, :]))

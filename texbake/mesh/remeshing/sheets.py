@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
@@ -75,8 +76,8 @@ def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -
     ends[1][(np.ptp(cells, axis=1) == 0)] += 1
     distances = [_at(band, end) for end in ends]
     kept = nets.quads[distances[0] + distances[1] <= 1.0 + _SLACK]
-    used, quads = np.unique(kept, return_inverse=True)
-    return Nets(nets.positions[used], nets.thin[used], quads.reshape(-1, 4).astype(np.int32))
+    used, quads = used_rows(kept, len(nets.positions))
+    return Nets(nets.positions[used], nets.thin[used], quads)
 
 
 def _at(band: Band, points: IntArray) -> FloatArray:
@@ -133,7 +134,7 @@ def _is_behind(
     limit = 2.0 * BAND_WIDTH
     _, face_ids, weights = tree.closest_points(points, max_distance=limit, threads=threads)
     corners = tree.positions[tree.faces]
-    normals = unit_normals(corners)
+    normals = unit_normals(tree.positions, tree.faces)
     opposite = opposite_half_edges(tree.faces)
     across = np.where(opposite[:, None] < 0, 0.0, normals[opposite // 3]).reshape(-1, 3, 3)
     at_vertices = smooth_normals(Mesh(positions=tree.positions, faces=tree.faces), threads=threads)

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, counted
-from texbake.mesh.distance import face_areas
+from texbake.mesh.distance import area_vectors, face_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.remesh_options import CLOSED, OPEN
+from texbake.mesh.options import CLOSED, OPEN
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
 from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.repair import misoriented
@@ -93,9 +93,8 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     share = (
         f"from its back, {100.0 * float(seen.shares.mean()):.0f} % of all directions lead outside"
     )
-    corners = points[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    least = 0.5 * float(pm.norm(crosses.sum(axis=0)))  # area of what would close it
+    # The area of what would close it, at least.
+    least = 0.5 * float(pm.norm(area_vectors(points, faces).sum(axis=0)))
     if least > _WIDE_OPEN * area:
         open_parts = has_boundary
         share = f"closing it would add at least {100.0 * least / area:.0f} % to its area"
@@ -121,9 +120,9 @@ def count_loops(faces: IntArray) -> int:
     return 2 * n_parts - euler_characteristic(faces, find_edges(faces))
 
 
-def unit_normals(corners: FloatArray) -> FloatArray:
-    """(F, 3) normals of triangles (F, 3, 3), 0 without area."""
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def unit_normals(positions: FloatArray, faces: IntArray) -> FloatArray:
+    """(F, 3) normals of triangles, 0 without area."""
+    crosses = area_vectors(positions, faces)
     return np.asarray(crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300))
 
 
@@ -141,8 +140,7 @@ def _seen_through_holes(
     # A large odd step puts them in no order, since the last ones may not be measured.
     steps = (np.arange(_SAMPLES) * 197 % _SAMPLES + 0.5) / _SAMPLES
     chosen = np.minimum(np.searchsorted(sums, steps * sums[-1]), len(faces) - 1)
-    corners = points[faces[chosen]]
-    places = corners.mean(axis=1) - _OFF * unit_normals(corners)
+    places = points[faces[chosen]].mean(axis=1) - _OFF * unit_normals(points, faces[chosen])
     windings = winding_numbers(points, faces, places, most_work=_MOST_WORK, threads=threads)
     known = ~np.isnan(windings)
     middle = np.abs(windings[known] - 0.5)

@@ -87,16 +87,6 @@ class StreamedMesh:
             yield Chunk(first, positions, faces, _bounds(positions, faces, threads))
             first += len(faces)
 
-    def spread_points(self, step: int) -> FloatArray:
-        """(n, 3) float64: the first corner of every `step`-th triangle; for 1, all corners."""
-        points, first = [], 0
-        for faces in self._source.blocks(self._threads):
-            chosen = faces.reshape(-1) if step == 1 else faces[-first % step :: step, 0].copy()
-            points.append(self._source.vertices.read(chosen))
-            first += len(faces)
-            self._source.vertices.file.release()
-        return np.concatenate(points)
-
     def spread_corners(self, step: int) -> FloatArray:
         """(3 n, 3) float64: the corners of every `step`-th triangle, one triangle after another."""
         points, first = [], 0
