@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from texbake.checks.kinds import KINDS
 from texbake.checks.options import CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
@@ -87,7 +88,7 @@ def no_surface() -> Case:
     return Case(soup([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [[0, 1, 2]]), None, 1, set())
 
 
-def zero_area() -> Case:
+def zero_area_faces() -> Case:
     return Case(soup([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0.5, 0, 0)], [[0, 1, 2], [1, 0, 3]]),
                 None, 1, {1})  # fmt: skip
 
@@ -107,12 +108,12 @@ def unused_vertices() -> Case:
     return Case(soup([(0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)], [[0, 1, 2]]), None, 1, set())
 
 
-def non_manifold() -> Case:
+def non_manifold_edges() -> Case:
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
     return Case(soup(points, [[0, 1, 2], [1, 0, 3], [0, 1, 4]]), None, 1, {0, 1, 2})
 
 
-def pinched() -> Case:
+def pinched_vertices() -> Case:
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)]
     return Case(soup(points, [[0, 1, 2], [0, 3, 4]]), None, 1, {0, 1})
 
@@ -122,18 +123,18 @@ def cracks() -> Case:
     return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 4, {0, 1})
 
 
-def through() -> Case:
+def self_intersections() -> Case:
     points = [(0, 0, 0), (2, 0, 0), (0, 2, 0), (0.5, 0.5, -1), (0.5, 0.5, 1), (3, 3, 0.3)]
     return Case(soup(points, [[0, 1, 2], [3, 4, 5]]), None, 2, {0, 1})
 
 
-def winding() -> Case:
+def inconsistent_winding() -> Case:
     faces = icosphere(0).faces.copy()
     faces[7] = faces[7][::-1]
     return Case(flat(icosphere(0).replace(faces=faces)), None, 3, {7})
 
 
-def inside_out() -> Case:
+def inside_out_shells() -> Case:
     return Case(flat(cube().replace(faces=cube().faces[:, ::-1])), None, 1, set(range(12)))
 
 
@@ -168,7 +169,7 @@ def turned_normals() -> Case:
     return Case(mesh, None, 1, {2})
 
 
-def hard_edges() -> Case:
+def hard_edges_without_seam() -> Case:
     folded = plane(2, 1)
     bent = np.where(folded.positions[:, :1] > 0.75, [[0.5, 0, 0.5]], folded.positions)
     bent[:, 1] = folded.positions[:, 1]
@@ -206,29 +207,29 @@ def outside_tile() -> Case:
     return Case(squares(ROOMY, ((2, 0, 0), (0.9, 0.1), (0.2, 0.2))), None, 2, {2, 3})
 
 
-def overlapping() -> Case:
+def overlapping_coordinates() -> Case:
     return Case(squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE), None, 4,
                 {0, 1, 2, 3})  # fmt: skip
 
 
-def sharing() -> Case:
+def shared_coordinates() -> Case:
     """The second square of a group of its own lies on the first; a third lies apart."""
     mesh = squares(ROOMY, ((4, 0, 0), (0.2, 0.2), (0.2, 0.2)), FAR_SQUARE)
     groups = np.array([0, 0, 1, 1, 1, 1], dtype=np.int32)
     return Case(mesh.replace(face_groups=groups, group_names=("one", "two")), None, 4, {0, 1, 2, 3})
 
 
-def stacked() -> Case:
+def stacked_coordinates() -> Case:
     """The second square lies exactly on the first, mirrored; a third lies two tiles away."""
     on_others = ((4, 0, 0), (0.3, 0.1), (-0.2, 0.2)), ((8, 0, 0), (2.1, 0.1), (0.2, 0.2))
     return Case(squares(ROOMY, *on_others), None, 2, {2, 3, 4, 5})
 
 
-def mirrored() -> Case:
+def mirrored_coordinates() -> Case:
     return Case(squares(ROOMY, ((2, 0, 0), (0.8, 0.1), (-0.2, 0.2))), None, 2, {2, 3})
 
 
-def collapsed() -> Case:
+def collapsed_coordinates() -> Case:
     return Case(squares(ROOMY, ((2, 0, 0), (0.6, 0.1), (0.2, 0.0))), None, 2, {2, 3})
 
 
@@ -249,7 +250,7 @@ def close_charts() -> Case:
     return Case(near, None, 1, {0, 2, 3})  # face 1 is at the other side
 
 
-def without_texel() -> Case:
+def faces_without_texel() -> Case:
     mesh = squares(ROOMY, FAR_SQUARE)
     positions, uvs = mesh.positions.copy(), mesh.uvs.copy()
     positions[4:] = [2, 0, 0] + (positions[4:] - [2, 0, 0]) * 0.01
@@ -258,20 +259,20 @@ def without_texel() -> Case:
     return Case(mesh.replace(positions=positions, uvs=uvs), None, 2, {2, 3}, options)
 
 
-def low_density() -> Case:
+def low_texel_density() -> Case:
     return Case(squares(ROOMY, ((2, 0, 0), (0.6, 0.1), (0.3, 0.035))), None, 2, {2, 3})
 
 
-def scale() -> Case:
+def differing_scale() -> Case:
     box = cuboid(1, 2, 4)
     return Case(box.replace(positions=box.positions * 100.0), box, 1, set())
 
 
-def place() -> Case:
+def differing_place() -> Case:
     return Case(moved(FINE_SHEET, [0, 0, 3]), SHEET, 1, set())
 
 
-def axes() -> Case:
+def differing_axes() -> Case:
     box = cuboid(1, 2, 4)
     # A quarter turn about x: y becomes z.
     lying = box.replace(positions=box.positions @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
@@ -329,56 +330,19 @@ def opposite_sides() -> Case:
     return Case(FINE_SHEET, low, 8, set(range(8)))
 
 
-def coarser() -> Case:
+def high_is_coarser() -> Case:
     return Case(SHEET, FINE_SHEET, 1, set())
 
 
-def below_texels() -> Case:
+def detail_below_texels() -> Case:
     return Case(flat(plane(50, 50)), SHEET, 1, set(), CheckOptions(size=32))
 
 
+# Each is the function of its name.
 CASES: dict[str, Callable[[], Case]] = {
-    "no-surface": no_surface,
-    "zero-area-faces": zero_area,
-    "duplicate-faces": duplicate_faces,
-    "duplicate-vertices": duplicate_vertices,
-    "unused-vertices": unused_vertices,
-    "non-manifold-edges": non_manifold,
-    "pinched-vertices": pinched,
-    "cracks": cracks,
-    "self-intersections": through,
-    "inconsistent-winding": winding,
-    "inside-out-shells": inside_out,
-    "far-from-origin": far_from_origin,
-    "extreme-size": extreme_size,
-    "unmeasurable-size": unmeasurable_size,
-    "no-normals": no_normals,
-    "zero-normals": zero_normals,
-    "turned-normals": turned_normals,
-    "hard-edges-without-seam": hard_edges,
-    "other-diagonals": other_diagonals,
-    "no-coordinates": no_coordinates,
-    "nothing-covered": nothing_covered,
-    "outside-tile": outside_tile,
-    "overlapping-coordinates": overlapping,
-    "shared-coordinates": sharing,
-    "stacked-coordinates": stacked,
-    "mirrored-coordinates": mirrored,
-    "collapsed-coordinates": collapsed,
-    "thin-charts": thin_charts,
-    "close-charts": close_charts,
-    "faces-without-texel": without_texel,
-    "low-texel-density": low_density,
-    "differing-scale": scale,
-    "differing-place": place,
-    "differing-axes": axes,
-    "far-from-high": far_from_high,
-    "far-from-low": far_from_low,
-    "thin-walls": thin_walls,
-    "other-parts": other_parts,
-    "opposite-sides": opposite_sides,
-    "high-is-coarser": coarser,
-    "detail-below-texels": below_texels,
+    kind: globals()[kind.replace("-", "_")]
+    for kind in KINDS
+    if kind not in ("unreadable", "undecided-intersections")
 }
 
 
@@ -386,11 +350,6 @@ CASES: dict[str, Callable[[], Case]] = {
 def faulty(request: pytest.FixtureRequest) -> tuple[str, Case]:
     """Each fault by its name, with the mesh that has it."""
     return request.param, CASES[request.param]()
-
-
-@pytest.fixture(scope="session")
-def fault_names() -> set[str]:
-    return set(CASES)
 
 
 def hollow() -> Mesh:

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tests.models import PAIRS, model, moved, pair, real
+from tests.models import PAIRS, model, pair, real
 from texbake.checks.check import check, check_files
-from texbake.checks.kinds import KINDS
 from texbake.checks.options import SEVERITIES, CheckOptions
 from texbake.errors import FileError, OptionError
 from texbake.mesh.mesh import Mesh
@@ -39,11 +38,6 @@ def test_clean_meshes_have_nothing(clean) -> None:
     report = check(*clean, CheckOptions(size=128))
     assert report.findings == ()
     assert not report.fails("note")
-
-
-def test_every_kind_has_its_case(fault_names: set[str]) -> None:
-    # One takes a file, and is tested below; one a mesh of a million faces: test_surface.py.
-    assert fault_names | {"unreadable", "undecided-intersections"} == set(KINDS)
 
 
 def test_size_and_place_change_nothing(faulty) -> None:
@@ -249,11 +243,6 @@ def test_options_check_themselves(wrong: dict) -> None:
         CheckOptions(**wrong)
 
 
-def test_an_unknown_severity_is_an_error() -> None:
-    with pytest.raises(OptionError, match="severity: fatal"):
-        check(icosphere(0)).fails("fatal")
-
-
 @pytest.mark.parametrize(
     ("turn", "words"),
     [
@@ -274,12 +263,6 @@ def test_turned_axes_are_named_where_the_boxes_do_not_tell(
     found = {item.name: item for item in check(high, low).findings}
     assert "differing-place" not in found
     assert words in found["differing-axes"].problem
-
-
-def test_a_mesh_that_is_only_moved_is_not_called_turned() -> None:
-    low = icosphere(3)
-    found = {item.name for item in check(low.replace(positions=low.positions + 1.0), low).findings}
-    assert "differing-place" in found and "differing-axes" not in found
 
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n"
@@ -379,14 +362,21 @@ def test_pairs_fit_together(name: str) -> None:
     assert not any(finding.name.startswith(("differing", "far")) for finding in report.findings)
 
 
-def test_meshes_of_different_pairs_do_not_fit() -> None:
-    high, low = pair("figure")
-    report = check(moved(high, scale=5.0), low)
-    assert report.finding("differing-scale") is not None
-
-
 def test_a_vertex_that_no_face_uses_may_lie_anywhere() -> None:
     mesh = plane()
     tiny = mesh.positions * 2.0**-900
     report = check(Mesh(positions=np.vstack([tiny, [1e300, 0.0, 0.0]]), faces=mesh.faces))
     assert counts(report)["unused-vertices"] == 1
+
+
+@pytest.mark.parametrize(("n", "size"), [(60, 64), (95, 128), (250, 256)])
+def test_the_size_that_is_named_is_the_least_that_shows_the_detail(n: int, size: int) -> None:
+    """2 n² faces on a whole texture: at most four a texel from n / √2 texels on."""
+    high, low = plane(n, n), plane(2, 2)
+    found = check(high, low, CheckOptions(size=32)).finding("detail-below-texels")
+    assert found is not None
+    assert f"{2 * n * n / 32**2:.1f} high-poly faces per texel" in found.problem
+    assert f"Bake {size} x {size} texels" in found.remedy
+    for width, is_there in ((size // 2, True), (size, False)):
+        again = check(high, low, CheckOptions(size=width)).finding("detail-below-texels")
+        assert (again is not None) == is_there

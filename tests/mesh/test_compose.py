@@ -6,32 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mesh.compose import is_mirroring, join_meshes, transformed
-from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.compose import (
+    excerpt,
+    is_mirroring,
+    join_meshes,
+    join_parts,
+    transformed,
+    with_alpha,
+)
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
-
-
-def test_one_mesh_comes_back_as_it_is() -> None:
-    mesh = cube()
-    assert join_meshes([mesh]) is mesh
-
-
-def test_faces_keep_their_corners_and_coordinates() -> None:
-    meshes = [plane(2, 1), plane(1, 3)]
-    joined = join_meshes(meshes)
-    corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
-    assert np.array_equal(joined.positions[joined.faces], corners)
-    uvs = np.concatenate([mesh.corner_uvs() for mesh in meshes])
-    assert np.array_equal(joined.corner_uvs(), uvs)
-    assert joined.face_groups is not None
-    assert joined.face_groups.tolist() == [0] * 4 + [1] * 6
-
-
-def test_attributes_that_one_mesh_lacks_are_dropped_from_all() -> None:
-    joined = join_meshes([plane(), icosphere(1)])
-    assert joined.uvs is None
-    assert joined.group_names == ("plane", "icosphere")
-
+from texbake.mesh.uv_sets import UvSet
 
 SPHERE = uv_sphere(6, 8)
 SPHERE = SPHERE.replace(normals=SPHERE.positions, normal_faces=SPHERE.faces)
@@ -95,14 +81,6 @@ def test_a_mirror_lists_all_corners_of_a_face_the_other_way_round():
     np.testing.assert_array_equal(moved.tangents[:, :, 3], -SPHERE.tangents[:, ::-1, 3])
 
 
-def test_a_turn_leaves_everything_but_directions():
-    turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    moved = transformed(SPHERE, matrix(turn, (1, 2, 3)))
-    np.testing.assert_array_equal(moved.positions, SPHERE.positions @ turn.T + (1, 2, 3))
-    np.testing.assert_array_equal(moved.faces, SPHERE.faces)
-    np.testing.assert_allclose(moved.normals, SPHERE.normals @ turn.T, atol=1e-15)
-
-
 @pytest.mark.parametrize("size", [1e-150, 1e-9, 1e9, 1e150])
 def test_size_does_not_matter(size):
     small = transformed(SPHERE, matrix(size * np.diag([-1, 1, 1])))
@@ -113,3 +91,84 @@ def test_size_does_not_matter(size):
 def test_a_map_whose_determinant_vanishes_in_rounding_mirrors_nothing():
     flat = np.array([[0.02, 0.0, 0.0], [0.0, 0.0, -0.02], [0.0, 5e-324, 1.2e-18]])
     assert not is_mirroring(flat)  # and no warning
+
+
+ATTRIBUTES = ("uvs", "normals", "colors", "tangents", "uv_sets")
+
+
+def part(seed, *attributes):
+    """A sheet of triangles with some attributes, of random values, in two objects of two groups."""
+    random = np.random.default_rng(seed)
+    faces = random.permutation(12).reshape(4, 3).astype(np.int32)
+    values = random.uniform(0.1, 1.0, (12, 4))
+    fields = {
+        "uvs": {"uvs": values[:, :2], "uv_faces": faces[::-1]},
+        "normals": {
+            "normals": np.eye(3)[random.integers(0, 3, 12)],
+            "normal_faces": faces[:, ::-1],
+        },
+        "colors": {"colors": values[:, :3]},
+        "tangents": {"tangents": values.reshape(4, 3, 4)},
+        "uv_sets": {"uv_sets": {"light": UvSet(values[:, 2:], faces)}},
+    }
+    own = {key: value for name in attributes for key, value in fields[name].items()}
+    return Mesh(
+        positions=random.random((12, 3)), faces=faces, polygon_of=[0, 0, 1, 2], name=f"part {seed}",
+        face_groups=[0, 1, 1, 2], group_names=("a", "b", "c"), group_objects=(3, 3, 5), **own,
+    )  # fmt: skip
+
+
+def corner_values(mesh, name):
+    """(F, 3, K) what each corner of a mesh has, or what a mesh without it is given."""
+    if name == "uv_sets":
+        return mesh.corner_uvs("light") if mesh.uv_sets else np.zeros((mesh.n_faces, 3, 2))
+    if name == "colors":
+        colors = np.ones((mesh.n_vertices, 4)) if mesh.colors is None else with_alpha(mesh.colors)
+        return colors[mesh.faces]
+    if name == "uvs":
+        return np.zeros((mesh.n_faces, 3, 2)) if mesh.uvs is None else mesh.corner_uvs()
+    if name == "normals":
+        empty = np.zeros((mesh.n_faces, 3, 3))
+        return empty if mesh.normals is None else mesh.normals[mesh.normal_faces]
+    return mesh.tangents
+
+
+@pytest.mark.parametrize("one", range(2 ** len(ATTRIBUTES)))
+@pytest.mark.parametrize("other", [0, 31])
+def test_a_joined_mesh_has_at_each_corner_what_its_part_has(one, other):
+    names = [[a for i, a in enumerate(ATTRIBUTES) if bits >> i & 1] for bits in (one, other)]
+    parts = [part(seed, *own) for seed, own in enumerate(names)]
+    joined = join_parts(parts, "both")
+    np.testing.assert_array_equal(
+        joined.positions[joined.faces], np.concatenate([p.positions[p.faces] for p in parts])
+    )
+    assert (joined.tangents is None) == ("tangents" not in set(names[0]) & set(names[1]))
+    for name in set(names[0] + names[1]) - ({"tangents"} if joined.tangents is None else set()):
+        expected = np.concatenate([corner_values(p, name) for p in parts])
+        np.testing.assert_array_equal(corner_values(joined, name), expected)
+    assert joined.polygon_of.tolist() == [0, 0, 1, 2, 3, 3, 4, 5]
+    assert joined.group_names == ("a", "b", "c") * 2
+    assert joined.face_groups.tolist() == [0, 1, 1, 2, 3, 4, 4, 5]
+    assert joined.group_objects == (3, 3, 5, 9, 9, 11)
+    # And each part comes out of it again.
+    for number, own in enumerate(parts):
+        chosen = np.arange(joined.n_faces) // own.n_faces == number
+        again = excerpt(joined, chosen)
+        assert again.n_vertices == own.n_vertices
+        for name in names[number]:
+            if name != "tangents" or joined.tangents is not None:
+                np.testing.assert_array_equal(corner_values(again, name), corner_values(own, name))
+
+
+@pytest.mark.parametrize("name", ["uvs", "normals"])
+def test_meshes_joined_keep_what_all_of_them_have_and_are_groups(name):
+    parts = [part(0, *ATTRIBUTES), part(1, name), part(2, name)]
+    joined = join_meshes(parts)
+    expected = np.concatenate([corner_values(p, name) for p in parts])
+    np.testing.assert_array_equal(corner_values(joined, name), expected)
+    assert (joined.uvs is None, joined.normals is None) == (name != "uvs", name != "normals")
+    assert joined.colors is None and joined.tangents is None
+    assert joined.group_names == ("part 0", "part 1", "part 2")
+    assert joined.group_objects == (0, 1, 2) and joined.name == "3 meshes"
+    np.testing.assert_array_equal(joined.face_groups, np.repeat([0, 1, 2], 4))
+    assert join_meshes(parts[:1]) is parts[0]

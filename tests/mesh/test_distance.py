@@ -43,15 +43,6 @@ def test_one_sided_parts_count():
     assert distance.mean == pytest.approx(0.125, rel=1e-3)
 
 
-def test_concentric_spheres():
-    inner = icosphere(5)
-    outer = inner.replace(positions=inner.positions * 1.1)
-    distance = surface_distance(inner, outer, n_samples=5000)
-    # Facets lie up to 1 - cos of half their angle (0.04) within the sphere: 2e-4 of 0.1.
-    assert distance.mean == pytest.approx(0.1, rel=2e-3)
-    assert distance.max <= 0.1 + 1e-12
-
-
 @pytest.mark.parametrize("scale", [1e-150, 1e-6, 1e6, 1e150])
 def test_relative_figures_do_not_depend_on_size(scale):
     a, b = icosphere(2), uv_sphere(9, 14)

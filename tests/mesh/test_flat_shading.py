@@ -48,8 +48,3 @@ def test_simplify_takes_no_edge_of_a_facet_for_a_hard_one():
         low, report = simplify_with_report(with_facet_normals(sphere), 300, quality=quality)
         assert_same(low, simplify(sphere, 300, quality=quality))
         assert "facets" in " ".join(report.notes)
-
-
-def test_an_error_reduces_flat_shaded_meshes():
-    low = simplify(with_facet_normals(icosphere(4)), error="1%")
-    assert low.n_faces < 1000

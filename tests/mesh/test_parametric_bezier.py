@@ -75,27 +75,6 @@ def test_coordinates_of_control_points_are_interpolated_as_the_points_are():
         np.testing.assert_allclose(uv, expected, atol=1e-14)
 
 
-def test_coordinates_that_are_the_parameters_are_those_without():
-    row, column = np.indices((4, 4)) / 3.0
-    patch = np.concatenate([bent(), np.stack([column, row], axis=-1)], axis=-1)
-    found, expected = (
-        make("bezier", patches=[p], resolution=4).corner_uvs() for p in (patch, patch[..., :3])
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-15)
-
-
-def test_patches_that_share_a_border_share_its_coordinates():
-    first = with_uvs()
-    second = with_uvs(4) + np.array([1.0, 0.0, 0.0, 0.0, 0.0])
-    second[:, 0] = first[:, 3]
-    mesh = make("bezier", patches=[first, second], resolution=6)
-    corners = {}
-    for face, uvs in zip(mesh.faces, mesh.corner_uvs(), strict=True):
-        for vertex, uv in zip(face, uvs, strict=True):
-            corners.setdefault(int(vertex), set()).add(tuple(uv))
-    assert {len(found) for found in corners.values()} == {1}
-
-
 def test_points_are_those_of_rational_numbers():
     patch = bent()
     mesh = make("bezier", patches=[patch], resolution=(5, 7))
@@ -107,13 +86,6 @@ def test_points_are_those_of_rational_numbers():
     assert np.abs(mesh.positions - expected).max() < 5e-16
     uvs = [[i / 5, j / 7] for j in range(8) for i in range(6)]
     np.testing.assert_allclose(mesh.uvs, uvs, rtol=0, atol=2.0**-53)
-
-
-def test_corners_are_control_points():
-    patch = bent(3) * np.pi
-    positions = make("bezier", patches=[patch], resolution=7).positions
-    for vertex, (row, column) in (0, (0, 0)), (7, (0, 3)), (56, (3, 0)), (63, (3, 3)):
-        assert positions[vertex].tolist() == patch[row, column].tolist()
 
 
 @pytest.mark.parametrize("side", range(8))

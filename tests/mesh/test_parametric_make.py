@@ -163,12 +163,6 @@ def test_faces_look_where_their_normals_do():
     assert np.einsum("fi,fci->fc", face_normals(mesh), corners).min() > 0.99
 
 
-def test_its_front_stands_upright():
-    mesh = make("mobius", resolution=(4, 2), radius=2, width=1)
-    assert [0.0, 0.5, 2.0] in mesh.positions.tolist()
-    assert [0.0, -0.5, 2.0] in mesh.positions.tolist()
-
-
 @pytest.mark.parametrize("options", [{"width": 2.0}, {"twists": 200}, {"twists": 10**30}])
 def test_strips_that_cannot_be(options):
     with pytest.raises(OptionError, match=r"width: 2\.0 is not|twists: .* raise the resolution"):

@@ -158,10 +158,6 @@ def test_each_cap_is_a_disk_in_a_tile_of_its_own():
     assert len(mesh.uvs) == 17 * 3 + 2 * 17
 
 
-def test_a_cone_has_one_cap():
-    assert make("cone", caps=True).group_names == ("side", "bottom")
-
-
 # ---- profiles
 
 

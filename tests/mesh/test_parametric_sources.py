@@ -1,7 +1,5 @@
 """Profiles and patches as files, in every layout, and the errors of invalid ones."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -178,23 +176,6 @@ def test_a_hole_is_one_clear_line(written, content, message):
     assert str(caught.value).startswith(f"{path}: ")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_a_teapot_of_the_classic_layout_reads_whole(written):
-    # 32 patches on 306 points, as many as the classic has; these lie in rows of 10 patches.
-    patches = [[(9 * patch + n) % 306 + 1 for n in range(16)] for patch in range(32)]
-    points = np.random.default_rng(0).normal(size=(306, 3)).round(5)
-    text = "\n".join(["32", *rows(patches, ","), "306", *rows(points, ",")])
-    found = patches_of(written(text))
-    assert found.shape == (32, 4, 4, 3)
-    np.testing.assert_array_equal(found.reshape(32, 16, 3), points[np.array(patches) - 1])
-
-
-def test_paths_may_be_strings(written, monkeypatch):
-    path = written(shared())
-    monkeypatch.chdir(path.parent)
-    assert make("bezier", patches=path.name, resolution=1).n_faces == 2 * 2
-    assert isinstance(path, Path)
 
 
 @pytest.mark.parametrize("layout", ["separate", "counted", "degrees", "shared"])

@@ -371,16 +371,6 @@ def test_handles_and_holes_of_a_sheet_are_named(n_handles, n_boundaries, made):
     assert require_topology("m", kind, 1, 1, 0, 1, may_be_pierced=False) == 0
 
 
-def test_sheets_do_not_depend_on_the_threads_and_the_size():
-    mesh = leaves()
-    options = RemeshOptions(resolution=64)
-    here = remesh(mesh, options, threads=1)
-    for threads, scale in ((2, 1.0), (3, 2.0**30)):
-        there = remesh(moved(mesh, scale=scale), options, threads=threads)
-        assert np.array_equal(here.faces, there.faces)
-        assert np.array_equal(here.positions * scale, there.positions)
-
-
 @pytest.mark.parametrize("resolution", [48, 80, 128])
 def test_thin_blades_are_not_pierced(resolution):
     """Between a voxel and nothing thick, and in no direction of the grid."""

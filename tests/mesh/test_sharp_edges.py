@@ -117,13 +117,3 @@ def test_simplification_keeps_the_edges():
     assert low.n_faces <= 100
     distance = surface_distance(BOX, low)
     assert distance.rms / (np.ptp(BOX.positions, axis=0).max() / N) < 0.1
-
-
-@pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
-def test_size_and_threads_change_nothing(scale):
-    one = remesh(BOX, RemeshOptions(resolution=32, sharp_edges=True), threads=1)
-    big = BOX.replace(positions=BOX.positions * scale)
-    other = remesh(big, RemeshOptions(resolution=32, sharp_edges=True), threads=3)
-    np.testing.assert_array_equal(one.positions * scale, other.positions)
-    np.testing.assert_array_equal(one.faces, other.faces)
-    np.testing.assert_array_equal(one.normals, other.normals)

@@ -140,15 +140,6 @@ def test_a_surface_stays_one_where_it_cannot_come_down(quality):
     assert topology(low)[1] > 0
 
 
-@BOTH
-@pytest.mark.parametrize("name", ["sponge", *real("meshes/mengerSponge3.glb")])
-def test_a_menger_sponge_keeps_its_tunnels(name, quality):
-    low, report = simplify_with_report(model(name), 100, quality=quality)
-    assert not report.reached
-    assert_clean(low)
-    assert topology(low)[1] > 0
-
-
 def test_a_large_mesh_in_pieces_keeps_its_topology_and_does_not_depend_on_threads():
     mesh = noise_surface(64, 0)
     assert mesh.n_faces > 2 * 62_500
@@ -194,22 +185,6 @@ def test_size_and_place_change_nothing(quality):
     assert np.array_equal(near.faces, far.faces)
     # The offset rounds to 2^-53; PyMeshLab's optimal points carry that through a linear system.
     assert far.positions / scale - offset == pytest.approx(near.positions, abs=1e-6)
-
-
-@BOTH
-def test_threads_and_runs_change_nothing(quality):
-    mesh = orange(20_000)
-    assert_same(
-        simplify(mesh, 400, quality=quality, threads=1),
-        simplify(mesh, 400, quality=quality, threads=3),
-    )
-
-
-def test_best_comes_closer_than_fast():
-    mesh = orange(60_000)
-    fast, best = (simplify_with_report(mesh, 500, quality=quality)[1] for quality in QUALITIES)
-    assert best.distance.rms < 0.7 * fast.distance.rms
-    assert fast.distance.rms_relative < 0.005
 
 
 @BOTH
@@ -378,17 +353,6 @@ def test_the_rim_of_a_thin_plate_does_not_recede(quality):
     assert area == pytest.approx(2.0 * np.pi * 100.0, rel=0.02)
 
 
-def test_too_few_faces_for_the_seams_are_said_to_be():
-    # Every face its own island in texture space: no edge is free to collapse.
-    mesh = icosphere(3)
-    corner_ids = np.arange(3 * mesh.n_faces).reshape(-1, 3)
-    uvs = np.random.default_rng(0).uniform(size=(3 * mesh.n_faces, 2))
-    low, report = simplify_with_report(mesh.replace(uvs=uvs, uv_faces=corner_ids), 100)
-    assert low.n_faces == 100
-    assert low.uvs is None
-    assert report.notes == ("too few faces to keep its texture coordinates",)
-
-
 @BOTH
 def test_seams_are_kept_or_dropped_as_asked(quality):
     # Every face its own island in texture space: no edge is free to collapse.
@@ -459,22 +423,6 @@ def test_unwelded_triangles_are_joined(quality):
     assert low.n_faces == 300
     assert_clean(low)
     assert not open_edges(low)
-
-
-@BOTH
-def test_many_separate_parts_come_down_by_losing_the_small_ones(quality):
-    part = icosphere(1)
-    rng = np.random.default_rng(4)
-    places, sizes = rng.uniform(-10.0, 10.0, size=(60, 3)), np.geomspace(0.01, 3.0, 60)
-    mesh = Mesh(
-        positions=np.concatenate(
-            [part.positions * s + p for s, p in zip(sizes, places, strict=True)]
-        ),
-        faces=np.concatenate([part.faces + part.n_vertices * number for number in range(60)]),
-    )
-    low, report = simplify_with_report(mesh, 120, quality=quality)
-    assert 0 < low.n_faces <= 120
-    assert report.reached
 
 
 @BOTH
@@ -585,13 +533,6 @@ def test_nothing_but_degenerate_faces_is_an_error(quality):
         simplify(mesh, 5, quality=quality)
 
 
-def test_wrong_options_are_errors():
-    with pytest.raises(OptionError, match="it must be 4 or more"):
-        simplify(icosphere(2), 3)
-    with pytest.raises(OptionError, match="fast, best"):
-        simplify(icosphere(2), 10, quality="worst")
-
-
 def measured_anew(mesh, low):
     """Their distance at other and more points than `simplify` measured it at."""
     return surface_distance(mesh, low, n_samples=300_000, seed=7).max
@@ -634,11 +575,6 @@ def test_an_error_in_model_units_grows_with_the_model():
     assert np.array_equal(near.faces, far.faces)
 
 
-def test_a_flat_sheet_needs_two_triangles_for_any_error_but_four_are_the_least():
-    sheet = plane(20, 20).replace(uvs=None, uv_faces=None)
-    assert simplify(sheet, error=1e-6).n_faces <= 4
-
-
 def test_an_error_gives_up_neither_seams_nor_parts():
     # Every face its own island in texture space: no edge is free to collapse.
     mesh = icosphere(3)
@@ -650,18 +586,6 @@ def test_an_error_gives_up_neither_seams_nor_parts():
     assert report.method == "unchanged"
 
 
-@pytest.mark.parametrize("error", [5.0, "51%"])
-def test_an_error_that_would_leave_nothing_is_refused(error):
-    """A sphere of radius 1 has a diagonal of about 3.4."""
-    with pytest.raises(OptionError, match=r"error: .* is 3\.\d+ model units across.*nothing of it"):
-        simplify(icosphere(2), error=error)
-
-
-def test_an_error_does_not_depend_on_threads():
-    mesh = orange(20_000)
-    assert_same(simplify(mesh, error="0.3%", threads=1), simplify(mesh, error="0.3%", threads=3))
-
-
 @BOTH
 @pytest.mark.parametrize("name", ["crossing figures", *real("meshes/fish.obj")])
 def test_crossing_parts_stay_within_an_error(name, quality):
@@ -669,17 +593,6 @@ def test_crossing_parts_stay_within_an_error(name, quality):
     low, _ = simplify_with_report(mesh, error="0.5%", quality=quality)
     assert low.n_faces < mesh.n_faces
     assert measured_anew(mesh, low) <= 1.01 * 0.005 * mesh.diagonal
-
-
-@pytest.mark.parametrize("error", [-1.0, "far", "nan", "-2%", float("inf")])
-def test_wrong_errors_are_errors(error):
-    with pytest.raises(OptionError, match=r"error: .* is not a distance"):
-        simplify(icosphere(2), error=error)
-
-
-def test_neither_count_nor_error_is_an_error():
-    with pytest.raises(OptionError, match="neither is given"):
-        simplify(icosphere(2))
 
 
 def test_report_is_plain_data():
@@ -719,8 +632,31 @@ def test_best_beats_fast(name, n_faces):
     assert rms["fast"] < 0.0015
 
 
-@pytest.mark.parametrize("n_faces", ["50", 20.9, float("nan"), True, [4]])
-def test_a_number_of_faces_is_whole(n_faces):
-    with pytest.raises(OptionError, match=r"^n_faces: .* is not a whole number$"):
-        simplify(icosphere(1), n_faces)
-    assert simplify(icosphere(1), np.int64(20)).n_faces == 20
+@BOTH
+@pytest.mark.parametrize("target", [{"n_faces": 400}, {"error": "0.3%"}], ids=["count", "error"])
+def test_threads_change_nothing(quality, target):
+    mesh = orange(20_000)
+    one, three = (simplify(mesh, **target, quality=quality, threads=n) for n in (1, 3))
+    assert_same(one, three)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_faces": 3}, "it must be 4 or more"),
+        ({"n_faces": 10, "quality": "worst"}, "fast, best"),
+        ({}, "neither is given"),
+        ({"n_faces": 20.9}, r"^n_faces: .* is not a whole number$"),
+        ({"n_faces": True}, r"^n_faces: .* is not a whole number$"),
+        *(
+            ({"error": wrong}, "error: .* is not a distance")
+            for wrong in (-1.0, "far", "nan", "-2%")
+        ),
+        # A sphere of radius 1 has a diagonal of about 3.4.
+        ({"error": 5.0}, r"error: .* is 3\.\d+ model units across.*nothing of it"),
+        ({"error": "51%"}, r"error: .* is 3\.\d+ model units across.*nothing of it"),
+    ],
+)
+def test_wrong_options_are_errors(options, message):
+    with pytest.raises(OptionError, match=message):
+        simplify(icosphere(2), **options)

@@ -45,28 +45,6 @@ def test_tetrahedron():
     assert genus_of(TETRAHEDRON) == 0
 
 
-def test_boundary_of_an_open_mesh():
-    edges = find_edges(TETRAHEDRON[:3])
-    assert edges.vertices[edges.boundary].tolist() == [[0, 2], [0, 3], [2, 3]]
-    assert not edges.closed
-    assert genus_of(TETRAHEDRON[:3]) is None
-
-
-def test_one_turned_face_is_misoriented_at_its_three_edges():
-    faces = TETRAHEDRON.copy()
-    faces[1] = faces[1][::-1]
-    edges = find_edges(faces)
-    assert edges.vertices[edges.misoriented].tolist() == [[0, 1], [0, 3], [1, 3]]
-    assert edges.closed
-    assert genus_of(faces) is None
-
-
-def test_three_faces_at_an_edge():
-    edges = find_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]], dtype=np.int32))
-    assert edges.vertices[edges.non_manifold].tolist() == [[0, 1]]
-    assert edges.n_forward[edges.non_manifold].tolist() == [2]
-
-
 @settings(max_examples=100)
 @given(hnp.arrays(np.int32, st.tuples(st.integers(1, 40), st.just(3)), elements=st.integers(0, 9)))
 def test_against_counting_one_by_one(faces):

@@ -75,14 +75,6 @@ def test_chunks_find_what_one_tree_finds(
     assert (whole.faces != NO_HIT).mean() > 0.5
 
 
-def test_no_hit_depends_on_the_rays_beside_it(layered: Mesh, frame: LocalFrame) -> None:
-    rays = rays_at(layered, frame, 20_000, seed=0)
-    order = np.random.default_rng(1).permutation(len(rays))
-    scene = RayScene.build(layered, frame)
-    found, mixed = scene.cast(rays), scene.cast(Rays(*(row[order] for row in rays.arrays())))
-    assert np.array_equal(found.faces[order], mixed.faces)
-
-
 def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
     square = plane()
     several = Mesh(positions=square.positions, faces=np.vstack([square.faces] * 50))

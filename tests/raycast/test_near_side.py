@@ -7,7 +7,6 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.normals import face_normals, vertex_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.hemispheres import Hemispheres, OcclusionRange, direction_sets
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
@@ -88,18 +87,3 @@ def test_every_vertex_edge_and_face_is_hit_from_outside(shape, scale, shift, cul
     if shape in CONVEX:
         assert found.distances.min() >= START - TOLERANCE
         assert not found.passed_back.any()
-
-
-@pytest.mark.parametrize("level", [3, 5])
-def test_no_secondary_ray_leaves_a_closed_mesh(level):
-    """Neither from points near its vertices nor when aimed exactly at a vertex."""
-    mesh = icosphere(level)
-    mesh = mesh.replace(faces=mesh.faces[:, ::-1])  # seen from inside
-    frame = LocalFrame.around(mesh)
-    points = 0.9 * frame.to_local(mesh.positions)
-    inward = (-points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
-    ids = np.random.default_rng(5).integers(0, 1 << 32, len(points), dtype=np.uint32)
-    domes = Hemispheres(points, inward, inward, ids)
-    with RayScene.build(mesh, frame) as scene:
-        found = scene.cast_hemispheres(domes, direction_sets(64), OcclusionRange(0.0, 4.0, 0.0))
-    assert (found[:, 0] == 0.0).all()
