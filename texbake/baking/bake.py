@@ -16,16 +16,13 @@ from texbake.baking.padding import finished_maps
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult, unseen_faces
-from texbake.baking.scenes import BakeScenes
-from texbake.baking.secondary_rays import SecondaryRays
 from texbake.baking.sums import TexelSums
 from texbake.baking.texels import NO_FACE
-from texbake.baking.trace import Trace
+from texbake.baking.trace import BakeSetup, Trace
 from texbake.errors import MissError, OptionError, UvError, counted
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orientation import OrientationReport
@@ -145,16 +142,9 @@ def streaming_obstacle(kinds: list[MapKind], options: BakeOptions) -> str | None
 
 
 @dataclass(frozen=True, eq=False)
-class BakeRun:
+class BakeRun(BakeSetup):
     """A bake whose inputs have been checked."""
 
-    kinds: list[MapKind]
-    inputs: BakeInputs
-    stages: Stages
-    cage: Mesh | None = None
-    ray_maps: RayMaps | None = None
-    # Scenes that other bakes use as well; None: this one builds its own and closes them.
-    scenes: BakeScenes | None = None
     # Collects the distances between the surfaces.
     distances: DistanceSummary = field(default_factory=DistanceSummary)
     clock: BudgetClock = field(default_factory=BudgetClock)
@@ -171,7 +161,7 @@ class BakeRun:
         if self.scenes is not None:
             baked = one._cast()
             return _with_sharing(baked, stacked, baked.report.orientation)
-        scenes = one._trace().own_scenes()
+        scenes = Trace(one).own_scenes()
         try:
             inputs, scenes, orientation = face_outwards(inputs, scenes, self.stages)
             baked = replace(one, inputs=inputs, scenes=scenes)._cast()
@@ -179,23 +169,9 @@ class BakeRun:
             scenes.close()
         return _with_sharing(baked, stacked, orientation)
 
-    def _trace(self) -> Trace:
-        """Return the trace of all rays; nothing is cast yet."""
-        inputs = self.inputs
-        return Trace(
-            inputs.source,
-            inputs.low,
-            inputs.options,
-            self.cage,
-            self.stages,
-            SecondaryRays.for_maps((kind.needs for kind in self.kinds), inputs),
-            self.ray_maps,
-            self.scenes,
-        )
-
     def _cast(self) -> BakeResult:
         """Cast all rays, and make maps of the hits."""
-        options, trace = self.inputs.options, self._trace()
+        options, trace = self.inputs.options, Trace(self)
         sums = TexelSums(self.kinds, self.inputs)
         if options.is_adaptive or options.time_budget is not None:
             return self._cast_adaptively(sums, trace)
@@ -212,9 +188,7 @@ class BakeRun:
         from texbake.baking.adaptive_texels.samples import cast_adaptively
 
         inputs = self.inputs
-        sampling, budget = cast_adaptively(
-            sums, self.kinds, trace, inputs, self.stages, self.distances, self.clock
-        )
+        sampling, budget = cast_adaptively(sums, trace, self.distances, self.clock)
         if budget is None:
             return self._result(sums, trace, sampling=sampling)
         # The options without a time budget that give the same maps.

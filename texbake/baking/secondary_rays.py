@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import INNER, OUTER
+from texbake.baking.maps import INNER, OUTER, MapKind
 from texbake.baking.scenes import BakeScenes
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
@@ -49,9 +49,9 @@ class SecondaryRays:
     needs: frozenset[str]  # `OUTER`, `INNER` or both
 
     @classmethod
-    def for_maps(cls, needs: Iterable[str], inputs: BakeInputs) -> SecondaryRays | None:
-        """Return the rays for maps with these needs; None if none of them needs any."""
-        used = frozenset(needs) & {OUTER, INNER}
+    def for_maps(cls, kinds: Iterable[MapKind], inputs: BakeInputs) -> SecondaryRays | None:
+        """Return the rays for some maps; None if none of them needs any."""
+        used = frozenset(kind.needs for kind in kinds) & {OUTER, INNER}
         return cls(inputs, used) if used else None
 
     def occlusion_range(self, scenes: BakeScenes) -> OcclusionRange:

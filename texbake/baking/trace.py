@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from texbake.baking.hits import Hits
-from texbake.baking.options import BakeOptions
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps import MapKind
 from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
@@ -56,18 +57,27 @@ class TraceCounts:
     faces_limited: int = 0
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class BakeSetup:
+    """What a bake is made of, once its inputs have been checked."""
+
+    kinds: list[MapKind]
+    inputs: BakeInputs
+    stages: Stages
+    cage: Mesh | None = None
+    ray_maps: RayMaps | None = None
+    # Scenes that other bakes use as well; None: this one builds its own and closes them.
+    scenes: BakeScenes | None = None
+
+
 class Trace:
     """Casts the rays of a bake.
 
     Attributes
     ----------
-    secondary : SecondaryRays, optional
+    counts : TraceCounts
+    secondary : SecondaryRays or None
         Rays to cast from every hit; None where no map needs any.
-    ray_maps : RayMaps, optional
-        Images that change the rays.
-    scenes : BakeScenes, optional
-        What to cast rays into; None: the trace builds its own and closes them.
     front, back : float or None
         How far rays go in front of and behind the low-poly surface, in model units; measured once
         the trace has begun, if not given. The front stays None with a cage.
@@ -79,17 +89,11 @@ class Trace:
         Face of the low-poly mesh that owns the texel (its first owned sample), `NO_FACE` for none.
     """
 
-    high: Mesh | StreamedMesh
-    low: Mesh
-    options: BakeOptions
-    cage: Mesh | None
-    stages: Stages
-    secondary: SecondaryRays | None = None
-    ray_maps: RayMaps | None = None
-    scenes: BakeScenes | None = None
-    counts: TraceCounts = field(default_factory=TraceCounts)
-
-    def __post_init__(self) -> None:
+    def __init__(self, setup: BakeSetup) -> None:
+        self.setup, self.counts = setup, TraceCounts()
+        self.low, self.options = setup.inputs.low, setup.inputs.options
+        self.stages, self.cage = setup.stages, setup.cage
+        self.secondary = SecondaryRays.for_maps(setup.kinds, setup.inputs)
         # A cage has a front distance of its own at each vertex.
         self.front = self.options.front if self.cage is None else None
         self.back = self.options.back
@@ -128,7 +132,7 @@ class Trace:
     @contextmanager
     def casting(self) -> Iterator[SampleCaster]:
         """Yield the caster of the samples' rays, with scenes built and all distances measured."""
-        scenes = self.scenes or self.own_scenes()
+        scenes = self.setup.scenes or self.own_scenes()
         self.caster = scenes.high.caster
         try:
             ray_field, longest = self._fields(scenes)
@@ -138,29 +142,30 @@ class Trace:
             reach = None if secondary is None else secondary.occlusion_range(scenes)
             yield SampleCaster(self, scenes, ray_field, longest, reach)
         finally:
-            if self.scenes is None:
+            if self.setup.scenes is None:
                 scenes.close()
 
     def own_scenes(self) -> BakeScenes:
         """Build the scenes that the trace needs; the caller closes them."""
         n_low = self.low.n_faces * (1 if self.cage is None else 2)
-        if isinstance(self.high, StreamedMesh):
+        high = self.setup.inputs.source
+        if isinstance(high, StreamedMesh):
             chunk: int | None = self.options.streamed_chunk_faces(n_low)
         else:
-            chunk = self.options.chunk_faces(self.high.n_faces, n_low)
+            chunk = self.options.chunk_faces(high.n_faces, n_low)
         if chunk is not None and self.options.on_miss == "closest":
             raise OptionError(
-                f"max_memory, on_miss: {self.high.name} would be traced in chunks, and the closest "
+                f"max_memory, on_miss: {high.name} would be traced in chunks, and the closest "
                 "point needs all of it at once; bake with on_miss neutral, or without max_memory"
             )
         if chunk is not None and self.secondary is not None:
             raise OptionError(
-                f"max_memory: {self.high.name} would be traced in chunks, and ambient occlusion, "
+                f"max_memory: {high.name} would be traced in chunks, and ambient occlusion, "
                 "bent normals and thickness need all of it at once; bake them separately, without "
                 "`max_memory`"
             )
         return BakeScenes.build(
-            self.high,
+            high,
             self.low,
             self.stages,
             chunk_faces=chunk,
@@ -176,7 +181,8 @@ class Trace:
         options = self.options
         if self.back is None or (self.front is None and self.cage is None):
             # Where a mask changes their direction, rays may be those of the faces.
-            skewed = self.ray_maps is not None and self.ray_maps.skew is not None
+            maps = self.setup.ray_maps
+            skewed = maps is not None and maps.skew is not None
             kinds = (options.rays, "face") if skewed else (options.rays,)
             with self.stages.stage("measure distances"):
                 extent = scenes.extent(self.low, kinds)
@@ -194,7 +200,7 @@ class Trace:
                 front=self.front or 0.0,
                 back=self.back,
                 cage=self.cage,
-                maps=self.ray_maps,
+                maps=self.setup.ray_maps,
                 threads=options.threads,
             )
             if not self.fits_vertices:
@@ -214,7 +220,7 @@ class Trace:
         """Whether each vertex has ray distances of its own."""
         options = self.options
         is_given = options.front is not None or options.back is not None
-        return not is_given and self.cage is None and self.ray_maps is None
+        return not is_given and self.cage is None and self.setup.ray_maps is None
 
 
 # About as many samples are cast before their hits become maps; in chunks more of them, because all

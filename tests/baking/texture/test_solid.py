@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from texbake.baking.inputs import BakeInputs
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
-from texbake.baking.trace import Trace
+from texbake.baking.trace import BakeSetup, Trace
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
@@ -107,7 +108,7 @@ def test_coverage_agrees_with_a_trace() -> None:
     mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16)
     canvas = TextureCanvas(mesh, options, 1)
     n_samples = sum(len(band.samples) for band in canvas.bands())
-    trace = Trace(mesh, mesh, options.for_bake, None, Stages())
+    trace = Trace(BakeSetup([], BakeInputs.of(mesh, mesh, options.for_bake), Stages()))
     assert sum(len(hits) for hits in trace.hits()) == n_samples
     np.testing.assert_array_equal(canvas.texel_faces, trace.texel_faces)
 

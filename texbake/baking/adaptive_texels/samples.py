@@ -34,34 +34,27 @@ from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import SampleCaster, Trace
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
-from texbake.progress import Stages
 from texbake.sampling.report import check_random, n_to_check, percent_within
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
 
 def cast_adaptively(
-    sums: TexelSums,
-    kinds: list[MapKind],
-    trace: Trace,
-    inputs: BakeInputs,
-    stages: Stages,
-    distances: DistanceSummary,
-    clock: BudgetClock | None = None,
+    sums: TexelSums, trace: Trace, distances: DistanceSummary, clock: BudgetClock
 ) -> tuple[BakeSampling, TimeBudget | None]:
     """Cast all samples, give the means of texels to `sums`, and check some of them.
 
     `distances` gets the hits of the first sample of each texel.
     """
-    options = inputs.options
-    bounded = bounded_maps(kinds, inputs, options.error_bounds)
+    options, stages = trace.options, trace.stages
+    bounded = bounded_maps(trace.setup.kinds, trace.setup.inputs, options.error_bounds)
     with trace.casting() as caster:
-        sampler = TexelSampler(kinds, trace, inputs, stages, distances, caster)
+        sampler = TexelSampler(trace, distances, caster)
         budget: TimeBudget | None = None
         if options.time_budget is None:
             sampler.cast_texels()
             refined = refine(sampler, bounded, str(options.error_bounds))
         else:
-            refined, budget = TexelRounds(sampler, options, clock or BudgetClock()).run()
+            refined, budget = TexelRounds(sampler, options, clock).run()
         has_data = sampler.cells.charts[: len(refined.means)] != NO_CHART
         with stages.part("make maps"):
             has_data |= refined.add_means(sampler)

@@ -17,13 +17,11 @@ from texbake.baking.adaptive_texels.coverage import (
     outlined_texels,
 )
 from texbake.baking.hits import Hits
-from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
 from texbake.baking.trace import SampleCaster, Trace
 from texbake.mesh.mesh import IntArray
-from texbake.progress import Stages
 
 # So few that what one step writes is still in the cache when the next one reads it.
 _SAMPLES_AT_ONCE = 1 << 17
@@ -41,25 +39,16 @@ class TexelSampler:
         of this level that are left; it may raise an error to end the work.
     """
 
-    def __init__(
-        self,
-        kinds: list[MapKind],
-        trace: Trace,
-        inputs: BakeInputs,
-        stages: Stages,
-        distances: DistanceSummary,
-        caster: SampleCaster,
-    ) -> None:
-        options = inputs.options
-        self.kinds, self.trace, self.inputs = kinds, trace, inputs
-        self.stages, self._distances, self.caster = stages, distances, caster
-        self.shape = (options.height_px, options.width_px)
-        self.threads = options.threads
-        n_texels = self.shape[0] * self.shape[1]
+    def __init__(self, trace: Trace, distances: DistanceSummary, caster: SampleCaster) -> None:
+        self.trace, self._distances, self.caster = trace, distances, caster
+        self.kinds, self.inputs = trace.setup.kinds, trace.setup.inputs
+        self.stages, self.threads = trace.stages, trace.options.threads
+        self.shape: tuple[int, int] = trace.texel_faces.shape
+        n_texels = trace.texel_faces.size
         self.coverage = TexelCoverage.none(n_texels)
-        self.cells = Cells(n_texels, sum(kind.channels for kind in kinds))
-        with stages.part("prepare low-poly mesh"):
-            self.bins = FaceBins.of(inputs.low, self.shape[1], self.shape[0])
+        self.cells = Cells(n_texels, sum(kind.channels for kind in self.kinds))
+        with self.stages.part("prepare low-poly mesh"):
+            self.bins = FaceBins.of(trace.low, self.shape[1], self.shape[0])
         self.watch: Callable[[float, int], None] | None = None
 
     def channels(self) -> Iterator[tuple[MapKind, slice]]:

@@ -24,7 +24,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
 from texbake.baking.scenes import measure_extent
 from texbake.baking.texels import Samples
-from texbake.baking.trace import Trace
+from texbake.baking.trace import BakeSetup, Trace
 from texbake.core import portable_math as pm
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
@@ -160,7 +160,7 @@ def mean_normals(
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
     inputs = BakeInputs.of(pair.high, pair.low, options)
     sums = np.zeros((size * size, 3))
-    for hits in Trace(pair.high, pair.low, options, None, Stages()).hits():
+    for hits in Trace(BakeSetup([], inputs, Stages())).hits():
         _add(hits.where(hits.is_hit), inputs, size, sums)
     lengths = pm.norm(sums, axis=1, keepdims=True)
     means = sums / np.where(lengths > 0.0, lengths, 1.0)
