@@ -53,15 +53,15 @@ from .rendering.scene.scene import (
 )
 from .rendering.scene.textures import ImageTexture as ImageTexture
 from .texture.checker import checker_image as checker_image
-from .texture.height_options import (
-    HeightToNormalOptions as HeightToNormalOptions,
-    NormalToHeightOptions as NormalToHeightOptions,
-)
 from .texture.heights_and_normals import (
     height_to_normal as height_to_normal,
     normal_to_height as normal_to_height,
 )
 from .texture.image import read_image as read_image, write_image as write_image
 from .texture.model_materials import read_materials as read_materials
+from .texture.options import (
+    HeightToNormalOptions as HeightToNormalOptions,
+    NormalToHeightOptions as NormalToHeightOptions,
+)
 
 __version__: str

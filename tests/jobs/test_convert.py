@@ -18,8 +18,8 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RepairOptions, TransformOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.texture.channel_codes import components_of, image_codes
 from texbake.texture.image import write_image
+from texbake.texture.material_images import components_of, image_codes
 from texbake.verbs.repair import repair_file
 from texbake.verbs.transform import transform_file
 

@@ -21,7 +21,7 @@ from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import MeshMaterial, read_materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
-from texbake.texture.gltf_images import gltf_images
+from texbake.texture.material_images import gltf_images
 from texbake.texture.png_files import write_png
 
 SCRIPT = Path(__file__).with_name("validate_gltf.cjs")

@@ -8,8 +8,8 @@ import pytest
 
 from texbake.mesh.files.gltf_materials import SLOTS
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.texture.gltf_images import gltf_images
 from texbake.texture.image import decode_image, write_image
+from texbake.texture.material_images import gltf_images
 
 RNG = np.random.default_rng(1)
 

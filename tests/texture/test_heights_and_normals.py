@@ -5,15 +5,15 @@ import pytest
 
 from texbake.errors import FileFormatError, OptionError
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
-from texbake.texture.height_options import (
+from texbake.texture.heights_and_normals import height_to_normal, normal_to_height
+from texbake.texture.image import Image
+from texbake.texture.options import (
     DERIVATIVES,
-    METHODS,
-    WRAPS,
+    HEIGHT_WRAPS,
+    INTEGRATIONS,
     HeightToNormalOptions,
     NormalToHeightOptions,
 )
-from texbake.texture.heights_and_normals import height_to_normal, normal_to_height
-from texbake.texture.image import Image
 
 Array = np.ndarray
 
@@ -91,12 +91,12 @@ def test_scale_and_width_are_one_ratio() -> None:
     np.testing.assert_allclose(flipped, b * (-1, -1, 1), atol=1e-7)
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("wrap", HEIGHT_WRAPS)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (2, 2), (5, 1), (2, 3)])
 def test_the_smallest_images(shape: tuple[int, int], wrap: str) -> None:
     normals = height_to_normal(np.full(shape, 7.0), HeightToNormalOptions(wrap=wrap))
     np.testing.assert_array_equal(normals, np.tile([0.0, 0.0, 1.0], (*shape, 1)))
-    for method in METHODS:
+    for method in INTEGRATIONS:
         field = normal_to_height(normals, NormalToHeightOptions(method=method, wrap=wrap))
         np.testing.assert_array_equal(field.heights, np.zeros(shape))
 
@@ -144,7 +144,7 @@ def test_frankot_chellappa_is_not_exact_where_a_map_ends() -> None:
     assert 1e-3 < np.abs(error).max() < 0.05 * np.ptp(heights)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", INTEGRATIONS)
 def test_round_trip_of_waves_agrees_with_the_closed_form(method: str) -> None:
     """A wave of w radians per texel returns as sin w / w (one derivative) or cos² w/2 of itself."""
     n, k = 64, 4
@@ -175,7 +175,7 @@ def test_round_trip_of_a_rough_surface_through_8_bits() -> None:
     heights *= 8.0 / np.ptp(heights)
     normals = height_to_normal(heights, HeightToNormalOptions(scale=1.0, width=128.0))
     codes = np.floor(normals * 127.5 + 128.0) / 127.5 - 1.0
-    for method in METHODS:
+    for method in INTEGRATIONS:
         found = normal_to_height(codes, NormalToHeightOptions(method=method, width=128.0)).heights
         error = np.std(found - heights) / np.std(heights)
         assert error < 0.03, method
@@ -187,7 +187,7 @@ def test_slopes_without_a_surface_are_fitted_and_reported() -> None:
     w = 2 * np.pi / 32
     # A rotation field, the derivative across of sin(wx) sin(wy), has no potential part.
     right, up = np.sin(w * x) * np.cos(w * y), np.cos(w * x) * np.sin(w * y)
-    for method in METHODS:
+    for method in INTEGRATIONS:
         field = normal_to_height(normals_of(right, up), NormalToHeightOptions(method=method))
         # The wave is the same across and along, so no method takes one for steeper.
         np.testing.assert_allclose(field.heights, 0.0, atol=1e-9)

@@ -11,8 +11,8 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
-from texbake.texture.channel_codes import check_gray
 from texbake.texture.image import read_image
+from texbake.texture.material_images import check_gray
 from texbake.texture.model_materials import read_materials
 
 

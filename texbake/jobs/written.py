@@ -29,9 +29,8 @@ from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink
-from texbake.texture.gltf_images import gltf_images
+from texbake.texture.material_images import gltf_images, mtl_images
 from texbake.texture.model_materials import without_damaged_images
-from texbake.texture.mtl_images import mtl_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
 

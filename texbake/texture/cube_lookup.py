@@ -23,6 +23,7 @@ channel. Kernels: `core/cube_lookup.c` and `core/latitude_longitude.c`.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -77,10 +78,7 @@ def sample_cube(
         raise OptionError(f"levels: the shape {wanted.shape} is not ({len(directions)},)")
     out = np.empty((len(directions), cube.n_channels), np.float32)
     mode = CUBE_FILTER_CODES[filter]
-
-    def work(start: int, stop: int) -> None:
-        core.sample_cube(texels, offsets, sizes, directions, wanted, mode, out, start, stop)
-
+    work = partial(core.sample_cube, texels, offsets, sizes, directions, wanted, mode, out)
     run_bands(work, len(directions), band=_BAND, threads=threads)
     return out
 
@@ -120,10 +118,7 @@ def from_latitude_longitude(
     n_lookups = max(1, math.ceil(2.0 / size / (finest / 2)))
     rows = _with_wide_texels(without_gaps(pixels), 2.0 / size / n_lookups)
     out = np.empty((6, size, size, n_channels), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.convert_to_cube(rows, n_lookups, out, start, stop)
-
+    work = partial(core.convert_to_cube, rows, n_lookups, out)
     run_bands(work, 6 * size, band=max(1, _LATITUDE_BAND // (size * n_lookups**2)), threads=threads)
     return CubeMap(out)
 
@@ -142,10 +137,7 @@ def to_latitude_longitude(
     # Texels in the middle of an edge of a face are 1 / size radians wide.
     n_lookups = max(1, math.ceil(math.pi / height / (0.5 / cube.size)))
     out = np.empty((height, 2 * height, cube.n_channels), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.convert_from_cube(texels, cube.size, n_lookups, out, start, stop)
-
+    work = partial(core.convert_from_cube, texels, cube.size, n_lookups, out)
     run_bands(
         work, height, band=max(1, _LATITUDE_BAND // (2 * height * n_lookups**2)), threads=threads
     )

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -289,10 +289,7 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
     faces = np.ascontiguousarray(cube.faces)
     out = np.empty((6, size, size, cube.n_channels), np.float32)
     weights = solid_angles(cube.size)
-
-    def work(start: int, stop: int) -> None:
-        core.shrink_cube_rows(faces, weights, out, start, stop)
-
+    work = partial(core.shrink_cube_rows, faces, weights, out)
     run_bands(work, 6 * size, band=_BAND, threads=threads)
     return CubeMap(out)
 

@@ -13,7 +13,7 @@ so no other code changes.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -52,10 +52,7 @@ def _quantized(
     codes = np.empty(flat.shape, code_type(bits))
     quantize = core.quantize_u8 if bits == 8 else core.quantize_u16
     top = max_code(bits)
-
-    def work(start: int, stop: int) -> None:
-        quantize(flat, factors, offsets, lows, sizes, codes, noise, top, start, stop)
-
+    work = partial(quantize, flat, factors, offsets, lows, sizes, codes, noise, top)
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(values.shape)
 
@@ -106,10 +103,7 @@ def quantize_srgb(
     codes = np.empty(flat.shape, code_type(bits))
     quantize = core.quantize_srgb_u8 if bits == 8 else core.quantize_srgb_u16
     tables = _srgb_thresholds(bits)
-
-    def work(start: int, stop: int) -> None:
-        quantize(flat, *tables, codes, n_colors, start, stop)
-
+    work = partial(quantize, flat, *tables, codes, n_colors)
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(linear.shape)
 
@@ -161,10 +155,7 @@ def color_ids(
     flat = np.ascontiguousarray(ids).reshape(-1)
     codes = np.empty((len(flat), 3), colors.dtype)
     fill = core.color_ids_u8 if colors.dtype == np.uint8 else core.color_ids_u16
-
-    def work(start: int, stop: int) -> None:
-        fill(flat, colors, codes, start, stop)
-
+    work = partial(fill, flat, colors, codes)
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(*ids.shape, 3)
 

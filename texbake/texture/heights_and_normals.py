@@ -33,12 +33,12 @@ from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.parallel import run_bands
 from texbake.texture.encoding import decode_normals
-from texbake.texture.height_options import (
+from texbake.texture.image import Image
+from texbake.texture.options import (
     DEFAULT_SCALE,
     HeightToNormalOptions,
     NormalToHeightOptions,
 )
-from texbake.texture.image import Image
 
 _BAND = 1 << 18  # how many numbers a thread transforms at a time
 

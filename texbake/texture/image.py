@@ -47,7 +47,7 @@ FloatImage = npt.NDArray[np.float32]
 
 # Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
-_GREATEST_HALF = 65504.0
+GREATEST_HALF = 65504.0
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def _stored(
         if pixels.dtype.kind != "f":
             raise OptionError(f"{path}: it holds floats, not {pixels.dtype} codes; pass floats")
         if bits == 16 and color:  # colors too bright for a half are clipped
-            pixels = np.clip(pixels, -_GREATEST_HALF, _GREATEST_HALF)
+            pixels = np.clip(pixels, -GREATEST_HALF, GREATEST_HALF)
         return pixels.astype(np.float16 if bits == 16 else np.float32, copy=False)
     if pixels.dtype.kind == "f":
         if color:
@@ -245,11 +245,18 @@ def _write_with_openimageio(
         spec.attribute("oiio:ColorSpace", "sRGB")
     if description and len(description) <= kind.description_limit:
         spec.attribute("ImageDescription", description)
+    write_with_spec(stored, spec, temporary, path)
+
+
+def write_with_spec(pixels: npt.NDArray[Any], spec: Any, temporary: Path, path: PathLike) -> None:
+    """Write pixels to `temporary` with OpenImageIO; errors name `path`."""
+    import OpenImageIO as oiio  # noqa: N813
+
     output = oiio.ImageOutput.create(str(temporary))
     written = (
         output is not None
         and output.open(str(temporary), spec)
-        and output.write_image(np.ascontiguousarray(stored))
+        and output.write_image(np.ascontiguousarray(pixels))
         and output.close()
     )
     if not written:

@@ -16,12 +16,10 @@ from texbake.errors import FileFormatError, OptionError, one_line, quoted
 from texbake.files import PathLike, appearing_together, make_folder, require_file
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.texture.encoding import encode_heights, encode_normals
-from texbake.texture.image import Image, read_image, write_image
+from texbake.texture.image import GREATEST_HALF, Image, read_image, write_image
 from texbake.texture.image_formats import check_image_format, holds_floats
 from texbake.texture.png_files import png_parts
 from texbake.texture.value_range import height_range
-
-_GREATEST_HALF = 65504.0
 
 
 def write_images(
@@ -66,7 +64,7 @@ def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> 
     """
     wanted = 32 if source.is_float else source.bits
     if Path(path).suffix.lower() == ".exr":
-        return 32 if np.abs(pixels).max() > _GREATEST_HALF else None
+        return 32 if np.abs(pixels).max() > GREATEST_HALF else None
     try:
         return None if wanted == 8 else check_image_format(path, wanted)
     except OptionError:

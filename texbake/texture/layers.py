@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError, quoted
+from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing
 from texbake.metadata import Value, to_description
-from texbake.texture.image import Image, read_header
+from texbake.texture.image import Image, read_header, write_with_spec
 
 # Names of the channels of a layer, by the number of channels.
 _CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
@@ -27,6 +25,8 @@ _ORDER = "RGBXYZUVA"  # of channels in memory; files sort them alphabetically
 
 def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
     """Write images of one size as the layers of an EXR file."""
+    import OpenImageIO as oiio  # noqa: N813
+
     if Path(path).suffix.lower() != ".exr":
         raise FileFormatError(f"{path}: only EXR files store layers; give a .exr file")
     _check_layers(layers, path)
@@ -40,8 +40,16 @@ def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
         columns.append(image.pixels)
         metadata |= {f"{layer}.{key}": value for key, value in image.metadata.items()}
     pixels = np.concatenate(columns, axis=2)
+    height, width, n_channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, n_channels, "float")
+    spec.channelnames = tuple(names)
+    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in types)
+    spec.attribute("DateTime", "")  # otherwise the time of writing
+    spec.attribute("compression", "zip")
+    if metadata:
+        spec.attribute("ImageDescription", to_description(metadata))
     with replacing(path) as temporary:
-        _write(pixels, names, types, to_description(metadata), temporary, path)
+        write_with_spec(pixels.astype(np.float32, copy=False), spec, temporary, path)
 
 
 def read_layers(path: PathLike) -> dict[str, Image]:
@@ -105,37 +113,6 @@ def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
             raise OptionError(
                 f"{path}: the layer {quoted(layer)} is beyond half floats; give it 32 bits"
             )
-
-
-def _write(
-    pixels: npt.NDArray[Any],
-    names: list[str],
-    types: list[str],
-    description: str,
-    temporary: Path,
-    path: PathLike,
-) -> None:
-    import OpenImageIO as oiio  # noqa: N813
-
-    height, width, n_channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, n_channels, "float")
-    spec.channelnames = tuple(names)
-    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in types)
-    spec.attribute("DateTime", "")  # otherwise the time of writing
-    spec.attribute("compression", "zip")
-    if description:
-        spec.attribute("ImageDescription", description)
-    output = oiio.ImageOutput.create(str(temporary))
-    written = (
-        output is not None
-        and output.open(str(temporary), spec)
-        and output.write_image(np.ascontiguousarray(pixels, np.float32))
-        and output.close()
-    )
-    if not written:
-        reason = output.geterror() if output is not None else oiio.geterror()
-        words = _one_line(reason).replace(str(temporary), str(path))
-        raise FileError(f"{path}: cannot be written: {words}")
 
 
 def _one_line(reason: str) -> str:

@@ -13,6 +13,7 @@ Surfaces", 1985, for volumes. Departs from the specification in the order of row
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -121,10 +122,7 @@ def lookup(
     flat = np.require(uvs.reshape(-1, 2), requirements=["C", "A"])
     outside = border_values(border, image.shape[2])
     out = np.empty((len(flat), image.shape[2]), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.sample_bilinear(image, flat, code, outside, out, start, stop)
-
+    work = partial(core.sample_bilinear, image, flat, code, outside, out)
     run_bands(work, len(flat), band=_IMAGE_BAND, threads=threads)
     return out.reshape(*uvs.shape[:-1], image.shape[2])
 
@@ -161,10 +159,7 @@ def ramp_lookup(
         raise OptionError(f"values: the shape {values.shape} is not (n,)")
     outside = border_values(border, stops.shape[1])
     out = np.empty((len(values), stops.shape[1]), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.sample_ramp(stops, values, code, outside, out, start, stop)
-
+    work = partial(core.sample_ramp, stops, values, code, outside, out)
     run_bands(work, len(values), band=_RAMP_BAND, threads=threads)
     return out
 
@@ -205,9 +200,6 @@ def volume_lookup(
     outside = border_values(border, volume.shape[3])
     out = np.empty((len(points), volume.shape[3]), np.float32)
     nearest = filter == "nearest"
-
-    def work(start: int, stop: int) -> None:
-        core.sample_volume(volume, points, nearest, code, outside, out, start, stop)
-
+    work = partial(core.sample_volume, volume, points, nearest, code, outside, out)
     run_bands(work, len(points), band=_VOLUME_BAND, threads=threads)
     return out

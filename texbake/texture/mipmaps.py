@@ -16,6 +16,7 @@ of the sinc and a parameter of 4. Kernel: `core/mip_levels.c`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -249,9 +250,6 @@ def _reduce(
     values = level.reshape(height, width * n_channels)
     rows, row_weights = _taps(height, out.shape[0], filter, wraps[1])
     columns, column_weights = _taps(width, out.shape[1], filter, wraps[0])
-
-    def work(start: int, stop: int) -> None:
-        core.fill_mip_level(values, rows, row_weights, columns, column_weights, out, start, stop)
-
+    work = partial(core.fill_mip_level, values, rows, row_weights, columns, column_weights, out)
     band = max(1, _BAND_VALUES // values.shape[1])
     run_bands(work, out.shape[0], band=band, threads=threads)

@@ -1,4 +1,4 @@
-"""Every option of mip levels, packed textures and cube maps, with its default."""
+"""Every option of mip levels, packed textures, cube maps, heights and normals, with its default."""
 
 from __future__ import annotations
 
@@ -136,5 +136,76 @@ class CubeOptions(CheckedOptions):
         str | None,
         Option(
             "File format of the six faces.", choices=FACE_FORMATS, default="the source's, or png"
+        ),
+    ] = None
+
+
+DERIVATIVES = ("central", "sobel", "scharr")
+INTEGRATIONS = ("frankot-chellappa", "poisson")
+HEIGHT_WRAPS = ("repeat", "clamp")
+NORMAL_CONVENTIONS = ("opengl", "directx")
+DEFAULT_SCALE = 0.05  # of heights whose file has none, in widths of the image
+
+
+_WIDTH = Option(
+    "Width of the image in the unit of its heights; texels are square.", metavar="W", above=0
+)
+_WRAP = Option(
+    "Treat the image as tiling (repeat), or as ending at its border.", choices=HEIGHT_WRAPS
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeightToNormalOptions(CheckedOptions):
+    """How `height_to_normal` measures the slopes of heights.
+
+    With `wrap="clamp"` derivatives at the border are one-sided. Of the 3 x 3 differences, scharr's
+    depend least on the direction of a slope.
+    """
+
+    scale: Annotated[
+        float | None,
+        Option(
+            "Difference in height between values 0 and 1, in the unit of the width.",
+            metavar="S",
+            default=f"what the file says, else {DEFAULT_SCALE:g}",
+        ),
+    ] = None
+    width: Annotated[float, _WIDTH] = 1.0
+    wrap: Annotated[str, _WRAP] = "repeat"
+    derivative: Annotated[
+        str,
+        Option(
+            "Take differences of two texels (central), or average them over three rows against "
+            "noise (sobel, scharr).",
+            choices=DERIVATIVES,
+        ),
+    ] = "central"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalToHeightOptions(CheckedOptions):
+    """How `normal_to_height` integrates slopes.
+
+    `frankot-chellappa` is exact for smooth maps that tile, and `poisson` for surfaces of even
+    curvature. Slopes that are left over reveal a wrong convention.
+    """
+
+    method: Annotated[
+        str,
+        Option(
+            "Fit the steps from texel to texel (poisson), or a sum of waves that tile "
+            "(frankot-chellappa).",
+            choices=INTEGRATIONS,
+        ),
+    ] = "poisson"
+    wrap: Annotated[str, _WRAP] = "repeat"
+    width: Annotated[float, _WIDTH] = 1.0
+    convention: Annotated[
+        str | None,
+        Option(
+            "Green channel of the normal map: +Y up (opengl) or +Y down (directx).",
+            choices=NORMAL_CONVENTIONS,
+            default="what the file says, else opengl",
         ),
     ] = None

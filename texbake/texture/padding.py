@@ -12,6 +12,7 @@ weights are 0 or 1 in every level. Kernels: `core/distance_transform.c`, `core/p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,13 +63,8 @@ def nearest_owner(
     other = np.empty((height, width), np.int16)
     indices = np.empty((height, width), np.int32)
     meeting = np.empty(height, np.int64)
-
-    def search_columns(start: int, stop: int) -> None:
-        core.search_columns(charts, reach, nearest, other, indices, start, stop)
-
-    def search_rows(start: int, stop: int) -> None:
-        core.search_rows(charts, reach, nearest, other, indices, meeting, start, stop)
-
+    search_columns = partial(core.search_columns, charts, reach, nearest, other, indices)
+    search_rows = partial(core.search_rows, charts, reach, nearest, other, indices, meeting)
     run_bands(search_columns, width, band=_COLUMN_BAND, threads=threads)
     run_bands(search_rows, height, band=_ROW_BAND, threads=threads)
     return NearestOwners(indices, int(meeting.sum()))
@@ -96,10 +92,7 @@ def spread(
     sources = np.require(indices, np.int32, ["C", "A"]).reshape(-1)
     fill = np.broadcast_to(np.asarray(background, np.float32), n_channels).copy()
     out = np.empty_like(flat)
-
-    def work(start: int, stop: int) -> None:
-        core.spread_owners(flat, sources, fill, out, start, stop)
-
+    work = partial(core.spread_owners, flat, sources, fill, out)
     run_bands(work, len(flat), band=_FILL_BAND * max(width, 1), threads=threads)
     return out.reshape(height, width, n_channels)
 
@@ -132,10 +125,7 @@ def _pushed(
     height, width = (values.shape[0] + 1) // 2, (values.shape[1] + 1) // 2
     coarse = np.empty((height, width, values.shape[2]), np.float32)
     coarse_mask = np.empty((height, width), np.bool_)
-
-    def work(start: int, stop: int) -> None:
-        core.push_texels(values, mask, coarse, coarse_mask, start, stop)
-
+    work = partial(core.push_texels, values, mask, coarse, coarse_mask)
     run_bands(work, height, band=_FILL_BAND, threads=threads)
     return coarse, coarse_mask
 
@@ -144,8 +134,5 @@ def _pull(
     values: FloatImage, mask: npt.NDArray[np.bool_], coarse: FloatImage, threads: int | None
 ) -> None:
     """Fill `values` in place, outside `mask`, from the next coarser level."""
-
-    def work(start: int, stop: int) -> None:
-        core.pull_texels(values, mask, coarse, start, stop)
-
+    work = partial(core.pull_texels, values, mask, coarse)
     run_bands(work, len(values), band=_FILL_BAND, threads=threads)

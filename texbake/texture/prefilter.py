@@ -22,7 +22,7 @@ below 1 and few samples are enough. Kernel: `core/cube_lighting.c`.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -69,10 +69,7 @@ def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> 
     angles = np.tile(solid_angles(source.size).ravel(), 6)
     radiance = np.ascontiguousarray(source.faces).reshape(-1, cube.n_channels)
     out = np.empty((len(normals), cube.n_channels), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.average_hemispheres(directions, angles, radiance, normals, out, start, stop)
-
+    work = partial(core.average_hemispheres, directions, angles, radiance, normals, out)
     run_bands(work, len(normals), band=_BAND, threads=threads)
     return CubeMap(out.reshape(6, size, size, -1))
 
@@ -154,12 +151,9 @@ def _rough(
     """Average a cube map over a lobe about the direction of each texel."""
     normals = texel_directions(size).reshape(-1, 3)
     out = np.empty((len(normals), source.n_channels), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.average_lobes(
-            source.texels, source.offsets, source.sizes, lobe, normals, out, start, stop
-        )
-
+    work = partial(
+        core.average_lobes, source.texels, source.offsets, source.sizes, lobe, normals, out
+    )
     run_bands(work, len(normals), band=_BAND, threads=threads)
     return CubeMap(out.reshape(6, size, size, -1))
 

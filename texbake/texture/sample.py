@@ -21,6 +21,7 @@ The kernels name the sources of the filters.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -174,10 +175,7 @@ def mip_levels(
     """
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.find_mip_levels(changes, width, height, out, start, stop)
-
+    work = partial(core.find_mip_levels, changes, width, height, out)
     run_bands(work, len(changes), band=_BAND, threads=threads)
     return out
 

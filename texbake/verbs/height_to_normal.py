@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, present_paths
-from texbake.texture.height_options import HeightToNormalOptions
+from texbake.texture.options import HeightToNormalOptions
 from texbake.verbs.verb import THREADS, Options, Reads, Rows, Writes, verb
 
 DATA_SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".tga")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, present_paths
-from texbake.texture.height_options import NormalToHeightOptions
+from texbake.texture.options import NormalToHeightOptions
 from texbake.verbs.height_to_normal import DATA_SUFFIXES
 from texbake.verbs.verb import BITS, THREADS, Options, Reads, Rows, Writes, verb
 

@@ -16,10 +16,10 @@ from texbake.files import replacing
 from texbake.jobs.export.options import KINDS, ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, Target
 from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, heights_of, normal_vectors
-from texbake.texture.channel_codes import check_gray
 from texbake.texture.dds import write_dds
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
+from texbake.texture.material_images import check_gray
 
 # Channels of packed maps: kind, value if that map is missing, and whether it is inverted.
 PACKINGS: dict[str, tuple[tuple[str | None, float, bool], ...]] = {

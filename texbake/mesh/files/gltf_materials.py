@@ -5,7 +5,7 @@ scale, which acts on x and y. A texture that cannot be read is noted, and the ch
 factor.
 
 glTF reads roughness from the green and metallic from the blue of one image, alpha from the image of
-the base color. Other formats have an image for each channel; `texbake.texture.gltf_images` puts
+the base color. Other formats have an image for each channel; `texbake.texture.material_images` puts
 these where glTF reads them. A channel without an image whose texture has one keeps its factor: the
 image is taken to be 1 there, as that module makes it.
 """

@@ -7,7 +7,7 @@ or 1 is opaque. Roughness and metallic are the statements Pr and Pm of the exten
 based materials; normal maps are those of `norm`.
 
 Of a channel, its image or its factor is written, never both, and an image has one channel in it, as
-`texbake.texture.mtl_images` makes it.
+`texbake.texture.material_images` makes it.
 
 Based on: Wavefront Technologies, "Object Files (.obj)", appendix B1, and "MTL material format",
 1995; Dirk Guenther, "MTL extension for physically based rendering", Clara.io, 2015.

@@ -12,7 +12,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.scene import Scene
-from texbake.texture.gltf_images import gltf_images
+from texbake.texture.material_images import gltf_images
 
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 

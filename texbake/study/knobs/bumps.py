@@ -28,9 +28,9 @@ from texbake.study.knob import (
 from texbake.study.truth.pictures import ball_points, crop, sight_rays
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import RadialSurface, texel_grid, wave_heights, wave_normals
-from texbake.texture.height_options import HeightToNormalOptions
 from texbake.texture.heights_and_normals import height_to_normal
 from texbake.texture.lookup import lookup
+from texbake.texture.options import HeightToNormalOptions
 
 _BUMP_GRADIENT_SIZES = (64, 128, 256, 512, 1024)
 _BUMP_GRADIENT_QUICK_SIZES = (32, 64)

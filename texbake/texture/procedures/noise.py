@@ -43,7 +43,7 @@ Worley's in having one point per cell, which leaves no large gaps. Kernels:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 from typing import Any
 
@@ -170,14 +170,10 @@ def noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     name, seed = parameters["weight"], parameters["seed"]
     weight = WEIGHTS[name]
     permutation, slopes = lattice(seed).permutation, gradients(name, seed)
-
-    def work(start: int, stop: int) -> None:
-        core.fill_noise(
-            samples.points, samples.widths, permutation, slopes, samples.out, weight.quintic,
-            weight.bound, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_noise, samples.points, samples.widths, permutation, slopes, samples.out,
+        weight.quintic, weight.bound,
+    )  # fmt: skip
 
 
 def value_noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -185,14 +181,10 @@ def value_noise(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     tables = lattice(parameters["seed"])
     numbers = np.ascontiguousarray(tables.places[:, 0])
     interpolation = INTERPOLATIONS.index(parameters["interpolation"])
-
-    def work(start: int, stop: int) -> None:
-        core.fill_value_noise(
-            samples.points, samples.widths, tables.permutation, numbers, samples.out,
-            interpolation, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_value_noise, samples.points, samples.widths, tables.permutation, numbers,
+        samples.out, interpolation,
+    )  # fmt: skip
 
 
 def squared_amplitudes(octaves: int, gain: float) -> float:
@@ -276,10 +268,7 @@ def _signed(
     widths = checked_widths(footprint, rows)
     tables, numbers = _tables(parameters, rows.shape[1], absolute)
     sums = np.empty(len(rows))
-
-    def work(start: int, stop: int) -> None:
-        core.fill_octave_sums(rows, widths, *tables, sums, *numbers, start, stop)
-
+    work = partial(core.fill_octave_sums, rows, widths, *tables, sums, *numbers)
     run_bands(work, len(rows), band=BAND, threads=threads)
     return sums
 
@@ -299,14 +288,10 @@ def _as_values(samples: ProcedurePoints, parameters: dict[str, Any], *, absolute
     squares = squared_amplitudes(parameters["octaves"], parameters["gain"])
     scale = 1.0 / (WEIGHTS[parameters["weight"]].bound * np.sqrt(squares))
     offset, scale = (0.0, scale) if absolute else (0.5, 0.5 * scale)
-
-    def work(start: int, stop: int) -> None:
-        core.fill_octave_values(
-            samples.points, samples.widths, *tables, samples.out, *numbers, offset, scale, start,
-            stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_octave_values, samples.points, samples.widths, *tables, samples.out, *numbers,
+        offset, scale,
+    )  # fmt: skip
 
 
 # As in `core/worley_noise.c`.
@@ -325,14 +310,10 @@ def worley(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     feature, jitter, seed = (parameters[key] for key in ("feature", "jitter", "seed"))
     mean = _worley_mean(feature, jitter, n_dimensions, seed) if samples.widths is not None else 0.0
     tables = lattice(seed)
-
-    def work(start: int, stop: int) -> None:
-        core.fill_cells(
-            samples.points, samples.widths, tables.permutation, tables.places, samples.out, jitter,
-            n_dimensions == 3, _FEATURE_CODES[feature], mean, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_cells, samples.points, samples.widths, tables.permutation, tables.places,
+        samples.out, jitter, n_dimensions == 3, _FEATURE_CODES[feature], mean,
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=64)

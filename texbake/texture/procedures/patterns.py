@@ -40,7 +40,7 @@ factor a before the turbulence, without which (a = 1) veins are hardly bent. Ker
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -85,11 +85,7 @@ HARD, SINE, RAMP = range(3)
 def checker(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     """Squares in x and y, or cubes; with None, the points determine the number of dimensions."""
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
-
-    def work(start: int, stop: int) -> None:
-        core.fill_checker(samples.points, samples.widths, samples.out, n_dimensions, start, stop)
-
-    return work
+    return partial(core.fill_checker, samples.points, samples.widths, samples.out, n_dimensions)
 
 
 def stripes(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -97,13 +93,9 @@ def stripes(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     direction = unit_vector(parameters["direction"])
     pattern = {"hard": HARD, "sine": SINE}[parameters["profile"]]
     width = parameters["width"]
-
-    def work(start: int, stop: int) -> None:
-        core.fill_stripes(
-            samples.points, samples.widths, direction, samples.out, pattern, width, start, stop
-        )
-
-    return work
+    return partial(
+        core.fill_stripes, samples.points, samples.widths, direction, samples.out, pattern, width
+    )
 
 
 def marble(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -120,14 +112,10 @@ def marble(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     ramp = own_ramp("marble", "sine")
     permutation, slopes = lattice(seed).permutation, gradients(name, seed)
     direction, octaves = unit_vector(parameters["direction"]), parameters["octaves"]
-
-    def work(start: int, stop: int) -> None:
-        core.fill_marble(
-            samples.points, samples.widths, permutation, slopes, direction, ramp.stops, ramp.mean,
-            samples.out, weight.quintic, octaves, *numbers, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_marble, samples.points, samples.widths, permutation, slopes, direction,
+        ramp.stops, ramp.mean, samples.out, weight.quintic, octaves, *numbers,
+    )  # fmt: skip
 
 
 def wood(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -138,14 +126,10 @@ def wood(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     permutation, slopes = lattice(seed).permutation, gradients(name, seed)
     axis = unit_vector(parameters["axis"])
     ramp = own_ramp("wood", "even")
-
-    def work(start: int, stop: int) -> None:
-        core.fill_wood(
-            samples.points, samples.widths, permutation, slopes, axis, ramp.stops, ramp.mean,
-            samples.out, weight.quintic, *numbers, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_wood, samples.points, samples.widths, permutation, slopes, axis, ramp.stops,
+        ramp.mean, samples.out, weight.quintic, *numbers,
+    )  # fmt: skip
 
 
 def granite(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
@@ -160,14 +144,10 @@ def granite(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     )  # fmt: skip
     permutation, slopes = lattice(seed).permutation, gradients(name, seed)
     ramp = own_ramp("granite", "even")
-
-    def work(start: int, stop: int) -> None:
-        core.fill_granite(
-            samples.points, samples.widths, permutation, slopes, ramp.stops, ramp.mean,
-            samples.out, weight.quintic, octaves, *numbers, start, stop,
-        )  # fmt: skip
-
-    return work
+    return partial(
+        core.fill_granite, samples.points, samples.widths, permutation, slopes, ramp.stops,
+        ramp.mean, samples.out, weight.quintic, octaves, *numbers,
+    )  # fmt: skip
 
 
 _Floats = npt.NDArray[np.float64]

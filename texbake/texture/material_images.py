@@ -1,9 +1,11 @@
-"""Images of materials rearranged as glTF reads them: several channels in one image.
+"""Images of materials as glTF and .mtl files read them: several channels in one image, or one each.
 
-An image that stands as glTF reads it stays as it is, byte for byte. Others are taken apart and
-become one PNG image for each texture of a material: with the roughness of one file in its green and
-the metallic of another in its blue, for instance. Images of formats that glTF does not have, such
-as TGA or TIFF, become PNG as well. Integer codes keep their values; floats become codes of 16 bits.
+An image that stands as its file reads it stays as it is, byte for byte. For glTF, others are taken
+apart and become one PNG image for each texture of a material: with the roughness of one file in its
+green and the metallic of another in its blue, for instance. Images of formats that glTF does not
+have, such as TGA or TIFF, become PNG as well. MTL has no statement for a component of an image, so
+that roughness in the green of a glTF image becomes a gray image of its own. Integer codes keep
+their values; floats become codes of 16 bits.
 """
 
 from __future__ import annotations
@@ -13,17 +15,71 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileFormatError
+from texbake.errors import FileFormatError, OptionError
 from texbake.mesh.files.channels import FileChannel
+from texbake.mesh.files.conversion import media_type
 from texbake.mesh.files.gltf_materials import SLOTS, Slot, is_scale, same_place
-from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.texture.channel_codes import components_of, image_codes
-from texbake.texture.encoding import quantize_unsigned
-from texbake.texture.image import FloatImage
+from texbake.mesh.files.mtl import MTL_CHANNELS
+from texbake.mesh.materials import (
+    CHANNELS,
+    UNPLACED,
+    ChannelImage,
+    ChannelSource,
+    Materials,
+    MeshMaterial,
+)
+from texbake.texture.encoding import encode_srgb, quantize_unsigned
+from texbake.texture.image import FloatImage, Image, decode_image
 from texbake.texture.pack import resized
 from texbake.texture.png_files import png_parts
 
 _ALPHA = 3
+
+
+def image_codes(
+    image: ChannelImage, *, is_color: bool, threads: int | None = None
+) -> tuple[FloatImage, int]:
+    """Decode an image without turning sRGB into linear values.
+
+    `is_color`: whether floats, which are linear, become sRGB codes. Returns `pixels` (H, W, C)
+    float32: codes, scaled to [0, 1]; `bits` per channel that hold them, 8 or 16.
+    """
+    found = decode_image(image.data, image.name, color=False, threads=threads)
+    pixels = found.pixels
+    if found.is_float:
+        pixels = np.clip(np.nan_to_num(pixels), 0.0, 1.0)
+        pixels = encode_srgb(pixels).astype(np.float32) if is_color else pixels
+    return pixels, 8 if found.bits == 8 else 16
+
+
+def components_of(pixels: FloatImage, components: tuple[int, ...]) -> FloatImage:
+    """(H, W, n) components of pixels; gray is in all colors, and alpha is 1 where there is none."""
+    n = pixels.shape[2]
+    columns = []
+    for component in components:
+        if component == _ALPHA and n in (1, 3):
+            columns.append(np.ones(pixels.shape[:2], np.float32))
+        else:
+            columns.append(pixels[..., component if n > 2 else int(component == _ALPHA)])
+    return np.stack(columns, axis=2)
+
+
+# Mean difference of red, green and blue, as a share of white, that JPEG leaves of a gray image.
+_ROUNDING = 0.01
+
+
+def check_gray(image: Image, what: str) -> None:
+    """Raise where the red, green and blue of an image differ, so that none of them is the map."""
+    colors = image.pixels[..., :3]
+    if image.pixels.shape[2] < 3:
+        return
+    with np.errstate(invalid="ignore"):
+        apart = colors.max(axis=2) - colors.min(axis=2)
+    if float(np.nan_to_num(apart).mean()) > _ROUNDING:
+        raise OptionError(
+            f"{image.name}: {what} is one number per texel, and red, green and blue of this image "
+            "differ; give a gray image, such as one that texbake split-channels makes of it"
+        )
 
 
 def gltf_images(materials: Materials, *, threads: int | None = None) -> Materials:
@@ -143,3 +199,72 @@ def _scaled(codes: FloatImage, where: FileChannel, source: ChannelSource) -> Flo
     normals = (2.0 * codes - 1.0) * np.array(source.factor, np.float32)
     lengths = pm.norm(normals, axis=2, keepdims=True)
     return np.asarray(0.5 + 0.5 * normals / np.maximum(lengths, 1e-12), np.float32)
+
+
+# Formats that programs read beside .mtl files, by their media types.
+_SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+
+
+def mtl_images(
+    materials: Materials, *, threads: int | None = None
+) -> tuple[Materials, tuple[str, ...]]:
+    """Return materials as .mtl files have them."""
+    lost: dict[str, None] = {}
+    made: dict[tuple[str, tuple[int, ...]], ChannelImage] = {}
+    changed = []
+    for material in materials.materials:
+        channels = {}
+        for name, source in material.channels.items():
+            if name not in MTL_CHANNELS:
+                if source != ChannelSource(CHANNELS[name].default) and any(source.factor):
+                    lost[name] = None
+                continue
+            found = _source(name, source, made, lost, threads)
+            if found is not None:
+                channels[name] = found
+        changed.append(MeshMaterial(name=material.name, channels=channels))
+    return replace(materials, materials=tuple(changed)), tuple(lost)
+
+
+def _source(
+    name: str,
+    source: ChannelSource,
+    made: dict[tuple[str, tuple[int, ...]], ChannelImage],
+    lost: dict[str, None],
+    threads: int | None,
+) -> ChannelSource | None:
+    """Return a channel as .mtl files have it; None where only its image would say it."""
+    image = source.image
+    if image is None:
+        return source
+    if not any(source.factor):
+        return ChannelSource(source.factor)
+    if image.uv_set or image.placing != UNPLACED:
+        lost["texture transforms and further UV sets"] = None
+        return None if name == "normal" else ChannelSource(source.factor)
+    if "mirror" in image.wraps or image.wraps[0] != image.wraps[1]:
+        lost["wrapping"] = None
+    key = image.name, image.components
+    if key not in made:
+        try:
+            made[key] = _plain_image(name, image, threads)
+        except FileFormatError:
+            lost[f"the image {image.name}"] = None
+            return None if name == "normal" else ChannelSource(source.factor)
+    if set(source.factor) != {1.0}:
+        lost["factors of images"] = None
+    found = replace(made[key], wraps=image.wraps)
+    return ChannelSource((1.0,) * len(source.factor), found)
+
+
+def _plain_image(name: str, image: ChannelImage, threads: int | None) -> ChannelImage:
+    """Image file of the one channel that is read from it."""
+    width = len(CHANNELS[name].default)
+    components = tuple(range(width))
+    suffix = _SUFFIXES.get(media_type(image.data) or "")
+    if suffix is not None and image.components == components:
+        return replace(image, name=f"{name}{suffix}")
+    codes, bits = image_codes(image, is_color=CHANNELS[name].is_color, threads=threads)
+    stored = quantize_unsigned(components_of(codes, image.components), bits, threads=threads)
+    data = b"".join(png_parts(stored, srgb=CHANNELS[name].is_color, threads=threads))
+    return replace(image, data=data, name=f"{name}.png", components=components)
