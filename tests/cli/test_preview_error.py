@@ -11,6 +11,7 @@ import texbake as package
 from texbake import RunOptions, write_mesh
 from texbake.errors import MeshError
 from texbake.mesh.shapes import cube, icosphere
+from texbake.sampling.time_budget import BudgetClock
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def test_a_time_budget_is_given_and_its_bound_gives_the_same_file(
     mesh: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The time counts from the start of the process, which has run many tests.
-    monkeypatch.setattr(package.BudgetClock, "of_process", lambda warn: package.BudgetClock())
+    monkeypatch.setattr(BudgetClock, "of_process", lambda warn: BudgetClock())
     report = tmp_path / "report.json"
     result = preview(mesh, tmp_path, "--time-budget", "5min", "--report", str(report), "--explain")
     assert result.exit_code == 0, result.output
@@ -97,7 +98,7 @@ def test_run_accepts_the_bound_of_a_bake(tmp_path: Path, monkeypatch: pytest.Mon
         given.extend(item for item in arguments if isinstance(item, RunOptions))
         raise MeshError("enough is known")
 
-    monkeypatch.setattr(package, "run_files", run_files)
+    monkeypatch.setattr("texbake.jobs.run.run_files", run_files)
     line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
     for words in ["--samples", "adaptive"], ["--max-error", "1deg"], ["--time-budget", "9s"], []:
         assert "enough is known" in CliRunner().invoke(texbake, [*line, *words]).output

@@ -18,7 +18,8 @@ from texbake.core import portable_math as pm
 from texbake.mesh.topology import surface_side
 from texbake.rendering.framing import fill_picture
 from texbake.rendering.resolve import expose
-from texbake.texture.cube_map import shrink_cube
+from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
+from texbake.texture.cube_map import CubeMap, shrink_cube
 from texbake.texture.encoding import (
     color_ids,
     encode_heights,
@@ -27,14 +28,15 @@ from texbake.texture.encoding import (
     quantize_srgb,
     quantize_unsigned,
 )
-from texbake.texture.lookup import lookup
+from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
+from texbake.texture.mipmaps import MipChain, mip_chain
 from texbake.texture.padding import nearest_owner, push_pull, spread
 from texbake.texture.png_files import write_png
 from texbake.texture.prefilter import irradiance, specular_levels
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.noise import turbulence_sum
 from texbake.texture.procedures.options import PROCEDURE_DEFAULTS
-from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT
+from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT, sample_texture
 from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
 
 WRAPS = ("repeat", "mirror", "clamp", "border")
@@ -50,18 +52,18 @@ def image_lookup(drawn: Drawn) -> None:
     texture = image
     if kernel in FILTERS_WITH_FOOTPRINT or drawn.flag():
         texture = shrunk(drawn, image)
-    tb.sample_texture(texture, drawn.singles(n, 2), steps, filter=kernel, wrap=wrap, border=border,
+    sample_texture(texture, drawn.singles(n, 2), steps, filter=kernel, wrap=wrap, border=border,
                       max_anisotropy=drawn.pick((1.0, 16.0)))  # fmt: skip
     lookup(image, drawn.singles(n, 2), wrap=wrap, border=border)
-    tb.ramp_lookup(drawn.image()[0], drawn.singles(n), wrap=drawn.pick(WRAPS[:3]))
+    ramp_lookup(drawn.image()[0], drawn.singles(n), wrap=drawn.pick(WRAPS[:3]))
     volume = drawn.singles(1 + drawn.below(4), 2, 1 + drawn.below(4), 1 + drawn.below(3))
-    tb.volume_lookup(volume, drawn.singles(n, 3), wrap=drawn.pick(WRAPS[:3]),
+    volume_lookup(volume, drawn.singles(n, 3), wrap=drawn.pick(WRAPS[:3]),
                      filter=drawn.pick(("nearest", "trilinear")))  # fmt: skip
 
 
-def shrunk(drawn: Drawn, image: np.ndarray) -> tb.MipChain:
+def shrunk(drawn: Drawn, image: np.ndarray) -> MipChain:
     kinds = ("color", "data", "normal") if image.shape[2] >= 3 else ("data",)
-    return tb.mip_chain(image, kind=drawn.pick(kinds), wrap=drawn.pick(("repeat", "clamp")),
+    return mip_chain(image, kind=drawn.pick(kinds), wrap=drawn.pick(("repeat", "clamp")),
                         filter=drawn.pick(("box", "kaiser")))  # fmt: skip
 
 
@@ -105,10 +107,10 @@ def heights(drawn: Drawn) -> None:
 
 def cubes(drawn: Drawn) -> None:
     size = 1 + drawn.below(6)
-    cube = tb.CubeMap(drawn.singles(6, size, size, drawn.pick((1, 3, 4))))
-    tb.sample_cube(cube, drawn.singles(5, 3), filter=drawn.pick(("nearest", "bilinear")))
-    tb.to_latitude_longitude(cube, height=1 + drawn.below(8))
-    tb.from_latitude_longitude(drawn.image(), size=1 + drawn.below(8))
+    cube = CubeMap(drawn.singles(6, size, size, drawn.pick((1, 3, 4))))
+    sample_cube(cube, drawn.singles(5, 3), filter=drawn.pick(("nearest", "bilinear")))
+    to_latitude_longitude(cube, height=1 + drawn.below(8))
+    from_latitude_longitude(drawn.image(), size=1 + drawn.below(8))
     shrink_cube(cube, 1 + drawn.below(size))
     if drawn.rarely(8):
         irradiance(cube, size=1)
