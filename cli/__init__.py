@@ -1,13 +1,43 @@
-"""The command line: parse, call the public API, print."""
+"""The command line: parse, call the library, print."""
+
+import os
+import sys
 
 
 def run() -> None:
     """Run the command line; from here on signals end it with one line, also while it imports."""
     from .signals import end_cleanly_on_signals
-    from .streams import open_closed_streams
 
     open_closed_streams()  # before pipes could take their numbers
     end_cleanly_on_signals()
-    from .main import main
+    from .main import texbake
 
-    main()
+    try:
+        texbake(prog_name="texbake")
+    finally:
+        close_stdout()
+
+
+def open_closed_streams() -> None:
+    """Give closed standard streams the null device.
+
+    Otherwise the next file that is opened takes the number of stderr, and messages go into it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The null device takes the lowest number that is free, which is this one.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+
+
+def close_stdout() -> None:
+    """Discard text that cannot be printed; Python would report the error once more at exit."""
+    if sys.stdout is None:  # closed before the process began
+        return
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -20,7 +20,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from .printable import printable
+from .messages import printable
 from .progress_lines import TimedStage
 
 

@@ -12,7 +12,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from .printable import printable
+from .messages import printable
 
 if TYPE_CHECKING:
     from texbake.building.progress import BuildEvent

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from texbake.errors import counted
+
 from .terminal import Terminal, complain
 
 if TYPE_CHECKING:
@@ -50,6 +52,6 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
     for asset in result.failed[:_MOST_SHOWN]:
         complain(f"{asset.name}: {asset.error}")
     if (n_more := len(result.failed) - _MOST_SHOWN) > 0:
-        complain(f"{n_more:,} more asset{'s' * (n_more > 1)} failed; build.json lists them")
+        complain(f"{counted(n_more, 'more asset')} failed; build.json lists them")
     terminal.summary(result.table())
     terminal.wrote([result.folder / "build.json"])

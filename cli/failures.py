@@ -1,17 +1,11 @@
-"""Failures of a command: one line on stderr and an exit code.
-
-======================================  ====
-a file, a mesh, a disk: a user's error     1
-wrong usage                                2
-Ctrl-C                                   130
-another signal                   128 + its number
-======================================  ====
+"""Failures of a command: one line on stderr and an exit code of `EXIT_CODES`.
 
 Any other exception is a bug and prints its traceback.
 """
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,9 +16,8 @@ import click
 from texbake import FileError, OptionError, TexbakeError
 from texbake.errors import is_out_of_memory
 
-from .flags import with_flags
-from .printable import printable
-from .signals import Terminated, line_is_mine, raised_signals
+from .messages import printable, with_flags
+from .signals import FAILED, SIGNALED, WRONG_USAGE, Terminated, line_is_mine, raised_signals
 
 
 class Failure(click.ClickException):
@@ -36,7 +29,7 @@ class Failure(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print the line on stderr, once after a signal."""
-        if self.exit_code <= 128 or line_is_mine():
+        if self.exit_code <= SIGNALED or line_is_mine():
             click.echo(printable(self.message), file=file, err=file is None)
 
 
@@ -55,11 +48,11 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         # What is wrong with a file opens with its name, which may be that of a parameter.
         names_file = isinstance(error, FileError)
         message = with_flags(str(error), _command(ctx), opening=not names_file)
-        raise Failure(f"texbake: {message}", 1) from error
+        raise Failure(f"texbake: {message}", FAILED) from error
     except Terminated as error:
-        raise Failure("texbake: terminated", 128 + error.signal_number) from error
+        raise Failure("texbake: terminated", SIGNALED + error.signal_number) from error
     except KeyboardInterrupt as error:
-        raise Failure("texbake: interrupted", 130) from error
+        raise Failure("texbake: interrupted", SIGNALED + signal.SIGINT) from error
     except (MemoryError, OSError) as error:
         if is_out_of_memory(error):
             message = f"out of memory; {_memory_advice(_command(ctx))}"
@@ -67,7 +60,7 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
             message = "the current folder was deleted; change to another folder"
         else:
             raise
-        raise Failure(f"texbake: {message}", 1) from error
+        raise Failure(f"texbake: {message}", FAILED) from error
 
 
 def _folder_was_deleted() -> bool:
@@ -109,4 +102,4 @@ def _wrong_usage(message: str, ctx: click.Context | None) -> Failure:
     if ctx is not None and ctx.invoked_subcommand is not None:
         path = f"{path} {ctx.invoked_subcommand}"
     message = message.strip().rstrip(".")
-    return Failure(f"{path}: {message} (see: {path} --help)", 2)
+    return Failure(f"{path}: {message} (see: {path} --help)", WRONG_USAGE)

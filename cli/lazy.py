@@ -7,13 +7,13 @@ heavy is imported when the command runs, so that `texbake --help` answers at onc
 
 from __future__ import annotations
 
+import shlex
 from importlib import import_module
 from typing import Any
 
 import click
 
 from .failures import failures_as_one_line
-from .html import keep_command
 
 # Each with the first sentence of its help, so that the list of commands imports none of them.
 GROUPS = {
@@ -68,7 +68,13 @@ GROUPS = {
 }
 """The commands, by purpose."""
 
+_COMMAND = "texbake.command"
 COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
+
+
+def command_line() -> str:
+    """Return the running command for a shell, as pages show it; "" if it has no arguments."""
+    return str(click.get_current_context().meta.get(_COMMAND, ""))
 
 
 class LazyGroup(click.Group):
@@ -112,7 +118,7 @@ class LazyGroup(click.Group):
         words = list(args)  # parsing empties it
         with failures_as_one_line():
             context = super().make_context(info_name, args, parent, **extra)
-        keep_command(context, words)
+        context.meta[_COMMAND] = shlex.join([context.info_name or "texbake", *words])
         return context
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from texbake import __version__
@@ -11,8 +9,7 @@ from texbake.errors import heard_warnings
 from texbake.limits import raised_limits
 
 from .lazy import LazyGroup
-from .signals import end_cleanly_on_signals
-from .streams import close_stdout, is_of_click, open_closed_streams
+from .signals import WRONG_USAGE
 
 
 @click.group(
@@ -63,27 +60,10 @@ def texbake(
     )
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
-        ctx.exit(2)
+        ctx.exit(WRONG_USAGE)
 
 
 def _warn(line: str) -> None:
     from .terminal import Terminal
 
     Terminal().warn(line)
-
-
-def main() -> None:
-    """Run the command line and end the process with its exit code."""
-    open_closed_streams()
-    end_cleanly_on_signals()
-    try:
-        texbake(prog_name="texbake")
-    except OSError as error:
-        if not is_of_click(error):
-            raise
-        from .terminal import complain
-
-        complain(f"standard output: cannot be written: {error.strerror or error}")
-        sys.exit(1)
-    finally:
-        close_stdout()

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, and SIGHUP of a closed terminal end the process with one line.
+"""How the process ends: its exit codes, and signals, which end it with one line.
 
 While a command works, a signal raises an exception, after which the work is cleaned up. A kernel
 may keep the main thread from hearing it: a thread that waits beside the work then removes the
@@ -18,6 +18,16 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from types import FrameType
 from typing import NoReturn
+
+FAILED, WRONG_USAGE, SIGNALED = 1, 2, 128
+EXIT_CODES = {
+    "0": "the work is done, and no finding of `check` is as severe as `--fail-on`",
+    f"{FAILED}": "a file, a mesh or a disk is at fault, a finding is as severe as `--fail-on`, or "
+    "an asset of a build failed",
+    f"{WRONG_USAGE}": "wrong usage",
+    f"{SIGNALED} + N": "ended by the signal N: 130 by Ctrl-C, 143 by SIGTERM",
+}
+"""What the exit code of every command means. A bug exits with 1 and its traceback."""
 
 _PATIENCE = 0.5  # seconds in which the work hears a signal and ends
 _WORKING = threading.Event()
@@ -101,4 +111,4 @@ def _end(signal_number: int) -> NoReturn:
         if line_is_mine():
             shown = b"\x1b[?25h\n" if os.isatty(2) else b""  # progress bars hide the cursor
             os.write(2, shown + f"texbake: {said}\n".encode())
-    os._exit(128 + signal_number)
+    os._exit(SIGNALED + signal_number)

@@ -9,15 +9,15 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import IO, TYPE_CHECKING, Any
 
 import click
 
 from texbake import FileError
+from texbake.progress import peak_memory_bytes
 
-from .flags import with_flags
-from .printable import in_line, printable
+from .messages import in_line, printable, with_flags
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,10 +38,18 @@ class Terminal:
     kind: str = "auto"
     # Print no progress and no summary. Warnings and errors are still printed.
     quiet: bool = False
+    # Print how long each stage took.
+    verbose: bool = False
+    stages: dict[str, float] = field(default_factory=dict)  # seconds of those that have ended
 
     @contextmanager
     def progress(self) -> Iterator[ProgressSink | None]:
         """Show the progress of the work in the block; yield None if no progress is shown."""
+        with self._shown_progress() as sink:
+            yield TimedProgress(sink, self.stages) if self.verbose else sink
+
+    @contextmanager
+    def _shown_progress(self) -> Iterator[ProgressSink | None]:
         if self.quiet or self.kind == "none":
             yield None
         elif self.kind == "json":
@@ -61,6 +69,19 @@ class Terminal:
         """Print a table, unless `--quiet` is given."""
         if not self.quiet:
             table(rows)
+
+    def times(self, seconds: float) -> None:
+        """Print how long each stage took, and the whole command, if that was asked for."""
+        if self.verbose:
+            peak = peak_memory_bytes()
+            memory = "" if peak is None else f", peak memory {peak / 1e9:.2f} GB"
+            table(
+                [
+                    ("Stages", ""),
+                    *((f"  {name}", f"{taken:.2f} s") for name, taken in self.stages.items()),
+                    ("  total", f"{seconds:.2f} s{memory}"),
+                ]
+            )
 
     def wrote(self, paths: Iterable[Path]) -> None:
         """Print the paths of the files written."""
@@ -140,9 +161,10 @@ def _cut(text: str, width: int) -> str:
 
 
 def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add `--quiet` and `--progress`; the command receives them as `terminal`."""
+    """Add `--quiet`, `--verbose` and `--progress`; the command receives them as `terminal`."""
 
     @click.option("-q", "--quiet", is_flag=True, help="Print no progress and no summary.")
+    @click.option("-v", "--verbose", is_flag=True, help="Also print how long each stage took.")
     @click.option(
         "--progress",
         type=click.Choice(PROGRESS),
@@ -152,10 +174,37 @@ def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
         "one JSON object per line on stderr (json).",
     )
     @functools.wraps(command)
-    def with_terminal(*args: Any, progress: str, quiet: bool, **options: Any) -> None:
-        command(*args, terminal=Terminal(progress, quiet), **options)
+    def with_terminal(
+        *args: Any, progress: str, quiet: bool, verbose: bool, **options: Any
+    ) -> None:
+        terminal, begun = Terminal(progress, quiet, verbose), time.perf_counter()
+        command(*args, terminal=terminal, **options)
+        terminal.times(time.perf_counter() - begun)
 
     return with_terminal
+
+
+class TimedProgress:
+    """A `ProgressSink` that adds up the seconds of each stage, and passes everything on."""
+
+    def __init__(self, sink: ProgressSink | None, seconds: dict[str, float]) -> None:
+        self._sink, self._seconds = sink, seconds
+
+    def started(self, stage: str, total: int | None, unit: str) -> None:
+        """Pass on the begin of a stage."""
+        if self._sink is not None:
+            self._sink.started(stage, total, unit)
+
+    def advanced(self, stage: str, done: int) -> None:
+        """Pass on how much is done."""
+        if self._sink is not None:
+            self._sink.advanced(stage, done)
+
+    def finished(self, stage: str, seconds: float) -> None:
+        """Add up the seconds."""
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + seconds
+        if self._sink is not None:
+            self._sink.finished(stage, seconds)
 
 
 class JsonLines:

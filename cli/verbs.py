@@ -11,9 +11,9 @@ from typing import Any
 import click
 
 from texbake.schema import option_fields
-from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes
+from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes, paths_of
 
-from .html import command_line
+from .lazy import command_line
 from .options import (
     FOLDER,
     IMAGE_SUFFIXES,
@@ -61,7 +61,7 @@ def command_of(verb: Verb) -> click.Command:
         for warning in done.warnings:
             terminal.warn(warning)
         terminal.summary(verb.table(done))
-        terminal.wrote(done.files)
+        terminal.wrote(paths_of(done.files))
 
     command.__doc__ = verb.help
     add: Callable[..., Any] = terminal_options(command)

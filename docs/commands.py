@@ -23,7 +23,7 @@ WIDTH = 1000  # pixels
 DOCS = Path(__file__).parent
 _BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _PICTURE = re.compile(r"!\[[^]]*\]\(\.\./images/([\w-]+)/([\w-]+)\.png\)")
-_TEXBAKE = "from texbake_cli.main import main; main()"
+_TEXBAKE = "from texbake_cli import run; run()"
 _SAVED = re.compile(r"Save this as `([\w.]+)`")
 
 

@@ -20,6 +20,7 @@ from typing import Any
 import click
 from texbake_cli.lazy import GROUPS
 from texbake_cli.main import texbake as commands
+from texbake_cli.signals import EXIT_CODES
 
 import texbake as texbake_package
 from texbake.building.schema import pipeline_schema
@@ -83,6 +84,8 @@ def commands_page() -> str:
         "These stand before the name of the command: `texbake --allow-outside preview hut.gltf -o "
         "hut.png`. [What a file can and cannot do](../limits.md) explains them.",
         _options(commands, group),
+        "## Exit codes",
+        table(("exit code", "meaning"), EXIT_CODES.items()),
     ]
     for heading, names in GROUPS.items():
         parts.append(f"## {heading}")

@@ -13,8 +13,8 @@ import gallery_sources
 from PIL import Image
 
 import texbake
+from texbake.jobs.preview import render_side_by_side, side_by_side_options
 from texbake.jobs.preview_scene import open_preview
-from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.rendering.render import plan_scene
 
 HERE = Path(__file__).parent

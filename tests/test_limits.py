@@ -143,10 +143,10 @@ def test_a_large_image_takes_no_memory(large_png, tmp_path):
     code = """
 import resource
 resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
-from texbake_cli.main import main
+from texbake_cli import run
 import sys
 sys.argv = ["texbake", "height-to-normal", "bomb.png", "-o", "n.png"]
-main()
+run()
 """
     done = subprocess.run(
         [sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True

@@ -29,6 +29,13 @@ LINES = {
         " --report r.json",
     ),
     "bake-texture": ("bake-texture low.obj -o t.png --procedure noise --size 16 --report r.json",),
+    "bake-texture photos": (
+        "bake-texture low.obj -o t.png --photo rgb.png --camera front.toml --photo rgb.png"
+        " --camera back.txt --size 64 --unseen-map u.png",
+    ),
+    "bake-texture mapped": (
+        "bake-texture low.obj -o t.jpg --photo rgb.png --photo-uvs low.obj --size 32",
+    ),
     "bench": (
         "bench --quick --task simplify --case sphere --program texbake --size 32 --triangles 1000"
         " -o bench",
@@ -66,6 +73,9 @@ LINES = {
     "unwrap": (
         "unwrap low.obj -o out.glb --size 64 --padding 2 --layout l.png --checker c.png"
         " --report r.json",
+    ),
+    "unwrap cylindrical": (
+        "unwrap high.ply -o out.ply --method cylindrical --axis 0,1,1 --caps --checker c.png",
     ),
     "unwrap several": ("unwrap low.obj high.ply -o both --quality fast --tiles 2 --layout l.svg",),
     "unwrap xatlas": ("unwrap low.obj -o charts.obj --charts xatlas --size 64 --layout l.png",),
@@ -123,6 +133,11 @@ def make_inputs(folder: Path) -> None:
     write_image(np.linspace(0, 1, 256).reshape(16, 16, 1), folder / "gray.png", bits=16)
     write_image(np.full((8, 8, 3), 0.5), folder / "rgb.png")
     write_image(np.full((8, 16, 3), 0.5), folder / "sky.png", color=True)
+    front = "position = [0, 0, 4]\ntarget = [0, 0, 0]\nfov = 45\n"
+    (folder / "front.toml").write_text(front, encoding="utf-8")
+    # Looks along +z, in parallel: s = (1 - x) / 2, t = (y + 1) / 2.
+    back = "-0.5 0 0 0.5  0 0.5 0 0.5  0 0 1 1  0 0 0 1"
+    (folder / "back.txt").write_text(back, encoding="utf-8")
     (folder / "room.toml").write_text(ROOM, encoding="utf-8")
     (folder / "pipeline.toml").write_text(PIPELINE, encoding="utf-8")
 

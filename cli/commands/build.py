@@ -11,8 +11,9 @@ import texbake
 from texbake import BuildOptions
 
 from ..building import print_result, shown
-from ..html import command_line
+from ..lazy import command_line
 from ..options import build_options
+from ..signals import FAILED
 from ..terminal import Terminal, columns, terminal_options
 from ..types import FileOf
 
@@ -69,7 +70,7 @@ def build(
     if html is not None:
         terminal.wrote([html])
     if not result.ok:
-        ctx.exit(1)
+        ctx.exit(FAILED)
 
 
 def _print_plan(steps: list[PlannedStep], terminal: Terminal) -> None:

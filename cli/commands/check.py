@@ -12,6 +12,7 @@ import click
 
 from texbake import CheckOptions
 from texbake.checks.options import SEVERITIES
+from texbake.errors import counted
 
 from ..options import (
     MESH_SUFFIXES,
@@ -21,6 +22,7 @@ from ..options import (
     report_option,
     threads_option,
 )
+from ..signals import FAILED
 from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
@@ -109,7 +111,7 @@ def check(
         if not terminal.quiet:
             say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
     if fail_on != _NEVER and checked.fails(fail_on):
-        ctx.exit(1)
+        ctx.exit(FAILED)
 
 
 def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:
@@ -118,8 +120,7 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
     if not terminal.quiet:
         for role, mesh in (("high-poly", checked.high), ("low-poly", checked.low)):
             if mesh is not None:
-                n = mesh.n_polygons
-                say(f"{role} mesh  {mesh.name}, {n:,} face{'s' * (n != 1)}")
+                say(f"{role} mesh  {mesh.name}, {counted(mesh.n_polygons, 'face')}")
     if findings:
         columns(
             [
@@ -156,9 +157,9 @@ def _worst(finding: Finding) -> str:
 def _verdict_on_all(checked: CheckReport, least: str) -> str:
     """One line: whether a finding is as severe as `least`, and how many findings there are."""
     counts = [
-        f"{n} {severity}{'s' * (n != 1)}"
+        counted(checked.count(severity), severity)
         for severity in SEVERITIES
-        if (n := checked.count(severity))
+        if checked.count(severity)
     ]
     if checked.n_allowed:
         counts.append(f"{checked.n_allowed} allowed")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from texbake import OptionError, UnwrapOptions
+from texbake.errors import counted
 
 from ..options import mesh_argument
 from ..terminal import Terminal, say, table, terminal_options
@@ -100,10 +101,7 @@ def _rows(found: MeshInfo) -> list[tuple[str, str]]:
         ("unused vertices", f"{found.n_unused_vertices:,}"),
         ("vertices at one place", f"{found.n_split_vertices:,}"),
     ]
-    groups = [
-        (f"group {group.name}", f"{group.n_faces:,} face{'s' * (group.n_faces != 1)}")
-        for group in found.groups
-    ]
+    groups = [(f"group {group.name}", counted(group.n_faces, "face")) for group in found.groups]
     rows += groups[:_GROUPS_SHOWN]
     if len(groups) > _GROUPS_SHOWN:
         rows.append(("more groups", f"{len(groups) - _GROUPS_SHOWN:,}; --json lists them all"))
@@ -150,7 +148,7 @@ def _image(shape: tuple[int, int, int] | None) -> str:
     if shape is None:
         return "missing or not readable"
     width, height, n_channels = shape
-    return f"{width} x {height}, {n_channels} channel{'s' * (n_channels != 1)}"
+    return f"{width} x {height}, {counted(n_channels, 'channel')}"
 
 
 def _point(values: Sequence[float]) -> str:
@@ -168,7 +166,7 @@ def _uvs(found: MeshInfo) -> str:
         (found.uvs.n_mirrored, "mirrored"),
     ):
         if count:
-            parts.append(f"{count:,} face{'s' * (count != 1)} {what}")
+            parts.append(f"{counted(count, 'face')} {what}")
     return "; ".join(parts)
 
 

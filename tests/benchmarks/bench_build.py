@@ -83,7 +83,7 @@ def timed(path: Path, folder: Path, **options: object) -> tuple[float, BuildResu
 def second_run(path: Path, folder: Path) -> float:
     """Seconds of the command, from its start to its end, with nothing to do."""
     start = time.perf_counter()
-    code = "from texbake_cli.main import main; main()"
+    code = "from texbake_cli import run; run()"
     command = [sys.executable, "-P", "-c", code, "build", str(path), "-o", str(folder), "-q"]
     subprocess.run(command, check=True)
     return time.perf_counter() - start

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import texbake
-from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.options import LightenOptions
 from texbake.texture.image import write_image
 from texbake.verbs.lighten import lighten_file
 

@@ -307,7 +307,7 @@ def test_a_killed_build_leaves_no_tasks(
     write: Any, tmp_path: Path, number: signal.Signals, cluster: Cluster
 ) -> None:
     path = write(ASSETS)
-    code = "from texbake_cli.main import main; main()"
+    code = "from texbake_cli import run; run()"
     client = subprocess.Popen(
         [sys.executable, "-P", "-c", code, "build", str(path), "--scheduler", cluster.address],
         stderr=subprocess.PIPE,

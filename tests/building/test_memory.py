@@ -15,7 +15,7 @@ from texbake.building import memory
 from texbake.building.task import Task, memory_advice
 
 GB = 1 << 30
-COMMAND = [sys.executable, "-P", "-c", "from texbake_cli.main import main; main()"]
+COMMAND = [sys.executable, "-P", "-c", "from texbake_cli import run; run()"]
 
 
 def limited(n_bytes: int, kind: int = resource.RLIMIT_AS) -> Callable[[], None]:

@@ -73,36 +73,6 @@ def test_floats_beyond_one_are_kept(workplace: Path, invoke: Invoke) -> None:
     assert np.array_equal(read_image("two.exr", color=False).pixels[..., :2], values[..., :2])
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("pack-channels --red 0 --green 1 --blue 0 -o x.png", "none is an image"),
-        ("pack-channels --red ao.png --green 2 --blue 0 -o x.png", "2 is not from 0 to 1"),
-        ("pack-channels --red rgb.png --green 0 --blue 0 -o x.png", "such as rgb.png:g"),
-        ("pack-channels --red rgb.png:a --green 0 --blue 0 -o x.png", "has no alpha channel"),
-        ("pack-channels --red ao.png --green ao.png:g --blue 0 -o x.png", "has no green channel"),
-        ("pack-channels --red small.png --green ao.png --blue 0 -o x.png", "small.png 2 x 2"),
-        ("pack-channels --red ao.png --green 0 --blue 0 -o ao.png", "also an input"),
-        ("pack-channels --red ao.png --green 0 --blue 0 -o x.jpg", "JPEG changes"),
-        ("pack-channels --red no.png --green 0 --blue 0 -o x.png", "no such file"),
-        ("split-channels ao.png -o m --names a,b", "2 are given, but ao.png has 1 channel"),
-        ("split-channels rgb.png -o m --names a,a", "a is given twice"),
-        ("split-channels rgb.png -o m --names ,", "all are empty"),
-        ("split-channels rgb.png -o m --names ../a", "part of a file name"),
-    ],
-)
-def test_what_cannot_be_done_is_one_line(
-    line: str, words: str, codes: np.ndarray, workplace: Path, invoke: Invoke
-) -> None:
-    write_image(codes, "rgb.png")
-    write_image(np.zeros((2, 2)), "small.png")
-    before = set(workplace.rglob("*"))
-    result = invoke(line, 1 if "no such" in words else 2)
-    assert words in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert set(workplace.rglob("*")) == before
-
-
 def test_the_files_are_those_of_the_python_functions(codes: np.ndarray, invoke: Invoke) -> None:
     invoke("pack-channels --red ao.png --green rough.png --blue 0 -o a.png")
     done = pack_channel_files("b.png", "ao.png", Path("rough.png"), 0)

@@ -51,6 +51,7 @@ def test_the_last_line_says_whether_the_meshes_are_ready(invoke: Invoke, overlap
     assert re.match(r"Ready to bake, \d+ notes?$", ready)
     strict = invoke(f"{words} --fail-on note", exit_code=1).stdout.splitlines()[-1]
     assert strict == f"Not r{ready[1:]}"
+    invoke(f"check {overlapping} --fail-on never")
 
 
 def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str) -> None:
@@ -64,16 +65,6 @@ def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str
         assert (start in short) == (finding.severity == "error")
     assert "--explain" in short
     assert "--explain" not in full
-
-
-def test_the_user_chooses_what_fails(invoke: Invoke, overlapping: str) -> None:
-    invoke(f"check {overlapping} --fail-on never")
-    found = check_files("low.obj")
-    assert not found.fails("error")
-    invoke("check low.obj --fail-on error")
-    invoke("check low.obj --fail-on warning", exit_code=int(found.fails("warning")))
-    invoke("check low.obj --fail-on note", exit_code=int(found.fails("note")))
-    assert found.fails("note")
 
 
 def test_findings_are_allowed_by_name(invoke: Invoke, overlapping: str) -> None:
@@ -124,30 +115,6 @@ def test_quiet_prints_the_table_alone(invoke: Invoke, overlapping: str) -> None:
     lines = invoke(f"check {overlapping} -q", exit_code=1).stdout.splitlines()
     assert lines[0].split()[0] == "severity"
     assert all(line.split()[0] in ("error", "warning", "note") for line in lines[1:])
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("check low.obj --padding -1", "padding: -1 is out of range"),
-        ("check low.obj --min-texel-density 0", "--min-texel-density: 0.0 is out of range"),
-        ("check low.obj --fail-on sometimes", "'sometimes' is not one of"),
-        ("check low.obj --report low.obj", "also an input"),
-        ("check", "missing argument"),
-    ],
-)
-def test_wrong_use(invoke: Invoke, line: str, words: str) -> None:
-    assert words in invoke(line, exit_code=2).stderr
-
-
-def test_a_missing_file(invoke: Invoke) -> None:
-    assert "there is no such file" in invoke("check none.obj", exit_code=1).stderr
-
-
-def test_as_a_process(run: Callable, overlapping: str) -> None:
-    done = run(f"check {overlapping}")
-    assert (done.returncode, done.stderr) == (1, "")
-    assert "overlapping coordinates" in done.stdout
 
 
 def test_remedies_name_the_commands_that_there_are():

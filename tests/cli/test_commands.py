@@ -1,4 +1,4 @@
-"""Every command through click's runner, and through a process of its own."""
+"""What commands on a pair of meshes write and print."""
 
 import json
 import subprocess
@@ -15,84 +15,22 @@ from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 Invoke = Callable[..., Result]
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
-# A command line and the files that it leaves behind.
-LINES = {
-    "info high.ply": [],
-    "lighten high.ply -o light.glb --faces 500 --size 256 --views 1 --report r.json": [
-        "light.glb",
-        "r.json",
-    ],
-    "remesh high.ply -o hollow.ply --resolution 32 --keep-interior": ["hollow.ply"],
-    "remesh high.ply -o closed.ply --resolution 32 --report r.json": ["closed.ply", "r.json"],
-    "simplify high.ply -o low_1.obj --faces 200 --report r.json": ["low_1.obj", "r.json"],
-    "unwrap low.obj -o out.glb --size 256x128 --padding 2 --layout l.png --report r.json": [
-        "out.glb",
-        "l.png",
-        "r.json",
-    ],
-    "unwrap high.ply -o out.ply --method cylindrical --axis 0,1,1 --caps --checker c.png": [
-        "out.ply",
-        "c.png",
-    ],
-    "unwrap low.obj high.ply -o both --quality fast --tiles 2 --layout l.svg --heat": [
-        "both/low.obj",
-        "both/high.ply",
-        "l.svg",
-    ],
-    "bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --miss-map m.png": [
-        "n.png",
-        "m.png",
-    ],
-    "bake-displacement high.ply low.obj -o d.exr --size 64 --padding 1 --report r.json": [
-        "d.exr",
-        "r.json",
-    ],
-    "bake high.ply low.obj -o a/b --maps normal,displacement --size 64 --padding 1": [
-        "a/b/normal.png",
-        "a/b/displacement.png",
-    ],
-    "preview low.obj --size 80x60 -o p.png": ["p.png"],
-    "compare high.ply low.obj --size 64 --report r.json": ["low_compare.png", "r.json"],
-    "run high.ply -o job --faces 100 --size 128 --padding 2": [
-        "job/high_low.obj",
-        "job/high_low.glb",
-        "job/high_normal.png",
-        "job/high_displacement.exr",
-        "job/high_preview.png",
-        "job/high_compare.png",
-        "job/high_report.json",
-    ],
-    "demo --triangles 5000 --faces 100 --size 128": [
-        "texbake_demo/orange_high.ply",
-        "texbake_demo/orange_low.obj",
-        "texbake_demo/orange_low.glb",
-        "texbake_demo/orange_normal.png",
-        "texbake_demo/orange_displacement.exr",
-        "texbake_demo/orange_preview.png",
-        "texbake_demo/orange_compare.png",
-        "texbake_demo/orange_report.json",
-    ],
-}
 
-
-@pytest.mark.parametrize("line", LINES)
-def test_command_writes_its_files_and_no_others(line: str, workplace: Path, invoke: Invoke) -> None:
-    before = {path for path in workplace.rglob("*") if path.is_file()}
-    result = invoke(line)
-    after = {path for path in workplace.rglob("*") if path.is_file()}
-    assert after - before == {workplace / name for name in LINES[line]}
-    assert before <= after
-    written = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
-    assert written == {Path(name) for name in LINES[line]}
-
-
-@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("info high.ply", "high.ply"),
+        ("bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --threads 1", "n.png"),
+        ("run high.ply -o job --faces 100 --size 64 --padding 2", "job/high_low.glb"),
+        ("bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --size 32", "t.exr"),
+    ],
+)
 def test_command_as_a_process(
-    line: str, workplace: Path, run: Run, only_known_lines: Callable[[str], bool]
+    line: str, name: str, workplace: Path, run: Run, only_known_lines: Callable[[str], bool]
 ) -> None:
-    done = run(f"{line} --threads 1" if "info" not in line and "unwrap" not in line else line)
+    done = run(line)
     assert done.returncode == 0, done.stderr
-    assert all((workplace / name).stat().st_size > 0 for name in LINES[line])
+    assert (workplace / name).stat().st_size > 0
     assert "\x1b" not in done.stdout + done.stderr  # no color, no bar: this is no terminal
     assert only_known_lines(done.stderr)
 
@@ -135,9 +73,6 @@ def test_simplify_stays_within_an_error(workplace: Path, invoke: Invoke) -> None
     report = json.loads(Path("r.json").read_text())
     assert report["n_faces"] < report["n_faces_before"] and report["n_faces_asked"] is None
     assert report["distance"]["max"] <= report["error_asked"]
-    assert invoke("simplify high.ply -o low_2.ply --error x", 2).stderr.startswith(
-        "texbake simplify: --error: 'x' is not a distance"
-    )
 
 
 def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:
@@ -237,7 +172,7 @@ def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
     assert invoke(line).stderr == ""
     message = invoke(f"{line} --scale 0.001").stderr
     assert "d.png: " in message
-    assert "were clipped" in message
+    assert " clipped to the range" in message
 
 
 def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,22 +62,6 @@ def test_repairs_are_counted(tmp_path: Path, invoke: Invoke) -> None:
     kept = invoke(f"repair {tmp_path}/twice.ply -o {tmp_path}/kept.ply --no-duplicates")
     assert "duplicate" not in kept.output
     assert read_mesh(tmp_path / "kept.ply").n_faces == 2 * ball.n_faces
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("convert low.obj low.fbx", "low.fbx"),
-        ("transform low.obj -o a.obj --scale -1", "--scale: -1.0 is out of range"),
-        ("transform low.obj -o a.obj --units mile", "'mile' is not one of"),
-    ],
-)
-def test_wrong_use_is_refused(
-    line: str, message: str, workplace: Path, run: Callable[..., subprocess.CompletedProcess[str]]
-) -> None:
-    done = run(line)
-    assert done.returncode in (1, 2) and message in done.stderr
-    assert not Path("a.obj").exists() and not Path("low.fbx").exists()
 
 
 def test_the_package_is_a_program(workplace: Path) -> None:

@@ -1,6 +1,5 @@
 """`texbake cubemap`: each layout to each, as a command and as a process; wrong usage."""
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from click.testing import Result
 from texbake import read_image, write_image
 
 Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 FACES = [f"{name}.hdr" for name in ("nx", "ny", "nz", "px", "py", "pz")]
 
@@ -55,41 +53,6 @@ def test_a_constant_stays_its_code(workplace: Path, invoke: Invoke) -> None:
     for path in Path("faces").iterdir():
         codes = read_image(path, color=False).pixels * np.float32(255)
         np.testing.assert_allclose(codes, 100, atol=1e-3)
-
-
-def test_cubemap_as_a_process(workplace: Path, run: Run) -> None:
-    done = run("cubemap sky.hdr -o faces --size 4 --threads 1")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("from  latlong\nto    faces of 4 px\nwrote faces/px.hdr\n")
-
-
-@pytest.mark.parametrize(
-    ("line", "exit_code", "message"),
-    [
-        ("sky.hdr", 2, "missing option '-o'"),
-        ("sky.hdr -o a.png --layout faces", 2, "faces go to a folder"),
-        ("sky.hdr -o a --layout cross", 2, "cross is one image"),
-        ("sky.hdr -o a.hdr --layout latlong", 2, "sky.hdr is a latlong already"),
-        ("sky.hdr -o a --size 0", 2, "size: 0 is out of range; it must be 1 or more"),
-        ("sky.hdr -o a --convention maya", 2, "'maya'"),
-        ("sky.hdr -o sky.hdr", 2, "also an input"),
-        ("sky.hdr -o a.xyz", 1, "'.xyz' is not known"),
-        ("sky.hdr -o nowhere/a.png", 1, "there is no folder"),
-        ("sky.hdr -o gray.png/a", 1, "is a file"),
-        ("square.png -o a", 1, "4 x 4 pixels are neither a latlong"),
-        ("no.hdr -o a", 1, "no.hdr"),
-        (". -o a.hdr", 1, "the face px is missing"),
-    ],
-)
-def test_one_line_the_exit_code_and_no_file(
-    workplace: Path, invoke: Invoke, line: str, exit_code: int, message: str
-) -> None:
-    before = sorted(workplace.iterdir())
-    result = invoke(f"cubemap {line}", exit_code)
-    assert result.stdout == ""
-    assert result.stderr.count("\n") == 1
-    assert message in result.stderr
-    assert sorted(workplace.iterdir()) == before
 
 
 def test_a_panorama_there_and_back(

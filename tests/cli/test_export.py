@@ -47,14 +47,6 @@ def test_inputs_are_not_overwritten(invoke, asset, words, file):
     assert all(path.read_bytes() == content for path, content in before.items())
 
 
-def test_maps_need_texture_coordinates(invoke, asset):
-    mesh = read_mesh(asset / "rock.obj")
-    write_mesh(mesh.replace(uvs=None, uv_faces=None), asset / "bare.obj")
-    message = invoke("export bare.obj --to unity --maps maps -o out", 1).stderr
-    assert "bare.obj: it has no texture coordinates for its maps" in message
-    assert not (asset / "out").exists()
-
-
 @pytest.mark.usefixtures("meshoptimizer")
 def test_levels_and_compression(run, asset):
     words = "export rock.obj --to threejs --level far.obj --compress --name stone -o out"
@@ -81,23 +73,6 @@ def test_levels_share_one_set_of_texture_coordinates(invoke, asset, level, messa
     (line,) = result.stderr.splitlines()
     assert level in line and message in line
     assert not (asset / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "message", "code"),
-    [
-        ("--to maya", "maya", 2),
-        ("--to godot --map normal", "'normal' is not KIND=FILE", 2),
-        ("--to godot --map ao=a.png --map ao=b.png", "ao is given twice", 2),
-        ("--to godot --map ao=no.png", "no.png", 1),
-        ("--to unity --compress", "Unity does not read compressed", 2),
-        ("--to godot --maps nowhere", "no such folder", 1),
-    ],
-)
-@pytest.mark.usefixtures("asset")
-def test_wrong_usage_is_one_line(invoke, words, message, code):
-    result = invoke(f"export rock.obj {words} -o out", exit_code=code)
-    assert message in result.stderr.strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz", "glb"])

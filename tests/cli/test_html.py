@@ -1,6 +1,5 @@
 """`--html` of the commands that have it; the pages themselves are tested in tests/pages."""
 
-import subprocess
 from collections.abc import Callable
 from html import unescape
 from pathlib import Path
@@ -9,7 +8,6 @@ import pytest
 from click.testing import Result
 
 Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 # A command line, and the sections that its page has.
 BAKED = ("view", "maps", "errors", "distances", "times", "figures", "again")
@@ -52,17 +50,6 @@ def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
             assert alone.read_bytes() == shown.read_bytes()
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["run high.ply -o job --faces 9 --html high.ply", "compare high.ply low.obj --html x.png"],
-)
-def test_a_page_does_not_overwrite_a_mesh(line: str, workplace: Path, invoke: Invoke) -> None:
-    before = (workplace / "high.ply").read_bytes()
-    assert "use .html" in invoke(line, 1).output
-    assert (workplace / "high.ply").read_bytes() == before
-    assert not (workplace / "job").exists()
-
-
 def test_maps_made_for_the_page_alone_are_named(workplace: Path, invoke: Invoke) -> None:
     invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
     assert not (workplace / "maps" / "normal.png").exists()
@@ -70,24 +57,7 @@ def test_maps_made_for_the_page_alone_are_named(workplace: Path, invoke: Invoke)
     assert page.count("Made for this page; there is no file of it.") == 1
 
 
-def test_impossible_page_names_are_refused_before_the_work(workplace: Path, invoke: Invoke) -> None:
-    line = "bake-normals high.ply low.obj -o n.png --size 64 --html"
-    assert (
-        "two outputs have this name"
-        in invoke("compare high.ply low.obj -o x.png --report x.html --html x.html", 2).output
-    )
-    assert "there is no folder" in invoke(f"{line} nowhere/page.html", 1).output
-    assert not (workplace / "n.png").exists()
-
-
 def test_light_maps_have_no_page(workplace: Path, invoke: Invoke) -> None:
     (workplace / "room.toml").write_text("", encoding="utf-8")
     line = "bake-lightmap room.toml -o maps --html page.html"
     assert "no such option '--html'" in invoke(line, 2).output
-
-
-def test_a_page_by_a_process(workplace: Path, run: Run) -> None:
-    done = run("compare high.ply low.obj --size 64 --html page.html")
-    assert done.returncode == 0, done.stderr
-    page = (workplace / "page.html").read_text(encoding="utf-8")
-    assert ">texbake compare high.ply low.obj --size 64 --html page.html</code>" in page

@@ -36,21 +36,3 @@ def test_json_has_everything(invoke: Invoke) -> None:
     assert written["n_faces"] == 112
     assert written["distortion"] == distortion(read_mesh("low.obj")).to_json()
     assert "distortion" not in json.loads(invoke("info low.obj --json").stdout)
-
-
-def test_a_mesh_without_coordinates(invoke: Invoke) -> None:
-    message = invoke("info high.ply --uv", exit_code=1).stderr
-    assert message.startswith("texbake: high.ply: it has no texture coordinates; make some with:")
-    assert message.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("info low.obj --size 512", "give --uv as well"),
-        ("info low.obj --uv --size 0", "size: 0 is out of range"),
-        ("info low.obj --uv --size big", "'big' is not a size"),
-    ],
-)
-def test_wrong_use(invoke: Invoke, line: str, words: str) -> None:
-    assert words in invoke(line, exit_code=2).stderr

@@ -43,32 +43,6 @@ def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
     assert (scene / "maps" / "the_floor.png").is_file()
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("bake-lightmap -o m", "missing argument 'SCENE'"),
-        ("bake-lightmap room.toml", "missing option '-o'"),
-        ("bake-lightmap room.toml -o m --front 1", "no such option '--front'"),
-        ("bake-lightmap room.toml -o m --samples adaptive", "'adaptive' is not a valid integer"),
-        ("bake high.ply low.obj --maps lightmap -o m", "lightmap is not one of normal,"),
-        ("bake -o m", "HIGH: it is missing"),
-        ("bake high.ply -o m", "LOW: it is missing"),
-    ],
-)
-def test_wrong_usage_is_reported(scene: Path, invoke: Invoke, line: str, message: str) -> None:
-    result = invoke(line, exit_code=2)
-    assert message in " ".join(result.output.split())
-    assert not (scene / "m").exists()
-
-
-def test_a_scene_without_coordinates_is_one_line(scene: Path, invoke: Invoke) -> None:
-    text = SCENE.replace("low.obj", "high.ply")
-    (scene / "bare.toml").write_text(text, encoding="utf-8")
-    result = invoke("bake-lightmap bare.toml -o m", exit_code=1)
-    assert "none of its lit objects has the texture coordinates" in result.output
-    assert not (scene / "m").exists()
-
-
 def test_objects_of_one_name_get_files_of_their_own() -> None:
     names = ["lamp", "Lamp", "lamp_2", "a/b", "..", "", "Stra\u00dfe 1"]
     files = file_names(names)

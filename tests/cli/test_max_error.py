@@ -69,7 +69,7 @@ def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps(
     output = tmp_path / "n.png"
     line = ["bake-normals", *pair, "-o", str(output), "--size", "64", "--time-budget", "0.01"]
     done = subprocess.run(
-        [sys.executable, "-P", "-c", "from texbake_cli.main import main; main()", *line],
+        [sys.executable, "-P", "-c", "from texbake_cli import run; run()", *line],
         capture_output=True,
         text=True,
         check=True,
@@ -78,23 +78,3 @@ def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps(
     assert len(said) == 1
     assert "--time-budget: 0.01 s is too short: the bake takes about" in said[0]
     assert output.exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--max-error", "0.5"], "bounds nothing of normal"),
-        (["--max-error", "small"], "is not an error"),
-        (["--time-budget", "later"], "is not a duration"),
-        (["--samples", "4", "--max-error", "1deg"], "leave nothing to choose"),
-        (["--samples", "some"], "samples: some is not one of"),
-    ],
-)
-def test_wrong_bounds_are_wrong_usage(
-    pair: list[str], tmp_path: Path, words: list[str], message: str
-) -> None:
-    line = ["bake-normals", *pair, "-o", str(tmp_path / "n.png"), *words]
-    result = CliRunner().invoke(texbake, line)
-    assert result.exit_code == 2
-    assert message in result.output
-    assert not (tmp_path / "n.png").exists()

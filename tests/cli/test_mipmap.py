@@ -1,6 +1,5 @@
 """`texbake mipmap`: levels as files and as a picture, of colors and of normals; wrong usage."""
 
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from click.testing import Result
 from texbake import read_image, write_image
 
 Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
@@ -44,36 +42,3 @@ def test_roughness_of_normals(workplace: Path, invoke: Invoke) -> None:
     rough = [read_image(f"rough/normal_roughness_{i}.png", color=False).pixels for i in range(4)]
     assert rough[0].max() < 0.05  # every texel alone is smooth
     assert rough[3].min() > 0.9  # noise in all directions is not
-
-
-def test_mipmap_as_a_process(workplace: Path, run: Run) -> None:
-    done = run("mipmap gray.png -o levels --kind data --threads 1")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.endswith("wrote levels/gray_3.png\n")
-
-
-@pytest.mark.parametrize(
-    ("line", "exit_code", "message"),
-    [
-        ("wood.png", 2, "missing option '-o'"),
-        ("wood.png -o a --kind bump", 2, "'bump'"),
-        ("wood.png -o a --filter ewa", 2, "'ewa'"),
-        ("wood.png -o a --wrap border", 2, "'border'"),
-        ("wood.png -o a --roughness b", 2, "only normals have one"),
-        ("gray.png -o a --kind normal", 2, "no three channels"),
-        ("normal.png -o a.png --kind normal --roughness a.png", 2, "two outputs"),
-        ("wood.png -o wood.png", 2, "also an input"),
-        ("wood.png -o a.xyz", 1, "'.xyz' is not known"),
-        ("wood.png -o nowhere/a.png", 1, "there is no folder"),
-        ("no.png -o a", 1, "no.png"),
-    ],
-)
-def test_one_line_the_exit_code_and_no_file(
-    workplace: Path, invoke: Invoke, line: str, exit_code: int, message: str
-) -> None:
-    before = sorted(workplace.iterdir())
-    result = invoke(f"mipmap {line}", exit_code)
-    assert result.stdout == ""
-    assert result.stderr.count("\n") == 1
-    assert message in result.stderr
-    assert sorted(workplace.iterdir()) == before

@@ -77,11 +77,6 @@ def test_a_normal_map_in_tangent_space_is_not_suspected(invoke, scene):
     assert invoke("preview ball.obj -o a.png --size 32x24 --normal-map black.png").stderr == ""
 
 
-def test_a_space_needs_a_normal_map(invoke, scene):
-    text = invoke("preview ball.obj -o a.png --space object", 2).stderr
-    assert "give --normal-map as well" in text
-
-
 def test_a_transparent_background_is_written_with_its_opacity(invoke, scene):
     (scene / "clear.toml").write_text(
         SCENE.replace("[render]", '[render]\nbackground = "transparent"')
@@ -206,49 +201,3 @@ def test_files_of_a_scene_are_not_overwritten(invoke, scene, line):
 def test_names_of_files_keep_their_capital_letters(invoke, scene):
     (scene / "Ball.toml").write_text(SCENE)
     assert " Ball.toml: it is also an input" in invoke("preview Ball.toml -o Ball.toml", 2).stderr
-
-
-def test_a_report_does_not_replace_the_mesh_of_a_scene(invoke, scene):
-    assert "ball.obj" in invoke("preview ball.toml -o p.png --report ball.obj", 2).stderr
-
-
-@pytest.mark.parametrize(
-    ("line", "exit_code", "expected"),
-    [
-        ("preview ball.toml", 2, "--output"),
-        ("preview ball.toml -o p.png --normal-map n.png", 2, "a scene has its own materials"),
-        ("preview ball.toml -o p.png --buffer heat", 2, "heat"),
-        ("preview ball.toml -o p.png --filter sharp", 2, "sharp"),
-        ("preview ball.toml -o ball.toml", 2, "ball.toml"),
-        ("preview ball.toml -o p.png --view turntable:0", 2, "turntable"),
-        ("preview ball.toml -o p --view turntable:2 --filter nearest,ewa", 2, "name one of each"),
-        ("preview missing.toml -o p.png", 1, "missing.toml"),
-        ("preview ball.toml -o p.txt", 1, "p.txt"),
-        ("preview ball.toml -o p.png --affine-vs-perspective --interpolation affine", 2, "names"),
-    ],
-)
-def test_impossible_requests_are_one_line(invoke, scene, line, exit_code, expected):
-    result = invoke(line, exit_code)
-    message = result.stderr.strip().splitlines()[-1]
-    assert expected in message, result.stderr
-    assert not (scene / "p.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("shading =", "shadng =", "shading"),
-        ('"lambert"', '"gouraud"', "lambert"),
-        ('"checker"', '"chequers"', "checker"),
-        ('mesh = "ball.obj"', 'mesh = "bal.obj"', "bal.obj"),
-        ("direction = [-1, -1, -1]", "direction = [0, 0, 0]", "direction"),
-    ],
-)
-def test_an_error_in_a_scene_names_file_and_key(invoke, scene, old, new, expected):
-    assert old in SCENE
-    (scene / "wrong.toml").write_text(SCENE.replace(old, new))
-    message = invoke("preview wrong.toml -o p.png", 1).stderr.strip()
-    assert message.count("\n") == 0
-    assert "wrong.toml" in message
-    assert expected in message
-    assert not (scene / "p.png").exists()

@@ -7,10 +7,8 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-import texbake as package
-from texbake import RunOptions, write_mesh
-from texbake.errors import MeshError
-from texbake.mesh.shapes import cube, icosphere
+from texbake import write_mesh
+from texbake.mesh.shapes import cube
 from texbake.sampling.time_budget import BudgetClock
 
 
@@ -65,52 +63,3 @@ def test_turntables_accept_a_bound(mesh: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(texbake, [*line, "--max-error", "0.02"])
     assert result.exit_code == 0, result.output
     assert len(list((tmp_path / "turn").glob("*.png"))) == 2
-
-
-@pytest.mark.parametrize(
-    ("words", "words_shown"),
-    [
-        (["--max-error", "0.5deg"], "is not an error of a picture"),
-        (["--time-budget", "later"], "is not a duration"),
-        (["--max-error", "0.01", "--supersampling", "4"], "leaves --max-error nothing to choose"),
-        (["--time-budget", "9s", "--edges", "supersample"], "leaves --time-budget nothing"),
-        (["--time-budget", "9s", "--filter", "nearest,ewa"], "is for one picture"),
-        (["--time-budget", "9s", "--view", "turntable:3"], "is for one picture"),
-        (["--max-error", "0.01", "--buffer", "depth"], "which has no error"),
-        (["--max-error", "0.01", "--interpolation", "scanline"], "give one of the two"),
-    ],
-)
-def test_wrong_options_are_wrong_usage(
-    mesh: str, tmp_path: Path, words: list[str], words_shown: str
-) -> None:
-    result = preview(mesh, tmp_path, *words)
-    assert result.exit_code == 2
-    assert words_shown in " ".join(result.output.split())
-    assert not (tmp_path / "cube.png").exists()
-
-
-def test_run_accepts_the_bound_of_a_bake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    high = tmp_path / "ball.ply"
-    write_mesh(icosphere(1), high)
-    given = []
-
-    def run_files(*arguments: object, **_: object) -> None:
-        given.extend(item for item in arguments if isinstance(item, RunOptions))
-        raise MeshError("enough is known")
-
-    monkeypatch.setattr("texbake.jobs.run.run_files", run_files)
-    line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
-    for words in ["--samples", "adaptive"], ["--max-error", "1deg"], ["--time-budget", "9s"], []:
-        assert "enough is known" in CliRunner().invoke(texbake, [*line, *words]).output
-    bakes = [options.bake_options() for options in given]
-    assert [(b.samples, b.max_error, b.time_budget) for b in bakes] == [
-        ("adaptive", None, None), (1, "1deg", None), (1, None, "9s"), (4, None, None),
-    ]  # fmt: skip
-
-
-def test_run_refuses_a_bound_with_a_time_budget(tmp_path: Path) -> None:
-    high = tmp_path / "ball.ply"
-    write_mesh(icosphere(1), high)
-    line = ["run", str(high), "-o", str(tmp_path / "asset"), "--faces", "20"]
-    result = CliRunner().invoke(texbake, [*line, "--samples", "4", "--max-error", "1deg"])
-    assert result.exit_code == 2 and "leave nothing to choose" in result.output

@@ -1,7 +1,6 @@
 """Baking, packing and converting textures, as a person runs the commands."""
 
 import json
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,27 +10,9 @@ from click.testing import Result
 
 from texbake import read_image, read_mesh, write_image, write_mesh
 from texbake.mesh.shapes import plane
-from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
+from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE
 
 Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
-
-# A command line and the files that it leaves behind.
-LINES = {
-    "bake-texture low.obj -o t.png --procedure marble --param amount=5 --size 64 --padding 1 "
-    "--report r.json": ["t.png", "r.json"],
-    "bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --data --size 32 --samples 1": [
-        "t.exr"
-    ],
-    "bake-texture low.obj -o t.png --photo red.png --camera front.toml --photo red.png "
-    "--camera back.txt --size 64 --unseen-map u.png": ["t.png", "u.png"],
-    "bake-texture low.obj -o t.jpg --photo red.png --photo-uvs low.obj --size 64": ["t.jpg"],
-    "pack-textures red.png hill.png -o a.png": ["a.png"],
-    "pack-textures red.png hill.png -o a.tif --mesh plane.obj --mesh low.obj --meshes-to out "
-    "--padding 2 --edges repeat": ["a.tif", "out/plane.obj", "out/low.obj"],
-    "height-to-normal hill.png -o n.png --scale 0.1 --wrap clamp --derivative scharr": ["n.png"],
-    "normal-to-height normal.png -o h.exr --method frankot-chellappa --width 2": ["h.exr"],
-}
 
 
 @pytest.fixture
@@ -47,87 +28,6 @@ def shop(workplace: Path) -> Path:
     # Looks along +z, in parallel: s = (1 - x) / 2, t = (y + 1) / 2.
     Path("back.txt").write_text("-0.5 0 0 0.5  0 0.5 0 0.5  0 0 1 1  0 0 0 1")
     return workplace
-
-
-@pytest.mark.parametrize("line", LINES)
-def test_command_writes_its_files_and_no_others(line: str, shop: Path, invoke: Invoke) -> None:
-    before = {path for path in shop.rglob("*") if path.is_file()}
-    result = invoke(line)
-    after = {path for path in shop.rglob("*") if path.is_file()}
-    assert after - before == {shop / name for name in LINES[line]}
-    written = {Path(row[6:]) for row in result.stdout.splitlines() if row.startswith("wrote ")}
-    assert written == {Path(name) for name in LINES[line]}
-
-
-@pytest.mark.parametrize("line", [line for i, line in enumerate(LINES) if i in (0, 2, 5, 6, 7)])
-def test_command_as_a_process(
-    line: str, shop: Path, run: Run, only_known_lines: Callable[[str], bool]
-) -> None:
-    done = run(line)
-    assert done.returncode == 0, done.stderr
-    assert all((shop / name).stat().st_size > 0 for name in LINES[line])
-    assert only_known_lines(done.stderr)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("bake-texture low.obj -o t.png", "give a procedure, a volume or photographs"),
-        (
-            "bake-texture low.obj -o t.png --procedure wood --photo red.png --camera front.toml",
-            "give a procedure, a volume or photographs",
-        ),
-        ("bake-texture low.obj -o t.png --photo red.png", "0 are given for 1 photograph"),
-        ("bake-texture low.obj -o t.png --procedure wood --camera front.toml", "goes with --photo"),
-        ("bake-texture low.obj -o t.png --procedure wood --param rings", "KEY=VALUE"),
-        ("bake-texture low.obj -o t.png --procedure wood --param speed=3", "wood.speed"),
-        ("bake-texture low.obj -o t.png --procedure wood --param rings=few", "wood.rings: 'few'"),
-        ("bake-texture low.obj -o t.png --procedure wood --colors red", "not a color such as"),
-        ("bake-texture low.obj -o t.png --procedure wood --scale 0", "scale: 0"),
-        ("bake-texture low.obj -o t.png --procedure wood --bits 12", "8 or 16 bits"),
-        ("bake-texture low.obj -o red.png --photo red.png --camera front.toml", "also an input"),
-        ("pack-textures red.png -o red.png", "also an input"),
-        (
-            "pack-textures red.png hill.png -o a.png --mesh plane.obj --meshes-to o",
-            "1 is given for 2",
-        ),
-        ("pack-textures red.png -o a.png --mesh plane.obj", "give both"),
-        ("pack-textures red.png -o a.png --mesh plane.obj --meshes-to .", "also an input"),
-        ("pack-textures red.png -o a.png --size 8 --padding 4", "has no room"),
-        ("height-to-normal hill.png -o hill.png", "also an input"),
-        ("height-to-normal hill.png -o n.png --width 0", "width: 0"),
-        ("normal-to-height normal.png -o h.png --bits 32", "not 32"),
-    ],
-)
-def test_wrong_usage_is_one_line(line: str, message: str, shop: Path, invoke: Invoke) -> None:
-    result = invoke(line, exit_code=2)
-    assert message in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert not Path("t.png").exists() and not Path("a.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("bake-texture high.ply -o t.png --procedure wood", "high.ply: it has no texture coord"),
-        ("bake-texture low.obj -o t.png --photo red.png --camera bad.toml", "bad.toml: lens"),
-        ("bake-texture low.obj -o t.png --photo no.png --camera front.toml", "no.png"),
-        ("pack-textures red.png -o a.png --mesh tiled.obj --meshes-to o", "tiled.obj: 3 of its"),
-        ("normal-to-height world.png -o h.png", "world.png: its normals are in world space"),
-    ],
-)
-def test_an_error_in_a_file_is_one_line(
-    line: str, message: str, shop: Path, invoke: Invoke
-) -> None:
-    Path("bad.toml").write_text("position = [0, 0, 4]\ntarget = [0, 0, 0]\nlens = 35\n")
-    mesh = plane()
-    assert mesh.uvs is not None
-    write_mesh(mesh.replace(uvs=mesh.uvs * 2), "tiled.obj")
-    write_image(np.full((4, 4, 3), 0.5), "world.png", bits=8, metadata={SPACE: "world"})
-    result = invoke(line, exit_code=1)
-    assert message in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert not Path("t.png").exists() and not Path("a.png").exists()
 
 
 def test_a_photograph_covers_the_faces_in_view(shop: Path, invoke: Invoke) -> None:

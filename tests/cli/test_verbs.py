@@ -1,4 +1,4 @@
-"""What every command that is made from a verb does alike: outputs checked, reported and listed."""
+"""What every command does alike: outputs are checked, reported and listed."""
 
 import json
 import shlex
@@ -84,6 +84,23 @@ def test_help_is_listed_and_names_every_parameter(name: str) -> None:
     parts = [part.name for part in (*verb.of_kind(Reads), *verb.of_kind(Writes))]
     options = {item.name for part in verb.of_kind(Options) for item in fields(part.kind)}
     assert [part for part in parts if not verb.takes(part) and part not in options] == []
+
+
+# Of these, only the main file or the folder is listed.
+MANY_FILES = {"bench", "build", "preview", "study", "watch"}
+
+
+@pytest.mark.parametrize("name", sorted(LINES.keys() - MANY_FILES))
+def test_a_command_lists_all_files_that_it_writes(name: str, run: Run) -> None:
+    words = [*prepared(name, run), *(["--report", "r.json"] if "r.json" in LINES[name][-1] else [])]
+    before = files()
+    done = run([*words, "--verbose"])
+    assert done.exit_code == 0, done.output
+    wrote = {row.removeprefix("wrote ") for row in done.stdout.splitlines() if row[:6] == "wrote "}
+    after = files()
+    assert {file for file in after if after[file] != before.get(file)} == wrote
+    assert before.keys() <= after.keys()
+    assert "Stages\n" in done.stdout and "  total" in done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize("name", VERBS)

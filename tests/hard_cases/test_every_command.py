@@ -26,7 +26,7 @@ from invariance.quantities import LENGTH, POINT, Quantity, Side, compared, sides
 
 import texbake
 from texbake import Mesh
-from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.lighten import lighten_file
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import texbake
@@ -17,7 +16,6 @@ from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.make import make_file
 from texbake.verbs.remap import remap_files
-from texbake.verbs.repair import repair_file
 from texbake.verbs.simplify import simplify_file, simplify_levels
 from texbake.verbs.unwrap import unwrap_files
 
@@ -72,15 +70,6 @@ def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str)
     with pytest.raises(FileFormatError, match="hold no texture coordinates"):
         unwrap_files([name, "bare.ply"], "folder")
     assert not unwrap_files("bare.ply", "mapped.ply").warnings
-
-
-def test_a_repair_counts_its_changes(folder: Path) -> None:
-    ball = uv_sphere(4, 8)
-    twice = texbake.Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
-    texbake.write_mesh(twice, "twice.ply")
-    done = repair_file("twice.ply", "once.ply")
-    assert done.report.counts["duplicate faces"] == ball.n_faces
-    assert texbake.read_mesh("once.ply").n_faces == done.report.n_faces == ball.n_faces
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,7 @@ import pytest
 
 from texbake.errors import FileFormatError, OptionError, ReadWarning, heard_warnings
 from texbake.jobs.lighten import _once
-from texbake.jobs.lighten_options import LightenOptions
-from texbake.jobs.options import RunOptions
-from texbake.jobs.run import run_files
+from texbake.jobs.options import LightenOptions, RunOptions
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
@@ -26,6 +24,7 @@ from texbake.mesh.materials import (
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
 from texbake.verbs.lighten import lighten_file
+from texbake.verbs.run import run_files
 
 OPTIONS = LightenOptions(n_faces=600, size=256, images="png", views=0)
 

@@ -6,13 +6,19 @@ from texbake.errors import OptionError
 from texbake.jobs.options import DEFAULT_SAMPLES, RunOptions
 
 
-def test_samples_have_defaults_where_nothing_is_given():
-    assert RunOptions().bake_options().samples == DEFAULT_SAMPLES
-
-
-@pytest.mark.parametrize("samples", [1, 64, "adaptive"])
-def test_samples_are_passed_on(samples):
-    assert RunOptions(samples=samples).bake_options().samples == samples
+@pytest.mark.parametrize(
+    ("choices", "expected"),
+    [
+        ({"samples": "adaptive"}, ("adaptive", None, None)),
+        ({"samples": 64}, (64, None, None)),
+        ({"max_error": "1deg"}, (1, "1deg", None)),
+        ({"time_budget": "9s"}, (1, None, "9s")),
+        ({}, (DEFAULT_SAMPLES, None, None)),
+    ],
+)
+def test_samples_are_four_where_no_error_and_no_time_is_given(choices, expected):
+    bake = RunOptions(**choices).bake_options()
+    assert (bake.samples, bake.max_error, bake.time_budget) == expected
 
 
 def test_an_error_and_a_time_are_passed_on():

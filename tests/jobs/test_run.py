@@ -123,12 +123,11 @@ def test_the_report_agrees_with_the_result(result: RunResult) -> None:
 
 def test_the_table_is_for_a_person(result: RunResult) -> None:
     rows = dict(result.table())
-    compared = list(rows)[list(rows).index("Compared with the high-poly mesh") + 1 :]
+    compared = list(rows)[list(rows).index("Compared with the high-poly mesh") + 1 :][:4]
     # The first row is for what the GLB file shows.
     uses = ["  with its normal map", "  displaced as well", "  without maps"]
     assert compared == [*uses, "  distance of the surfaces"]
-    assert rows["Stages"] == ""
-    assert rows["  total"].endswith(" s")
+    assert next(iter(rows)) == "faces" and rows["faces"].endswith(f" to {result.low.n_faces:,}")
     for use in uses:
         assert rows[use].startswith("normals ") and "PSNR" in rows[use] and "SSIM" in rows[use]
 
@@ -144,7 +143,7 @@ def test_the_comparison_can_be_short_or_left_out(
     rows, report = dict(made.table()), json.loads(made.files["report"].read_text())
     if compare == "off":
         assert made.comparison is None and report["compare"] is None
-        assert [row for row in rows if "map" in row] == ["  write maps"]
+        assert not any("map" in row for row in rows)
         assert "compare" not in [stage["name"] for stage in report["stages"]]
     else:
         assert made.comparison is not None and result.comparison is not None

@@ -262,8 +262,6 @@ class BakeReport:
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
             *(() if self.budget is None else self.budget.table()),
             *(() if self.sampling is None else self.sampling.table()),
-            *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
-            ("total", f"{self.seconds:.2f} s{self._peak()}"),
         ]
 
     def _samples(self) -> str:
@@ -272,10 +270,6 @@ class BakeReport:
             return "adaptive samples"
         n_samples = 1 if self.budget is not None else self.options.samples
         return f"{n_samples} sample{'' if n_samples == 1 else 's'} per texel"
-
-    def _peak(self) -> str:
-        peaks = [stage.peak_memory_bytes for stage in self.stages if stage.peak_memory_bytes]
-        return f", peak memory {max(peaks) / 1e9:.2f} GB" if peaks else ""
 
     def _denoised(self) -> str:
         """Text that names the denoised maps, to follow the number of rays."""

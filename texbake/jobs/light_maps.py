@@ -25,8 +25,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.padding import ChartPadding
 from texbake.baking.texels import NO_FACE, SampleGrid, Samples, owned_bands, snap_uvs
 from texbake.errors import OptionError, UvError, counted
-from texbake.files import PathLike, appearing_together, check_folder, make_folder
-from texbake.jobs.outputs import JobResult, check_distinct
+from texbake.files import PathLike
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FIRST_UV_SET, Mesh
@@ -34,11 +33,9 @@ from texbake.parallel import run_bands
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
-from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene, apply_mapping, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import write_image
-from texbake.texture.image_formats import check_image_format
 
 # Samples a band: as many as the caster takes at once.
 _BAND = 1 << 14
@@ -112,37 +109,8 @@ class LightMaps:
         return replace(scene, objects=tuple(objects), lighting=lighting)
 
 
-@appearing_together()
-def bake_light_map_files(
-    scene: PathLike,
-    folder: PathLike,
-    options: BakeOptions | None = None,
-    *,
-    format: str = "exr",  # noqa: A002
-    uv_set: str | None = None,
-    progress: ProgressSink | None = None,
-) -> JobResult[LightMaps]:
-    """Bake the light maps of a scene file, and write one image for each object."""
-    options = options or BakeOptions()
-    folder = Path(folder)
-    check_image_format(folder / f"map.{format}", options.bits, color=True, channels=3)
-    check_folder(folder)
-    stages = Stages(progress)
-    with stages.part("read scene"):
-        read = read_scene(scene, progress=progress)
-    baked = bake_light_maps(read, options, uv_set=uv_set, progress=progress)
-    with stages.stage("write maps"):
-        make_folder(folder)
-        names = file_names([item.name for item in baked.maps])
-        files = [folder / f"{name}.{format}" for name in names]
-        check_distinct(files, [path for path in read.files if path not in _light_maps_of(read)])
-        for item, path in zip(baked.maps, files, strict=True):
-            item.write(path, bits=options.bits, threads=options.threads)
-    return JobResult(files=tuple(files), report=baked, warnings=baked.warnings)
-
-
-def _light_maps_of(scene: Scene) -> set[Path]:
-    """Files that the scene's light maps are read from, which a new bake may replace."""
+def light_map_images(scene: Scene) -> set[Path]:
+    """Return the files of a scene's light maps, which a new bake may replace."""
     slots = [item.material.light_map for item in scene.objects]
     images = [getattr(slot, "image", None) for slot in slots]
     return {Path(image) for image in images if isinstance(image, str | os.PathLike)}

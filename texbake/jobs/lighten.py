@@ -26,8 +26,8 @@ from texbake.jobs.carried import (
     texture_size,
 )
 from texbake.jobs.fit import explained
-from texbake.jobs.lighten_options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, make_low_poly
+from texbake.jobs.options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Size
@@ -118,7 +118,7 @@ class LightenReport:
             without = " without missing images" if self.missing_images else ""
             label = f"PSNR in {len(self.comparison.views)} views{without}"
             rows.append((label, f"{mean}, worst {worst}"))
-        return [*rows, ("time", f"{sum(stage.seconds for stage in self.stages):.2f} s")]
+        return rows
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -224,7 +224,7 @@ def _write_page(
         html,
         comparison,
         n_bytes=(report.n_bytes_before, report.n_bytes),
-        figures=report.table(),
+        figures=[*report.table(), ("time", f"{sum(s.seconds for s in report.stages):.2f} s")],
         warnings=done.warnings,
         command=command,
     )

@@ -12,12 +12,12 @@ import numpy as np
 from texbake.baking.codings import file_bits
 from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import write_hits
-from texbake.baking.maps import MAPS
+from texbake.baking.maps import MAPS, MATERIAL_MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap, redundant_maps
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.files import (
     PathLike,
     appearing_together,
@@ -27,10 +27,9 @@ from texbake.files import (
     scratch_folder,
 )
 from texbake.jobs.fit import check_fit, explained
-from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
-from texbake.mesh.materials import Materials
+from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
@@ -38,6 +37,8 @@ from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.sampling.time_budget import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
+from texbake.texture.material_images import check_gray
+from texbake.texture.model_materials import read_materials
 
 DEFAULT_FORMAT = "png"
 
@@ -250,8 +251,8 @@ def map_files(
 def clipping_warnings(written: Iterable[WrittenMap]) -> tuple[str, ...]:
     """Return a warning for each file that does not hold all of its values."""
     return tuple(
-        f"{file.path}: {file.n_clipped:,} values lie outside the range that `mid` and `scale` give "
-        "and were clipped; set a greater `scale`, or none"
+        f"{file.path}: {counted(file.n_clipped, 'value was', 'values were')} clipped to the range "
+        "that `mid` and `scale` give; set a greater `scale`, or none"
         for file in written
         if file.n_clipped
     )
@@ -273,3 +274,39 @@ def check_map_files(
     else:
         for path in files.values():
             check_writable(path)
+
+
+def check_high_texture(image: PathLike | None, maps: Iterable[str]) -> None:
+    """Raise if an image is given for the materials, and none of the maps is read from one."""
+    if image is not None and not _channels(maps):
+        raise OptionError(
+            f"high_texture, maps: {Path(image).name} is for a map of the materials, such as "
+            "base-color or roughness, and none is asked for; name it in `maps`"
+        )
+
+
+def _channels(maps: Iterable[str]) -> list[str]:
+    return [name for name in maps if name in CHANNELS and name != "normal"]
+
+
+def needs_materials(maps: Iterable[str], options: BakeOptions) -> bool:
+    """Return whether maps are made from the materials of the high-poly mesh."""
+    of_materials = {*MATERIAL_MAPS, *(("normal",) if options.high_normal_maps else ())}
+    return not of_materials.isdisjoint(maps)
+
+
+def materials_of(
+    path: PathLike, mesh: Mesh, image: PathLike | None, maps: Iterable[str] = ()
+) -> Materials | None:
+    """Return the materials of a mesh file if it has any, or one with an image for one of `maps`."""
+    if image is None:
+        return read_materials(path, mesh)
+    channels = _channels(maps)
+    if len(channels) > 1:
+        raise OptionError(
+            f"high_texture, maps: {Path(image).name} is the image of one map, and "
+            f"{', '.join(channels)} are asked for; bake them one after the other"
+        )
+    if channels and len(CHANNELS[channels[0]].default) == 1:
+        check_gray(read_image(image, color=False), channels[0])
+    return Materials.of_image(mesh, image, *channels)

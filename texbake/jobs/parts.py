@@ -25,12 +25,14 @@ from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, why_missed
-from texbake.jobs.high_texture import check_high_texture, materials_of, needs_materials
 from texbake.jobs.maps import (
     DEFAULT_FORMAT,
     BakeFiles,
+    check_high_texture,
     check_map_files,
     clipping_warnings,
+    materials_of,
+    needs_materials,
     read_ray_image,
 )
 from texbake.jobs.outputs import JobResult, check_distinct

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together, check_folder, make_folder, scratch_folder
@@ -24,8 +27,8 @@ from texbake.jobs.outputs import (
     write_report,
 )
 from texbake.jobs.preview_scene import MeshMaps, open_preview
-from texbake.jobs.side_by_side import render_side_by_side, side_by_side_options
 from texbake.progress import ProgressSink, Stages
+from texbake.rendering.camera import Camera
 from texbake.rendering.contributions import Contribution, contributions_of
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
@@ -35,7 +38,7 @@ from texbake.rendering.plan import plan_report, plan_table
 from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.results import Costs
-from texbake.rendering.scene.scene import Scene, turntable_cameras
+from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
 from texbake.sampling.time_budget import BudgetClock, with_actual_time
 from texbake.texture.image import FloatImage, write_image
 
@@ -262,3 +265,45 @@ def write_turntable(
             frame.write(file, threads=threads)
             advance(1)
     return frame
+
+
+def side_by_side_options(
+    options: RenderOptions, choices: Mapping[str, Sequence[str]]
+) -> list[tuple[str, RenderOptions]]:
+    """Return options for every combination of choices by option name, each with a caption."""
+    several = {name: tuple(words) for name, words in choices.items() if words}
+    combined = []
+    for choice in product(*several.values()):
+        changes: dict[str, Any] = dict(zip(several, choice, strict=True))
+        combined.append((", ".join(choice), replace(options, **changes)))
+    return combined
+
+
+def render_side_by_side(
+    scene: Scene,
+    variants: Sequence[tuple[str, RenderOptions]],
+    *,
+    camera: Camera | None = None,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> tuple[FloatImage, list[Frame]]:
+    """Draw a scene with several options and one exposure, and put the pictures side by side.
+
+    Returns `color` (H, W, 3) float32, linear, with a caption below each picture.
+    """
+    frames = []
+    for _, options in variants:
+        prepared = prepare(scene, replace(options, exposure="none"), threads=threads)
+        frames.append(
+            draw_picture(prepared, camera or camera_of(scene, options), progress=progress)
+        )
+    if all(options.exposes for _, options in variants):
+        frames = expose(frames, variants[0][1], threads=threads)
+    from texbake.rendering.panels import Panel, side_by_side
+
+    panels = [
+        Panel(frame.color, caption, "")
+        for frame, (caption, _) in zip(frames, variants, strict=True)
+    ]
+    shown = np.ones(frames[0].coverage.shape, bool)
+    return side_by_side(panels, shown), frames

@@ -21,7 +21,6 @@ from texbake.baking.result import BakeResult, check_texels
 from texbake.files import (
     PathLike,
     appearing_together,
-    check_folder,
     check_writable,
     make_folder,
     replacing,
@@ -30,22 +29,19 @@ from texbake.files import (
 )
 from texbake.jobs.carried import (
     carried_channels,
-    compared_without,
     encoded_channels,
     image_names,
     image_of,
-    left_out,
     shared_materials,
 )
 from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
 from texbake.jobs.fit import explained
 from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.options import RunOptions
-from texbake.jobs.outputs import check_page, write_report
+from texbake.jobs.outputs import write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files import write_mesh
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
@@ -58,7 +54,6 @@ from texbake.raycast.orientation import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
-from texbake.texture.model_materials import model_materials
 
 if TYPE_CHECKING:
     from texbake.pages.asset_page import Plot
@@ -120,17 +115,18 @@ class RunResult:
         return [*worse, *self.missing, *notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
-        """Return rows of a label and a figure: the stages, and how closely the result matches."""
-        distance, baked = self.simplified.distance, self.baked.report
+        """Return rows of a label and a figure, how closely the result matches first."""
+        faces = ("faces", f"{self.high.n_faces:,} to {self.low.n_faces:,}")
+        return [faces, *self._match(), *self._texture()]
+
+    def page_table(self) -> list[tuple[str, str]]:
+        """Return the rows of the page, which shows the pictures first."""
+        return [*self._texture(), *self._match(), ("Bake", ""), *self.baked.report.table()]
+
+    def _match(self) -> list[tuple[str, str]]:
+        distance = self.simplified.distance
         compared = [] if self.comparison is None else comparison_table(self.comparison)
         return [
-            ("Stages", ""),
-            *((f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages),
-            ("  total", f"{sum(stage.seconds for stage in self.stages):.2f} s"),
-            *_sampling_rows(self.baked),
-            ("Texture", ""),
-            *([("  objects", baked.objects)] if baked.n_objects else []),
-            ("  charts", f"{self.unwrapped.n_charts:,}, padding {self.unwrapped.options.padding}"),
             ("Compared with the high-poly mesh", ""),
             *((f"  {label}", figures) for label, figures in compared),
             (
@@ -138,6 +134,15 @@ class RunResult:
                 f"RMS {100 * distance.rms_relative:.3f} %, "
                 f"maximum {100 * distance.max_relative:.3f} % of the diagonal",
             ),
+        ]
+
+    def _texture(self) -> list[tuple[str, str]]:
+        baked = self.baked.report
+        return [
+            *_sampling_rows(self.baked),
+            ("Texture", ""),
+            *([("  objects", baked.objects)] if baked.n_objects else []),
+            ("  charts", f"{self.unwrapped.n_charts:,}, padding {self.unwrapped.options.padding}"),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -333,29 +338,6 @@ def _compared(
     return comparison
 
 
-@appearing_together()
-def run_files(
-    high: PathLike,
-    folder: PathLike,
-    options: RunOptions | None = None,
-    *,
-    html: PathLike | None = None,
-    command: str = "",
-    progress: ProgressSink | None = None,
-) -> RunResult:
-    """Do the whole job on a mesh file; see `run`."""
-    options = options or RunOptions()
-    check_page(html)
-    check_folder(folder)
-    with parsed_once():
-        mesh = read_mesh(high, progress=progress)
-        materials = model_materials(high, mesh)
-        without = left_out(high)
-    result = run(mesh, folder, options, materials=materials, progress=progress)
-    result = replace(result, missing=(*without, *compared_without(high, materials)))
-    return result if html is None else with_page(result, html, options, command=command)
-
-
 def with_page(
     result: RunResult,
     html: PathLike,
@@ -373,7 +355,7 @@ def with_page(
         baked=result.baked,
         comparison=result.comparison,
         stages=result.stages,
-        figures=[*result.table(), ("Bake", ""), *result.baked.report.table()],
+        figures=result.page_table(),
         warnings=result.warnings,
         command=command,
         picture=options.render_options(),

@@ -49,7 +49,7 @@ SECTIONS = {
     "Assets of many parts": ("more_high", "more_low", *_PARTS, "dry_run"),
     "Files and resources": (
         *("fill", "bake_island", "name_pattern", "hits", "html", "report"),
-        *("max_memory", "threads", "quiet", "progress"),
+        *("max_memory", "threads", "quiet", "verbose", "progress"),
     ),
 }
 

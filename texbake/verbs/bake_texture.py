@@ -14,7 +14,7 @@ from texbake.errors import OptionError, counted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.schema import Option
-from texbake.verbs.step import FORMAT_OF_IMAGE, READ_FACE, Job, n_faces, n_texels, step_of
+from texbake.verbs.step import FORMAT_OF_IMAGE, READ_FACE, n_faces, n_texels, step_of
 from texbake.verbs.verb import BITS, REPORT, THREADS, Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
@@ -211,20 +211,12 @@ class BakeTextureStep(SolidOptions):
     format: Annotated[str, FORMAT_OF_IMAGE] = "png"
 
 
-def _step(job: Job) -> dict[str, Any]:
-    options: BakeTextureStep = STEP.made(job.settings, threads=job.threads)
-    done = bake_texture_files(
-        job.file("mesh"), job.outputs["texture"], options, data=options.data, bits=options.bits
-    )
-    return {"notes": list(done.warnings)}
-
-
 STEP = step_of(
     bake_texture_files,
     does="bakes a procedure, such as marble, into a texture",
     options=BakeTextureStep,
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
-    run=_step,
+    figures=lambda done: {"notes": list(done.warnings)},
     memory=lambda settings, sizes: (
         PROCESS + READ_FACE * n_faces(sizes, "mesh") + TEXEL * n_texels(settings)
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from texbake.files import PathLike
-from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.options import LightenOptions
 from texbake.verbs.verb import PAGE, REPORT, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from texbake.baking.memory import MB, PROCESS
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult
 from texbake.texture.options import MipOptions
-from texbake.verbs.step import Job, n_bytes, step_of
+from texbake.verbs.step import n_bytes, step_of
 from texbake.verbs.verb import THREADS, Options, Reads, Writes, verb
 
 
@@ -46,19 +46,12 @@ def mipmap_files(
     return JobResult(files=files, report=len(files))
 
 
-def _step(job: Job) -> dict[str, int]:
-    folder = job.outputs["levels"]
-    folder.mkdir()
-    options = STEP.made(job.settings)
-    return {"levels": mipmap_files(job.file("image"), folder, options, threads=job.threads).report}
-
-
 STEP = step_of(
     mipmap_files,
     does="makes the mip levels of an image",
     without=(),
     outputs=lambda settings: {"levels": "levels"},
-    run=_step,
+    figures=lambda done: {"levels": done.report},
     # Per byte of a compressed image: decoded, with mip levels.
     memory=lambda settings, sizes: PROCESS + 64 * MB + 60 * n_bytes(sizes, "image"),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from texbake.errors import counted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.texture.options import NormalToHeightOptions
@@ -75,8 +76,8 @@ def normal_to_height_file(
     warnings: tuple[str, ...] = ()
     if field.n_steep:
         warnings = (
-            f"{normal}: {field.n_steep:,} normals are too steep for heights and were limited to a "
-            "slope of 100",
+            f"{normal}: the slope of {counted(field.n_steep, 'normal')} was limited to 100; "
+            "steeper ones have no heights",
         )
     report = HeightMapReport(field, mid, scale)
     return JobResult(files=present_paths(output), report=report, warnings=warnings)

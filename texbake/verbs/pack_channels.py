@@ -6,14 +6,14 @@ occlusion, roughness and metallic as red, green and blue.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import MB, PROCESS
+from texbake.baking.options import BITS_OPTION
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.jobs.options import PackChannelsOptions
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import DECODED, FORMAT_OF_IMAGE, Job, Settings, Sizes, n_bytes, step_of
@@ -21,6 +21,14 @@ from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, ver
 
 if TYPE_CHECKING:
     from texbake.texture.image import FloatImage, Image
+
+
+@dataclass(frozen=True, kw_only=True)
+class PackChannelsOptions(CheckedOptions):
+    """How `pack_channel_files` writes its image."""
+
+    bits: Annotated[int | None, replace(BITS_OPTION, default="those of the images")] = None
+
 
 COLORS = ("red", "green", "blue", "alpha")
 _LETTERS = "rgba"

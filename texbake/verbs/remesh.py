@@ -31,7 +31,6 @@ def _table(done: JobResult[RemeshReport]) -> Rows:
             f"RMS {distance.rms:.4g} ({100 * distance.rms / diagonal:.3f} % of the diagonal), "
             f"greatest {distance.max:.4g} ({100 * distance.max / diagonal:.3f} %)",
         ),
-        ("time", f"{report.seconds:.2f} s"),
     ]
 
 

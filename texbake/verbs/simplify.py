@@ -37,7 +37,6 @@ def _table(done: JobResult[SimplifyReport]) -> Rows:
             f"RMS {distance.rms:.4g} ({100 * distance.rms_relative:.3f} % of the diagonal), "
             f"greatest {distance.max:.4g} ({100 * distance.max_relative:.3f} %)",
         ),
-        ("time", f"{report.seconds:.2f} s"),
     ]
 
 

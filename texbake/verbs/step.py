@@ -182,10 +182,12 @@ def step_of(
             for role, part in parts.items()
             if role in job.inputs
         }
-        alone = {"threads": job.threads, "mtl": False}
+        alone = {**job.settings, "threads": job.threads, "mtl": False}
         given |= {name: value for name, value in alone.items() if name in verb.parameters}
+        named = {item.name for item in fields(base)} - given.keys()
+        threads = {"threads": job.threads} if "threads" in named else {}
         (output,) = job.outputs.values()
-        done = function(**given, output=output, options=kind.made(job.settings))
+        done = function(**given, output=output, options=kind.made(job.settings, **threads))
         assert figures is not None
         return figures(done)
 

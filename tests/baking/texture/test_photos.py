@@ -279,7 +279,7 @@ def test_unseen_texels_are_filled_and_reported() -> None:
     result = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], options)
     np.testing.assert_allclose(result.values, np.broadcast_to(RED, result.values.shape), atol=1e-6)
     report = result.report
-    assert any("in no photograph" in warning for warning in report.warnings)
+    assert any("no photograph shows" in warning for warning in report.warnings)
     assert dict(report.table())["texels unseen"].startswith(f"{report.texels_unseen:,} ")
     assert report.to_json()["photos"][0]["texels_seen"] == result.has_color.sum()
     picture = result.unseen_map()

@@ -38,7 +38,7 @@ from invariance.quantities import (
 
 import texbake
 from texbake.checks.report import CheckReport
-from texbake.jobs.export.levels import share_elsewhere
+from texbake.jobs.export.export import share_elsewhere
 from texbake.mesh.normals import face_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.tangents import corner_tangents
 from texbake.raycast.orientation import oriented

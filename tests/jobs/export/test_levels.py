@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError, UvError
-from texbake.jobs.export.export import export_asset
-from texbake.jobs.export.levels import share_elsewhere
+from texbake.jobs.export.export import export_asset, share_elsewhere
 from texbake.jobs.export.options import ExportOptions
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap

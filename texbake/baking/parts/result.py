@@ -183,8 +183,6 @@ class PartsReport:
                 )
             )
         rows.append(("sets of maps", ", ".join(map(target_name, self.targets)) if several else "1"))
-        rows += [(f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages]
-        rows.append(("total", f"{sum(stage.seconds for stage in self.stages):.2f} s"))
         return rows
 
     def to_json(self) -> dict[str, Any]:

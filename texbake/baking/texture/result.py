@@ -84,8 +84,8 @@ class TextureReport:
         checks = [
             (
                 self.texels_unseen,
-                f"{self.texels_unseen:,} texels ({self.unseen_percent:.2f} %) are in no photograph "
-                f"and are {filled}; see them with `unseen_map`",
+                f"no photograph shows {counted(self.texels_unseen, 'texel')} "
+                f"({self.unseen_percent:.2f} %), {filled}; see them with `unseen_map`",
             ),
             (
                 self.texels_overlapping,
@@ -121,15 +121,14 @@ class TextureReport:
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
             ("texels unseen", f"{self.texels_unseen:,} ({self.unseen_percent:.2f} %)"),
         ]
-        rows += [
+        photos = [
             (
                 f"  {photo.name}",
                 f"{counted(photo.texels_seen, 'texel')}, {photo.percent:.1f} % of the color",
             )
             for photo in self.photos
         ]
-        rows += [(f"  {stage.name}", f"{stage.seconds:.2f} s") for stage in self.stages]
-        return [*rows, ("total", f"{self.seconds:.2f} s")]
+        return [*rows, *photos]
 
     def to_json(self) -> dict[str, Any]:
         """All figures as plain values for `json.dump`."""

@@ -12,25 +12,29 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, make_folder, replacing, scratch_folder
 from texbake.jobs.export.converting import Converter
-from texbake.jobs.export.levels import check_levels
 from texbake.jobs.export.options import ExportOptions
 from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
 from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, source_maps
 from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
+from texbake.mesh.distance import sample_surface
 from texbake.mesh.files import write_mesh
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.transform import Y_FROM_Z
+from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import read_image
 from texbake.texture.layers import write_layers
@@ -214,3 +218,59 @@ def _write_layers(sources: Sequence[SourceMap], path: Path, options: ExportOptio
         fits_half = image.bits == 8 or (image.is_float and image.bits == 16)
         images[name] = replace(source.of_channel(image), bits=16 if fits_half else 32)
     write_layers(images, path)
+
+
+_SAMPLES = 2_000  # points on a level
+# A level made from the finest takes nearly all its points to the same place of the texture. Another
+# atlas takes next to none within a tenth of its width.
+_FAR, _MOST_FAR = 0.1, 0.5
+
+
+def check_levels(levels: Sequence[Mesh], *, threads: int | None = None) -> None:
+    """Check that levels of detail become coarser, and that one set of maps fits all of them."""
+    _check_layouts(levels, threads)
+    for fine, coarse in pairwise(levels):
+        if coarse.n_faces >= fine.n_faces:
+            raise OptionError(
+                f"levels: {coarse.name} has {coarse.n_faces:,} triangles, no fewer than "
+                f"{fine.name} before it, which has {fine.n_faces:,}; give the levels from the "
+                "finest to the coarsest, each once"
+            )
+
+
+def _check_layouts(levels: Sequence[Mesh], threads: int | None) -> None:
+    mapped = next((level for level in levels if level.uvs is not None), None)
+    bare = next((level for level in levels if level.uvs is None), None)
+    if mapped is None:
+        return
+    if bare is not None:
+        raise UvError(
+            f"{bare.name}: it has no texture coordinates, and {mapped.name} has; levels of detail "
+            "share one set: unwrap the finest, and simplify that with seams kept"
+        )
+    for level in levels[1:]:
+        share = share_elsewhere(level, levels[0], threads=threads)
+        if share > _MOST_FAR:
+            raise UvError(
+                f"{level.name}: its texture coordinates are laid out differently from those of "
+                f"{levels[0].name}, at {100 * share:.0f} % of its surface; levels of detail share "
+                "one set: unwrap the finest, and simplify that with seams kept"
+            )
+
+
+def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) -> float:
+    """Share of a level's surface that has another place in the texture than the finest level.
+
+    Both have texture coordinates and lie in one space.
+    """
+    assert level.uvs is not None and level.uv_faces is not None
+    assert finest.uvs is not None and finest.uv_faces is not None
+    frame = LocalFrame.around(finest)
+    tree = TriangleTree.build(frame.to_local(finest.positions), finest.faces, threads=threads)
+    local = level.replace(positions=frame.to_local(level.positions))
+    points, face_ids, weights = sample_surface(local, _SAMPLES, threads=threads)
+    _, nearest, nearest_weights = tree.closest_points(points, threads=threads)
+    here = pm.vecmat(weights, level.uvs[level.uv_faces[face_ids]])
+    there = pm.vecmat(nearest_weights, finest.uvs[finest.uv_faces[nearest]])
+    width = np.ptp(finest.uvs[finest.uv_faces.ravel()], axis=0).max()
+    return float((pm.hypot(*(here - there).T) > _FAR * width).mean())

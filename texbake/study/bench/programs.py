@@ -76,7 +76,7 @@ class Program:
         path = stem.with_suffix(_SUFFIXES[task])
         if not self.runner:
             words, path = _texbake_words(job, path)
-            start = "from texbake_cli.main import main; main()"
+            start = "from texbake_cli import run; run()"
             return [sys.executable, "-P", "-c", start, *words], Product(
                 path, self.forms.get(task, "")
             )
