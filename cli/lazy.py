@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from .failures import failures_as_one_line
+from .messages import COMMAND
 
 # Each with the first sentence of its help, so that the list of commands imports none of them.
 GROUPS = {
@@ -68,13 +69,7 @@ GROUPS = {
 }
 """The commands, by purpose."""
 
-_COMMAND = "texbake.command"
 COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
-
-
-def command_line() -> str:
-    """Return the running command for a shell, as pages show it; "" if it has no arguments."""
-    return str(click.get_current_context().meta.get(_COMMAND, ""))
 
 
 class LazyGroup(click.Group):
@@ -118,7 +113,7 @@ class LazyGroup(click.Group):
         words = list(args)  # parsing empties it
         with failures_as_one_line():
             context = super().make_context(info_name, args, parent, **extra)
-        context.meta[_COMMAND] = shlex.join([context.info_name or "texbake", *words])
+        context.meta[COMMAND] = shlex.join([context.info_name or "texbake", *words])
         return context
 
     def invoke(self, ctx: click.Context) -> Any:

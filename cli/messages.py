@@ -15,6 +15,7 @@ import click
 from texbake import OptionError
 
 _QUOTED = re.compile(r"`(\w+)(?:=([^`\s]+))?`")
+COMMAND = "texbake.command"  # where the context keeps the command line
 _FALSE, _QUOTES = "False", "\"'"
 
 
@@ -85,3 +86,8 @@ def _escape(character: str) -> str:
     if 0xDC80 <= code <= 0xDCFF:  # a byte of a file name
         code -= 0xDC00
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+
+
+def command_line() -> str:
+    """Return the running command for a shell, as pages show it; "" if it has no arguments."""
+    return str(click.get_current_context().meta.get(COMMAND, ""))

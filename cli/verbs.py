@@ -13,7 +13,7 @@ import click
 from texbake.schema import option_fields
 from texbake.verbs.verb import Extra, Options, Reads, Verb, Writes, paths_of
 
-from .lazy import command_line
+from .messages import command_line
 from .options import (
     FOLDER,
     IMAGE_SUFFIXES,

@@ -11,7 +11,7 @@ import texbake
 from texbake import BuildOptions
 
 from ..building import print_result, shown
-from ..lazy import command_line
+from ..messages import command_line
 from ..options import build_options
 from ..signals import FAILED
 from ..terminal import Terminal, columns, terminal_options

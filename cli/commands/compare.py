@@ -8,7 +8,7 @@ import click
 
 import texbake
 
-from ..lazy import command_line
+from ..messages import command_line
 from ..options import (
     html_option,
     image_option,

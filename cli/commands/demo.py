@@ -9,7 +9,7 @@ import click
 
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions
 
-from ..lazy import command_line
+from ..messages import command_line
 from ..options import html_option, options_of, output_folder
 from ..terminal import Terminal, terminal_options
 

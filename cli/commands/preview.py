@@ -12,7 +12,7 @@ from click.core import ParameterSource
 from texbake import RenderOptions
 from texbake.schema import option_field
 
-from ..lazy import command_line
+from ..messages import command_line
 from ..options import (
     IMAGE_SUFFIXES,
     MESH_SUFFIXES,

@@ -9,16 +9,25 @@ from unittest.mock import patch
 
 import numpy as np
 from drawn import Drawn
+from texbake.baking.remap import remap_hits
 
 import texbake as tb
 from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
+from texbake.baking.texture.options import PhotoOptions, SolidOptions
+from texbake.baking.texture.photo import Photo, PhotoCamera
+from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.solid import bake_solid
 from texbake.mapping.atlas.cutting import cut
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.options import METHODS
 from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh import decimate
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.normals import vertex_curvatures
 from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.mesh.streamed.mesh import open_streamed
+from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.mesh.wrapping import remesh_with_few_tunnels
@@ -36,10 +45,10 @@ SIZES = (1, 2, 7, 16, 33, 64)
 def surface(drawn: Drawn) -> None:
     """Normals, curvatures, tangents and topology; rows that are equal."""
     mesh = drawn.mesh(most=40)
-    tb.vertex_curvatures(mesh)
+    vertex_curvatures(mesh)
     tb.mesh_info(mesh)
     if mesh.uvs is not None:
-        tb.corner_tangents(mesh)
+        corner_tangents(mesh)
     weld_rows(drawn.floats(1 + drawn.below(40), 1 + drawn.below(4)))
 
 
@@ -156,7 +165,7 @@ def described(drawn: Drawn, mesh: tb.Mesh) -> None:
     overlap_layers(corners, drawn.indices(3, mesh.n_faces), depth=drawn.pick((0.0, 1e-9, 0.1)))
     size, heat = drawn.pick(SIZES), drawn.flag()
     tb.draw_layout(mesh, size, heat=heat)
-    tb.layout_svg(mesh, size, heat=heat)
+    layout_svg(mesh, size, heat=heat)
 
 
 def rays(drawn: Drawn) -> None:
@@ -214,7 +223,7 @@ def bake(drawn: Drawn) -> None:
         mask = drawn.floats(3, 4, extreme=False) / 4.0 if drawn.rarely(4) else None
         result = tb.bake(high, low, options, cage=cage, materials=materials, skew_mask=mask)
     if result.hits is not None:
-        tb.remap_hits(result, tb.BakeOptions(maps=("normal", "displacement")))
+        remap_hits(result, tb.BakeOptions(maps=("normal", "displacement")))
     with tempfile.TemporaryDirectory() as folder:
         for name in options.maps:
             result.maps[name].write(Path(folder) / "map.png", bits=drawn.pick((8, 16)))
@@ -232,21 +241,21 @@ def low_poly(drawn: Drawn) -> tb.Mesh:
     return mesh.replace(uvs=uvs, uv_faces=drawn.indices(n, mesh.n_faces, 3))
 
 
-def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> tb.Materials:
+def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> Materials:
     """Return materials with images in a few of their channels."""
     tb.write_image(drawn.rng().random((3, 4, 3)).astype(np.float32), folder / "image.png")
     placing = tuple(map(tuple, drawn.floats(2, 3, extreme=drawn.flag()).tolist()))
     wraps = (drawn.pick(WRAPS), drawn.pick(WRAPS))
     data = (folder / "image.png").read_bytes()
-    image = tb.ChannelImage(data, placing=placing, wraps=wraps, is_nearest=drawn.flag())
+    image = ChannelImage(data, placing=placing, wraps=wraps, is_nearest=drawn.flag())
     channels = {
-        "normal": tb.ChannelSource((1.0,), image),
-        "base-color": tb.ChannelSource((1.0, 0.5, 0.0), image),
-        "roughness": tb.ChannelSource((1.0,), replace(image, components=(1,))),
+        "normal": ChannelSource((1.0,), image),
+        "base-color": ChannelSource((1.0, 0.5, 0.0), image),
+        "roughness": ChannelSource((1.0,), replace(image, components=(1,))),
     }
-    materials = (tb.MeshMaterial(name="a", channels=channels), tb.MeshMaterial(name="b"))
+    materials = (MeshMaterial(name="a", channels=channels), MeshMaterial(name="b"))
     ids = drawn.indices(2, mesh.n_faces)
-    return tb.Materials(face_materials=ids, materials=materials)
+    return Materials(face_materials=ids, materials=materials)
 
 
 def cage(drawn: Drawn) -> None:
@@ -272,18 +281,16 @@ def paint(drawn: Drawn) -> None:
     if drawn.flag():
         names = ("procedure", "fill", "samples")
         scale = drawn.pick((None, 1e-300, 1e300, (1.0, 2.0, 0.5)))
-        tb.bake_solid(mesh, drawn.options(tb.SolidOptions, *names, size=size, scale=scale))
+        bake_solid(mesh, drawn.options(SolidOptions, *names, size=size, scale=scale))
         return
     far = drawn.pick((1.0, 1e-9, 1e9, 1e30))
     position, target = (tuple((far * drawn.floats(3, extreme=False)).tolist()) for _ in range(2))
     up = tuple(drawn.floats(3, extreme=False).tolist())
     image = drawn.image(channels=(1, 3, 4))
     if drawn.flag():
-        photo = tb.Photo(
-            image=image, camera=tb.PhotoCamera(position=position, target=target, up=up)
-        )
+        photo = Photo(image=image, camera=PhotoCamera(position=position, target=target, up=up))
     else:
         uvs = drawn.floats(4, 2)
         mapped = mesh.replace(uvs=uvs, uv_faces=drawn.indices(4, mesh.n_faces, 3))
-        photo = tb.Photo(image=image, mapped=mapped)
-    tb.bake_photos(mesh, [photo], tb.PhotoOptions(size=size, samples=4))
+        photo = Photo(image=image, mapped=mapped)
+    bake_photos(mesh, [photo], PhotoOptions(size=size, samples=4))
