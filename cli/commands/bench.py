@@ -64,7 +64,7 @@ def bench(
         timeout=timeout,
         quick=quick,
     )
-    from texbake.study.bench.job import bench_files, bench_rows
+    from texbake.study.bench.run import bench_files, bench_rows
 
     with terminal.progress() as progress:
         done = bench_files(output, options, high=high, low=low, progress=progress)

@@ -59,7 +59,7 @@ def study(
         quick=quick,
         threads=threads,
     )
-    from texbake.study.job import study_files, study_rows
+    from texbake.study.study import study_files, study_rows
 
     with terminal.progress() as progress:
         done = study_files(output, options, high=high, low=low, scene=scene, progress=progress)

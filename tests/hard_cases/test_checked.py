@@ -8,7 +8,7 @@ import pytest
 import texbake
 from texbake.errors import MeshError
 from texbake.study.case import Case as StudyCase
-from texbake.study.knobs import knob_named
+from texbake.study.knob import knob_named
 from texbake.study.options import StudyOptions
 from texbake.study.study import run_study
 

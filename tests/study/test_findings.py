@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from texbake.study.findings import findings, savings, seconds_for
-from texbake.study.knob import Judgment, Knob, Setting
+from texbake.study.findings import findings, seconds_for, speedups
+from texbake.study.knob import Evaluation, Knob, Setting
 from texbake.study.result import KnobResult, Measurement
 
 
 def result(baseline="fixed"):
-    knob = Knob("k", "K", "about", "error", "°", "angle", "nothing", lambda case: None, baseline)
+    knob = Knob("k", "K", "about", "error", "°", "angle", lambda case: None, baseline)
 
     def item(label, series, seconds, error):
-        return Measurement(Setting(label, label, series), Judgment(error), (seconds,), None)
+        return Measurement(Setting(label, label, series), Evaluation(error), (seconds,), None)
 
     items = (
         item("1", "fixed", 1.0, 8.0),
@@ -27,7 +27,7 @@ def result(baseline="fixed"):
 
 def test_between_two_settings_error_falls_as_a_power_of_time():
     """From 4 to 1/4 in four times the time: an error of 1 lies half way, at twice the time."""
-    found = {item.setting.setting.label: item for item in savings(result())}
+    found = {item.setting.setting.label: item for item in speedups(result())}
     assert list(found) == ["1", "4", "16"]  # nothing adaptive reaches 64 samples
     assert found["16"].share == pytest.approx(4.0 / 16.0)
     assert not found["16"].is_most
@@ -38,7 +38,7 @@ def test_the_page_says_so_in_a_sentence():
     assert "“adaptive” reaches the 1° of “16” in 0.25 of its time (interpolated)." in findings(
         result()
     )
-    assert savings(result(baseline="")) == []
+    assert speedups(result(baseline="")) == []
 
 
 def test_slower_and_worse_points_change_nothing():

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from texbake.study.case import Case
-from texbake.study.knob import TRUTHS, Knob, Unfit
-from texbake.study.knobs import MODULES, knob_named
+from texbake.study.knob import TRUTHS, Knob, NotApplicable, knob_named
 from texbake.study.knobs.bumps import forward_normals
-from texbake.study.options import KNOB_NAMES
+from texbake.study.options import KNOB_MODULES, KNOB_NAMES
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import (
     texel_grid,
@@ -34,14 +33,14 @@ def errors(quick_study):
 def test_every_knob_of_every_module_is_in_the_list():
     folder = Path(import_module("texbake.study.knobs").__file__).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    assert modules == set(MODULES.values())
+    assert modules == set(KNOB_MODULES.values())
     knobs = {
         value.name
         for module in modules
         for value in vars(import_module(f"texbake.study.knobs.{module}")).values()
         if isinstance(value, Knob)
     }
-    assert knobs == set(MODULES) == set(KNOB_NAMES)
+    assert knobs == set(KNOB_NAMES)
     assert [knob_named(name).name for name in KNOB_NAMES] == list(KNOB_NAMES)
 
 
@@ -192,7 +191,7 @@ def test_a_high_poly_mesh_with_fewer_triangles_than_any_setting_does_not_fit():
     from texbake.mesh.shapes import cube
 
     unfit = knob_named("low-poly").prepare(Case(cube(), cube()))
-    assert isinstance(unfit, Unfit)
+    assert isinstance(unfit, NotApplicable)
     assert "has 12 triangles, too few" in unfit.reason
 
 

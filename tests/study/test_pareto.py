@@ -6,7 +6,7 @@ import random
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.study.result import knee, pareto_front, payoff
+from texbake.study.result import convergence_order, knee, pareto_front
 
 times_and_errors = st.lists(
     st.tuples(st.floats(0.001, 1000.0), st.floats(0.0, 1000.0)), max_size=30
@@ -41,12 +41,12 @@ def test_equal_points_are_on_the_front_once_and_what_is_not_finite_never():
 
 @pytest.mark.parametrize("p", [0.25, 0.5, 1.0, 2.0])
 def test_payoff_is_the_exponent_of_a_power_law(p):
-    assert payoff((2.0, 2.0**-p), (32.0, 32.0**-p)) == pytest.approx(p, rel=1e-12)
+    assert convergence_order((2.0, 2.0**-p), (32.0, 32.0**-p)) == pytest.approx(p, rel=1e-12)
 
 
 def test_a_free_or_perfect_step_pays_without_bound():
-    assert payoff((1.0, 2.0), (1.0, 1.0)) == math.inf
-    assert payoff((1.0, 2.0), (9.0, 0.0)) == math.inf
+    assert convergence_order((1.0, 2.0), (1.0, 1.0)) == math.inf
+    assert convergence_order((1.0, 2.0), (9.0, 0.0)) == math.inf
 
 
 def test_the_knee_of_two_power_laws_is_where_they_meet():

@@ -9,7 +9,7 @@ import pytest
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.shapes import cube, plane
 from texbake.study.findings import findings, spread
-from texbake.study.knob import Judgment, Knob, Setting
+from texbake.study.knob import Evaluation, Knob, Setting
 from texbake.study.options import KNOB_NAMES, StudyOptions
 from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
 from texbake.study.study import run_study
@@ -18,11 +18,11 @@ from texbake.study.write import write_study
 
 def measured(label, seconds, error, problem=""):
     setting = Setting(label, None, problem=problem)
-    return Measurement(setting, Judgment(error), tuple(seconds), 1000)
+    return Measurement(setting, Evaluation(error), tuple(seconds), 1000)
 
 
 def result_of(*measurements):
-    knob = Knob("k", "K", "", "error", "°", "angle", "nothing", prepare=lambda case: None)
+    knob = Knob("k", "K", "", "error", "°", "angle", prepare=lambda case: None)
     return KnobResult(knob, "s", "converged", "", measurements)
 
 

@@ -5,9 +5,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from texbake.study.knob import Bench, Judgment, Setting
-from texbake.study.result import Measurement
-from texbake.study.runner import run_bench, with_peak_memory
+from texbake.study.knob import Evaluation, Experiment, Setting
+from texbake.study.runner import run_experiment, with_peak_memory
 
 MB = 1 << 20
 
@@ -32,14 +31,14 @@ class Machine:
     def judge(self, name, product):
         self.now += 1000.0  # must count nowhere
         self.judged.append((name, product))
-        return Judgment(error=float(len(name)))
+        return Evaluation(error=float(len(name)))
 
     def run(self, **options):
-        bench = Bench(
+        bench = Experiment(
             "nothing", "closed form", "", tuple(Setting(n, n) for n in self.lengths),
             self.work, self.judge,
         )  # fmt: skip
-        return run_bench(bench, clock=self.clock, **options)
+        return run_experiment(bench, clock=self.clock, **options)
 
 
 def test_each_round_has_every_setting_once_in_a_changing_order():
@@ -64,11 +63,10 @@ def test_the_order_is_the_same_in_every_run_and_another_with_another_seed():
 def test_only_the_work_is_timed_and_the_first_run_is_not_counted():
     machine = Machine({"slow": [50.0, 3.0, 1.0, 2.0], "fast": [0.5]})
     slow, fast = machine.run(repeats=3, seconds=100.0)
-    assert slow.seconds == pytest.approx([3.0, 1.0, 2.0])
-    assert fast.seconds == pytest.approx([0.5, 0.5, 0.5])
-    measured = Measurement.of(slow)
-    assert measured.median == pytest.approx(2.0)
-    report = measured.to_json()
+    assert slow.seconds == pytest.approx((3.0, 1.0, 2.0))
+    assert fast.seconds == pytest.approx((0.5, 0.5, 0.5))
+    assert slow.median == pytest.approx(2.0)
+    report = slow.to_json()
     assert (report["seconds_min"], report["seconds_max"]) == pytest.approx((1.0, 3.0))
 
 
@@ -107,11 +105,11 @@ def test_memory_is_that_of_a_run_in_which_nothing_is_loaded_any_more():
             loaded.append(bytearray(64 << 20))  # stays, as a compiled kernel does
         return name
 
-    bench = Bench(
+    bench = Experiment(
         "nothing", "closed form", "", (Setting("a", "a"), Setting("b", "b")), work,
-        lambda name, product: Judgment(error=1.0),
+        lambda name, product: Evaluation(error=1.0),
     )  # fmt: skip
-    for trial in run_bench(bench, repeats=2, seconds=1.0):
+    for trial in run_experiment(bench, repeats=2, seconds=1.0):
         assert trial.peak_bytes is None or trial.peak_bytes < 16 << 20
 
 

@@ -17,8 +17,7 @@ from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
 from texbake.rendering.scene.scene import Scene
-from texbake.study.truth.implicit import Surface
-from texbake.study.truth.surfaces import orange_surface, rippled_surface
+from texbake.study.truth.surfaces import Surface, orange_surface, rippled_surface
 
 _ORANGE_TRIANGLES = 500_000
 _QUICK_LEVEL = 5  # of an icosphere, 20,480 triangles

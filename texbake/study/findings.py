@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from texbake.core import portable_math as pm
 from texbake.pages.page import duration, number
-from texbake.study.result import KnobResult, Measurement, pareto_front, payoff
+from texbake.study.result import KnobResult, Measurement, convergence_order, pareto_front
 
 
 def amount(x: float, unit: str) -> str:
@@ -69,7 +69,7 @@ def _against_baseline(result: KnobResult) -> list[str]:
         f"“{saving.series}” reaches the {amount(saving.setting.error, result.knob.unit)} of "
         f"“{saving.setting.setting.label}” in {'at most ' if saving.is_most else ''}"
         f"{number(saving.share)} of its time{'' if saving.is_most else ' (interpolated)'}."
-        for saving in savings(result)
+        for saving in speedups(result)
     ]
 
 
@@ -89,7 +89,7 @@ def next_step(result: KnobResult, best: int) -> str:
         return "end of the range"
     here, there = (result.measurements[i] for i in (best, rest[0]))
     share = 100.0 * (1.0 - there.error / here.error) if here.error > 0.0 else 0.0
-    power = payoff(here.point, there.point)
+    power = convergence_order(here.point, there.point)
     assert power < math.inf
     return (
         f"{there.setting.label}: −{number(share)} % error for "
@@ -98,7 +98,7 @@ def next_step(result: KnobResult, best: int) -> str:
 
 
 @dataclass(frozen=True)
-class Saving:
+class Speedup:
     """A series that reaches the error of a setting of the baseline, in less or more time."""
 
     series: str  # the series
@@ -107,7 +107,7 @@ class Saving:
     is_most: bool  # whether it takes that share at most: its fastest setting is already as accurate
 
 
-def savings(result: KnobResult) -> list[Saving]:
+def speedups(result: KnobResult) -> list[Speedup]:
     """Compare each other series of a knob with every setting of its baseline that it matches."""
     baseline = result.knob.baseline
     series = dict.fromkeys(item.setting.series for item in result.measurements)
@@ -120,7 +120,7 @@ def savings(result: KnobResult) -> list[Saving]:
             seconds = seconds_for(points, item.error) if item.setting.series == baseline else None
             if seconds is not None:
                 is_most = seconds == min(points)[0]
-                matches.append(Saving(name, item, seconds / item.median, is_most))
+                matches.append(Speedup(name, item, seconds / item.median, is_most))
     return matches
 
 

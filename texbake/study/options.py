@@ -9,26 +9,27 @@ from texbake.baking.options import THREADS_OPTION
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, Option
 
-# In the order in which they are studied and shown.
-KNOB_NAMES = (
-    "texture-size",
-    "samples",
-    "bit-depth",
-    "map-kind",
-    "ray-direction",
-    "low-poly",
-    "atlas-quality",
-    "bump-gradient",
-    "bump-form",
-    "bump-light",
-    "surface-detail",
-    "tessellation",
-    "texture-lookup",
-    "interpolation",
-    "environment",
-    "shadow-map",
-    "noise",
-)
+# In the order in which they are studied and shown, each with its module in `knobs`.
+KNOB_MODULES = {
+    "texture-size": "baked_maps",
+    "samples": "baked_maps",
+    "bit-depth": "baked_maps",
+    "map-kind": "map_kinds",
+    "ray-direction": "low_poly_mesh",
+    "low-poly": "low_poly_mesh",
+    "atlas-quality": "low_poly_mesh",
+    "bump-gradient": "bumps",
+    "bump-form": "bumps",
+    "bump-light": "bumps",
+    "surface-detail": "displacement",
+    "tessellation": "displacement",
+    "texture-lookup": "textures",
+    "interpolation": "textures",
+    "environment": "lighting",
+    "shadow-map": "lighting",
+    "noise": "textures",
+}
+KNOB_NAMES = tuple(KNOB_MODULES)
 
 REPEATS_OPTION = Option("Number of timed runs of each setting.", metavar="N", low=1)
 SECONDS_OPTION = Option(

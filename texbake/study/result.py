@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from texbake.core import portable_math as pm
-from texbake.study.knob import Judgment, Knob, Setting
+from texbake.study.knob import Evaluation, Knob, Setting
 from texbake.study.options import StudyOptions
-from texbake.study.runner import Trial
 
 # A step pays off if four times the time at least halves the error.
 PAYS = 0.5
@@ -40,12 +39,12 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def payoff(a: tuple[float, float], b: tuple[float, float]) -> float:
+def convergence_order(a: tuple[float, float], b: tuple[float, float]) -> float:
     """Return the exponent p of the step from a point of a front to a later one; inf if free.
 
     Examples
     --------
-    >>> payoff((1.0, 8.0), (4.0, 4.0))
+    >>> convergence_order((1.0, 8.0), (4.0, 4.0))
     0.5
     """
     if b[1] <= 0.0 or b[0] <= a[0]:
@@ -62,28 +61,20 @@ def knee(points: Sequence[tuple[float, float]], front: Sequence[int]) -> int | N
         return None
     here = front[0]
     for there in front[1:]:
-        if payoff(points[here], points[there]) >= PAYS:
+        if convergence_order(points[here], points[there]) >= PAYS:
             here = there
     return here
 
 
 SCHEMA = "texbake-study-1"
+# Those of `Measurement.columns`.
+MEASURED = (
+    "error", "unit", "seconds_median", "seconds_min", "seconds_max", "runs", "peak_bytes",
+)  # fmt: skip
 CSV_COLUMNS = (
-    "knob",
-    "setting",
-    "series",
-    "problem",
-    "subject",
-    "truth",
-    "error",
-    "unit",
-    "seconds_median",
-    "seconds_min",
-    "seconds_max",
-    "runs",
-    "peak_bytes",
-    "on_front",
-    "stops_paying",
+    *("knob", "setting", "series", "problem", "subject", "truth"),
+    *MEASURED,
+    *("on_front", "stops_paying"),
 )
 
 
@@ -92,14 +83,9 @@ class Measurement:
     """One setting: how wrong and how slow."""
 
     setting: Setting
-    outcome: Judgment
+    outcome: Evaluation
     seconds: tuple[float, ...]  # time of each timed run
     peak_bytes: int | None  # how far resident memory rose above what it was before
-
-    @classmethod
-    def of(cls, trial: Trial) -> Measurement:
-        """Return the measurements of a trial."""
-        return cls(trial.setting, trial.outcome, tuple(trial.seconds), trial.peak_bytes)
 
     @property
     def error(self) -> float:
@@ -115,6 +101,18 @@ class Measurement:
     def point(self) -> tuple[float, float]:
         """(seconds, error)."""
         return self.median, self.error
+
+    def columns(self, unit: str) -> list[Any]:
+        """Return the columns of a CSV file from `error` to `peak_bytes`."""
+        return [
+            repr(float(self.error)),
+            unit,
+            repr(self.median),
+            repr(min(self.seconds)),
+            repr(max(self.seconds)),
+            len(self.seconds),
+            "" if self.peak_bytes is None else self.peak_bytes,
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return all figures by name; those that are not finite become None."""
@@ -132,7 +130,7 @@ class Measurement:
         }
 
 
-class Ranked:
+class ParetoRanking:
     """Measurements of settings that compete, and which of them are worth their time."""
 
     measurements: tuple[Measurement, ...]
@@ -174,11 +172,11 @@ class Ranked:
 
 
 @dataclass(frozen=True, eq=False)
-class KnobResult(Ranked):
+class KnobResult(ParetoRanking):
     """All settings of a knob."""
 
     knob: Knob
-    # subject, truth, truth_text: as in its `Bench`.
+    # subject, truth, truth_text: as in its `Experiment`.
     subject: str
     truth: str
     truth_text: str
@@ -212,13 +210,7 @@ class KnobResult(Ranked):
                 item.setting.problem,
                 self.subject,
                 self.truth,
-                repr(float(item.error)),
-                self.knob.unit,
-                repr(item.median),
-                repr(min(item.seconds)),
-                repr(max(item.seconds)),
-                len(item.seconds),
-                "" if item.peak_bytes is None else item.peak_bytes,
+                *item.columns(self.knob.unit),
                 int(i in front),
                 int(i in knees),
             ]

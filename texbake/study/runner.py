@@ -19,79 +19,65 @@ import platform
 import random
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from texbake.study.knob import Bench, Judgment, Setting
+from texbake.study.knob import Evaluation, Experiment, Setting
+from texbake.study.result import Measurement
 
 LEAST_RUNS = 2
 
 
-@dataclass(eq=False)
-class Trial:
-    """A setting with its measurements so far."""
-
-    setting: Setting
-    outcome: Judgment
-    # Peak memory of the first timed run, in which nothing is compiled or read any more.
-    peak_bytes: int | None
-    seconds: list[float] = field(default_factory=list)  # time of each timed run
-
-
-def run_bench(
-    bench: Bench,
+def run_experiment(
+    experiment: Experiment,
     *,
     repeats: int,
     seconds: float,
     seed: str = "",
-    advance: Callable[[int], None] | None = None,
+    advance: Callable[[int], None] = lambda n: None,
     clock: Callable[[], float] = time.perf_counter,
-) -> list[Trial]:
-    """Try all settings of a bench."""
-    trials = [_first_run(bench, setting, seconds, clock, advance) for setting in bench.settings]
+) -> tuple[Measurement, ...]:
+    """Try all settings of an experiment, `repeats` times each, in orders that follow from a seed.
+
+    A setting that has been timed twice is not run again once its timed runs add up to `seconds`. A
+    first run that takes longer than this counts as a timed one: what it may still have had to
+    compile is little beside it. `advance` is called with 1 after each run.
+    """
+
+    def run(setting: Setting) -> tuple[object, float]:
+        return _timed(lambda: experiment.work(setting.value), clock)
+
+    settings = experiment.settings
+    outcomes: list[Evaluation] = []
+    # The peak of the first timed run, in which nothing is compiled or read any more; of a slow
+    # setting in a study of one round, that of the run before.
+    peaks: list[int | None] = []
+    times: list[list[float]] = []
+    for setting in settings:
+        (product, taken), peak = with_peak_memory(partial(run, setting))
+        outcomes.append(experiment.judge(setting.value, product))
+        peaks.append(peak)
+        times.append([taken] if taken > seconds else [])
+        advance(1)
     least = min(repeats, LEAST_RUNS)
     for number in range(repeats):
         gc.collect()  # so that no round clears away what earlier ones have left
-        for trial in _shuffled(trials, f"{seed} {number}"):
-            if len(trial.seconds) < repeats and (
-                len(trial.seconds) < least or sum(trial.seconds) < seconds
-            ):
-                _run(bench, trial, clock, measure_memory=number == 0)
-            if advance is not None:
-                advance(1)
-    return trials
-
-
-def _first_run(
-    bench: Bench,
-    setting: Setting,
-    seconds: float,
-    clock: Callable[[], float],
-    advance: Callable[[int], None] | None,
-) -> Trial:
-    def work() -> tuple[object, float]:
-        return _timed(lambda: bench.work(setting.value), clock)
-
-    # This peak is the only one for a slow setting in a study of one round.
-    (product, taken), peak = with_peak_memory(work)
-    trial = Trial(setting, bench.judge(setting.value, product), peak)
-    if taken > seconds:
-        trial.seconds.append(taken)
-    if advance is not None:
-        advance(1)
-    return trial
-
-
-def _run(bench: Bench, trial: Trial, clock: Callable[[], float], *, measure_memory: bool) -> None:
-    def work() -> float:
-        return _timed(lambda: bench.work(trial.setting.value), clock)[1]
-
-    if measure_memory:
-        taken, trial.peak_bytes = with_peak_memory(work)
-    else:
-        taken = work()
-    trial.seconds.append(taken)
+        order = list(range(len(settings)))
+        random.Random(f"{seed} {number}").shuffle(order)
+        for i in order:
+            n = len(times[i])
+            if n < repeats and (n < least or sum(times[i]) < seconds):
+                if number == 0:
+                    (_, taken), peaks[i] = with_peak_memory(partial(run, settings[i]))
+                else:
+                    _, taken = run(settings[i])
+                times[i].append(taken)
+            advance(1)
+    return tuple(
+        Measurement(setting, outcome, tuple(runs), peak)
+        for setting, outcome, runs, peak in zip(settings, outcomes, times, peaks, strict=True)
+    )
 
 
 def _timed(work: Callable[[], object], clock: Callable[[], float]) -> tuple[object, float]:
@@ -104,12 +90,6 @@ def _timed(work: Callable[[], object], clock: Callable[[], float]) -> tuple[obje
     finally:
         if enabled:
             gc.enable()
-
-
-def _shuffled(trials: list[Trial], seed: str) -> list[Trial]:
-    order = list(trials)
-    random.Random(seed).shuffle(order)
-    return order
 
 
 Result = TypeVar("Result")

@@ -13,8 +13,7 @@ from texbake.study.bench.cases import made_case
 from texbake.study.bench.options import TASK_NAMES, BenchOptions
 from texbake.study.bench.programs import PROGRAMS, Product, Program
 from texbake.study.bench.run import run_bench
-from texbake.study.bench.tasks import TASKS
-from texbake.study.bench.tasks.meshes import unwrap_error
+from texbake.study.bench.tasks import TASKS, unwrap_error
 from texbake.study.bench.write import write_bench
 
 

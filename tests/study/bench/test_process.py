@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from texbake.study.bench.process import RUNNERS, run_process
+from texbake.study.bench.programs import RUNNERS, run_process
 
 MB = 1 << 20
 
@@ -18,8 +18,6 @@ def python(code, timeout=60.0):
 def test_a_process_is_timed_from_start_to_end():
     done = python("import time; time.sleep(0.3); print('slept')")
     assert done.seconds > 0.3 and done.fault == "" and done.output == "slept\n"
-    if done.processor_seconds is not None:
-        assert done.processor_seconds < done.seconds + 1.0
 
 
 def test_memory_is_that_of_the_process_and_not_of_its_parent():

@@ -15,8 +15,7 @@ from texbake.study.bench.options import (
     TASK_NAMES,
     BenchOptions,
 )
-from texbake.study.bench.process import RUNNERS
-from texbake.study.bench.programs import PROGRAMS
+from texbake.study.bench.programs import PROGRAMS, RUNNERS
 from texbake.study.bench.tasks import TASKS
 
 JOB = {
@@ -55,13 +54,15 @@ def test_every_command_of_texbake_parses(task, tmp_path):
 def test_a_runner_has_every_task_of_its_program(name):
     program, options = PROGRAMS[name], BenchOptions(quick=True, blender="python3")
     text = (RUNNERS / program.runner).read_text(encoding="utf-8")
+    prefix = "" if name == "blender" else f"{name}_"
     for task, settings in program.settings.items():
-        assert f"def {task.replace('-', '_')}(job)" in text
+        assert f"def {prefix}{task.replace('-', '_')}(job)" in text
         for _, added in settings(options):
             job = {**JOB, **added, "task": task}
             command, product = program.command(job, Path("/tmp/x"), options)
             given = json.loads(command[2])
-            assert given["out"] == str(product.path) and given["task"] == task
+            assert (given["program"], given["task"]) == (name, task)
+            assert given["out"] == str(product.path)
     assert "def version(job)" in text
 
 

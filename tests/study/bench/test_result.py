@@ -6,17 +6,19 @@ import io
 import pytest
 
 from texbake.study.bench.options import BenchOptions
-from texbake.study.bench.page import markdown
 from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.tasks import TASKS
-from texbake.study.knob import Judgment, Setting
+from texbake.study.bench.write import markdown
+from texbake.study.knob import Evaluation, Setting
 from texbake.study.result import Measurement
 
 
 def measured(program, label, seconds, error, megabytes):
     setting = Setting(label, None, program)
     times = (0.9 * seconds, seconds, 1.2 * seconds)
-    return Measurement(setting, Judgment(error, figures={"charts": 2.0}), times, megabytes * 10**6)
+    return Measurement(
+        setting, Evaluation(error, figures={"charts": 2.0}), times, megabytes * 10**6
+    )
 
 
 @pytest.fixture

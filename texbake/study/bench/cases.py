@@ -29,8 +29,7 @@ from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
 from texbake.study.case import StudyPair
-from texbake.study.truth.implicit import ImplicitSurface
-from texbake.study.truth.surfaces import wave_heights
+from texbake.study.truth.surfaces import ImplicitSurface, wave_heights
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, Option
@@ -32,6 +32,26 @@ MAX_SIZE = 16384
 
 # Names the Python of Blender where the option does not.
 BLENDER_VARIABLE = "TEXBAKE_BLENDER_PYTHON"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amounts:
+    """What is tried beside sizes, and how much of it."""
+
+    samples: tuple[int, ...] = (1, 4, 16)  # per texel
+    rays: tuple[int, ...] = (16, 64, 256)  # of ambient occlusion, per texel
+    counts: tuple[int, ...] = (500, 5_000, 50_000)  # of triangles to simplify to
+    pixel_samples: tuple[int, ...] = (1, 4, 16)  # per pixel of a picture
+    unwrapped_triangles: int = 10_000  # of a generated mesh that is unwrapped
+    picture_size: int = 512  # pixels along one side of a picture
+    n_probes: int = 100_000  # points at which maps and surfaces are compared with the truth
+
+
+QUICK = Amounts(
+    samples=(1, 4), rays=(16,), counts=(100,), pixel_samples=(1, 4), unwrapped_triangles=500,
+    picture_size=48, n_probes=3_000,
+)  # fmt: skip
+_QUICK_TRIANGLES = 4_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,23 +134,11 @@ class BenchOptions(CheckedOptions):
         bool, Option("Run few settings on small meshes, to see that everything works.")
     ] = False
 
-    # Tried beside sizes: samples per texel, rays of occlusion, triangles, samples per pixel.
-    SAMPLES: ClassVar[tuple[int, ...]] = (1, 4, 16)
-    RAYS: ClassVar[tuple[int, ...]] = (16, 64, 256)
-    COUNTS: ClassVar[tuple[int, ...]] = (500, 5_000, 50_000)
-    PIXEL_SAMPLES: ClassVar[tuple[int, ...]] = (1, 4, 16)
-
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in "tasks", "programs", "sizes":
             if not getattr(self, name):
                 raise OptionError(f"{name}: none is named; name at least one, or leave it out")
-        known = {"tasks": TASK_NAMES, "cases": CASE_NAMES, "programs": PROGRAM_NAMES}
-        for name, words in known.items():
-            for word in getattr(self, name):
-                if word not in words:
-                    choices = ", ".join(words)
-                    raise OptionError(f"{name}: '{word}' is none of them; choose from {choices}")
         for size in self.sizes:
             if not 1 <= size <= MAX_SIZE:
                 raise OptionError(f"sizes: {size} is out of range; give 1 to {MAX_SIZE}")
@@ -162,41 +170,11 @@ class BenchOptions(CheckedOptions):
         return max((size for size in sizes if size <= 1024), default=sizes[0])
 
     @property
-    def samples(self) -> tuple[int, ...]:
-        """Samples per texel."""
-        return self.SAMPLES[:2] if self.quick else self.SAMPLES
-
-    @property
-    def rays(self) -> tuple[int, ...]:
-        """Rays of ambient occlusion per texel."""
-        return self.RAYS[:1] if self.quick else self.RAYS
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """Triangles to simplify to."""
-        return (100,) if self.quick else self.COUNTS
-
-    @property
-    def pixel_samples(self) -> tuple[int, ...]:
-        """Samples per pixel of a picture."""
-        return self.PIXEL_SAMPLES[:2] if self.quick else self.PIXEL_SAMPLES
+    def amounts(self) -> Amounts:
+        """What is tried beside sizes, and how much of it."""
+        return QUICK if self.quick else Amounts()
 
     @property
     def made_triangles(self) -> int:
-        """Triangles of a made high-poly mesh."""
-        return 4_000 if self.quick else self.triangles
-
-    @property
-    def unwrapped_triangles(self) -> int:
-        """Triangles of a generated mesh that is unwrapped."""
-        return 500 if self.quick else 10_000
-
-    @property
-    def picture_size(self) -> int:
-        """Pixels along one side of a picture."""
-        return 48 if self.quick else 512
-
-    @property
-    def n_probes(self) -> int:
-        """Points at which maps and surfaces are compared with the truth."""
-        return 3_000 if self.quick else 100_000
+        """Triangles of a generated high-poly mesh."""
+        return _QUICK_TRIANGLES if self.quick else self.triangles

@@ -1,7 +1,7 @@
 """The programs of the bench: what each can do, over which settings, and by which command.
 
-texbake runs by its command line. The others run by scripts in `runners/`, each with the Python in
-which the program is installed. A job is a dictionary with its files and settings; settings here
+texbake runs by its command line. The others run by scripts in `runners/`, with the Python in which
+the program is installed. A job is a dictionary with its files and settings; settings here
 complete it.
 """
 
@@ -10,14 +10,14 @@ from __future__ import annotations
 import json
 import math
 import os
+import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from texbake.study.bench.options import BLENDER_VARIABLE, BenchOptions
-from texbake.study.bench.process import RUNNERS, run_process
 
 Settings = list[tuple[str, dict[str, Any]]]
 Job = Mapping[str, Any]
@@ -87,7 +87,9 @@ class Program:
         )
 
     def _script(self, python: str, job: Job) -> list[str]:
-        return [python, str(RUNNERS / self.runner), json.dumps(job)]
+        return [
+            python, str(RUNNERS / self.runner), json.dumps({**job, "program": self.name}),
+        ]  # fmt: skip
 
 
 def _texbake_words(job: Job, path: Path) -> tuple[list[str], Path]:
@@ -131,7 +133,9 @@ def _sizes(options: BenchOptions) -> Settings:
 def _sizes_and_samples(options: BenchOptions) -> Settings:
     size = options.one_size
     more = [
-        (f"{size}, {n} samples", {"size": size, "samples": n}) for n in options.samples if n > 1
+        (f"{size}, {n} samples", {"size": size, "samples": n})
+        for n in options.amounts.samples
+        if n > 1
     ]
     return [*_sizes(options), *more]
 
@@ -144,17 +148,17 @@ def _with_adaptive(options: BenchOptions) -> Settings:
 
 def _rays(options: BenchOptions) -> Settings:
     same = {"size": options.one_size, "samples": 1}
-    return [(f"{n} rays", {**same, "rays": n}) for n in options.rays]
+    return [(f"{n} rays", {**same, "rays": n}) for n in options.amounts.rays]
 
 
 def _counts(**same: Any) -> Callable[[BenchOptions], Settings]:
-    return lambda options: [(f"{n:,}", {"faces": n, **same}) for n in options.counts]
+    return lambda options: [(f"{n:,}", {"faces": n, **same}) for n in options.amounts.counts]
 
 
 def _texbake_counts(options: BenchOptions) -> Settings:
     return [
         (f"{n:,} {quality}", {"faces": n, "quality": quality})
-        for n in options.counts
+        for n in options.amounts.counts
         for quality in ("fast", "best")
     ]
 
@@ -171,7 +175,7 @@ def _qualities(options: BenchOptions) -> Settings:
 def _pixels(options: BenchOptions) -> Settings:
     return [
         (f"{n} sample{'s' if n > 1 else ''}", {"samples": n, "side": round(math.sqrt(n))})
-        for n in options.pixel_samples
+        for n in options.amounts.pixel_samples
     ]
 
 
@@ -218,19 +222,65 @@ PROGRAMS = {
             "unwrap": _named("regions", {"10 regions": 10, "50 regions": 50}),
             "simplify": _counts(planar=False),
         },
-        runner="run_pymeshlab.py",
+        runner="run_library.py",
         forms={"bake-normals": "object"},
     ),
     "xatlas": Program(
         "xatlas",
         "xatlas",
         {"unwrap": _named("brute_force", {"default": False, "brute force": True})},
-        runner="run_xatlas.py",
+        runner="run_library.py",
     ),
     "trimesh": Program(
         "trimesh",
         "trimesh",
         {"unwrap": _named("method", {"default, no gaps": "default"}), "simplify": _counts()},
-        runner="run_trimesh.py",
+        runner="run_library.py",
     ),
 }  # fmt: skip
+
+
+RUNNERS = Path(__file__).with_name("runners")
+_LAUNCHER = RUNNERS / "launcher.py"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """What a process took."""
+
+    seconds: float = 0.0  # from its start to its end; 0 if it could not be started
+    # Greatest resident memory of it or one of its children; None where the system does not say.
+    peak_bytes: int | None = None
+    output: str = ""  # the end of what it printed
+    fault: str = ""  # why it failed; empty if it did not
+
+
+def run_process(command: Sequence[str], *, timeout: float) -> Finished:
+    """Run a command to its end, or until `timeout` seconds have passed."""
+    line = [sys.executable, "-I", str(_LAUNCHER), str(timeout), *command]
+    with subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as launched:
+        assert launched.stdin is not None and launched.stdout is not None
+        try:
+            answer = launched.stdout.read()
+        finally:
+            launched.stdin.close()  # it ends its command, unless that has ended
+    if launched.returncode:  # somebody ended it
+        return Finished(fault=f"it was ended from outside: exit code {launched.returncode}")
+    report = json.loads(answer)
+    return Finished(
+        seconds=report.get("seconds", 0.0),
+        peak_bytes=report.get("peak_bytes"),
+        output=report["output"],
+        fault=_fault(report, timeout),
+    )
+
+
+def _fault(report: dict[str, object], timeout: float) -> str:
+    if report.get("late"):
+        return f"it was ended after {timeout:g} s"
+    code = report["code"]
+    if code == 0:
+        return ""
+    lines = [line for line in str(report["output"]).splitlines() if line.strip()]
+    last = lines[-1].strip() if lines else "it printed nothing"
+    return f"exit code {code}: {last}"

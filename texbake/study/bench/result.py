@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from texbake.study.bench.options import BenchOptions
-from texbake.study.bench.task import BenchTask
-from texbake.study.result import Measurement, Ranked, pareto_front, settings_csv
+from texbake.study.bench.tasks import BenchTask
+from texbake.study.result import MEASURED, Measurement, ParetoRanking, pareto_front, settings_csv
 
 SCHEMA = "texbake-bench-1"
 OURS = "texbake"
 # Errors that differ by less count as equal: points and rays are samples.
 EQUAL = 1.02
 CSV_COLUMNS = (
-    "task", "case", "program", "version", "setting", "subject", "truth", "error", "unit",
-    "seconds_median", "seconds_min", "seconds_max", "runs", "peak_bytes", "on_front",
-    "on_memory_front",
-)  # fmt: skip
+    *("task", "case", "program", "version", "setting", "subject", "truth"),
+    *MEASURED,
+    *("on_front", "on_memory_front"),
+)
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
-class Contest(Ranked):
+class Contest(ParetoRanking):
     """One task on one case: all programs, all settings."""
 
     task: BenchTask
@@ -124,9 +124,7 @@ class Contest(Ranked):
         return [
             [
                 self.task.name, self.case, item.setting.series, versions[item.setting.series],
-                item.setting.label, self.subject, self.truth, repr(item.error), self.task.unit,
-                repr(item.median), repr(min(item.seconds)), repr(max(item.seconds)),
-                len(item.seconds), "" if item.peak_bytes is None else item.peak_bytes,
+                item.setting.label, self.subject, self.truth, *item.columns(self.task.unit),
                 int(i in front), int(i in memory_front),
             ]
             for i, item in enumerate(self.measurements)

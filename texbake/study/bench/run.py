@@ -12,23 +12,27 @@ import gc
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
-from texbake.files import scratch_folder
+from texbake.files import PathLike, check_folder, scratch_folder
+from texbake.jobs.outputs import JobResult
+from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.pages.page import duration, number
 from texbake.progress import ProgressSink, Stages
 from texbake.study.bench.cases import BenchCase, made_case, own_case
 from texbake.study.bench.options import BenchOptions
-from texbake.study.bench.process import Finished, run_process
-from texbake.study.bench.programs import PROGRAMS, Product, Program
+from texbake.study.bench.programs import PROGRAMS, Finished, Product, Program, run_process
 from texbake.study.bench.result import BenchResult, Contest, Failure
-from texbake.study.bench.task import BenchTask, Prepared
-from texbake.study.bench.tasks import TASKS
-from texbake.study.knob import Bench, Judgment, Setting
-from texbake.study.result import Measurement
-from texbake.study.runner import machine_figures, run_bench as run_settings
+from texbake.study.bench.tasks import TASKS, BenchTask, Prepared
+from texbake.study.bench.write import write_bench
+from texbake.study.findings import amount
+from texbake.study.knob import Evaluation, Experiment, Setting
+from texbake.study.plots import check_matplotlib
+from texbake.study.runner import machine_figures, run_experiment
 
 
 def run_bench(
@@ -41,7 +45,7 @@ def run_bench(
     """Measure what accuracy costs in time and memory, in texbake and in other programs."""
     options = options or BenchOptions()
     if (high is None) != (low is None):
-        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or none")
+        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or neither")
     if high is None and not options.cases:
         raise OptionError("cases: none is named, and no meshes are given; name one or leave it out")
     start = time.perf_counter()
@@ -116,7 +120,7 @@ def _contest(
         if task.name in program.settings
         for label, added in program.settings[task.name](options)
     ]
-    bench = Bench(
+    experiment = Experiment(
         prepared.subject,
         prepared.truth,
         prepared.truth_text,
@@ -128,18 +132,17 @@ def _contest(
     repeats, seconds = (1, 0.0) if options.quick else (options.repeats, options.seconds)
     title = f"{task.name}, {case.name}"
     with stages.stage(title, total=len(settings) * (repeats + 1), unit="runs") as advance:
-        trials = run_settings(
-            bench, repeats=repeats, seconds=seconds, seed=title, advance=advance,
+        measured = run_experiment(
+            experiment, repeats=repeats, seconds=seconds, seed=title, advance=advance,
             clock=lambda: runs.clock,
         )  # fmt: skip
     runs.close()
     measurements = []
-    for trial in trials:
-        run = trial.setting.value
+    for item in measured:
+        run = item.setting.value
         if run not in runs.faults:
-            trial.setting = Setting(run.label, run.job, run.program.title)
-            trial.peak_bytes = runs.peaks[run]
-            measurements.append(Measurement.of(trial))
+            setting = Setting(run.label, run.job, run.program.title)
+            measurements.append(replace(item, setting=setting, peak_bytes=runs.peaks[run]))
     gc.collect()
     return Contest(
         task, case.name, prepared.subject, prepared.truth, prepared.truth_text,
@@ -196,7 +199,7 @@ class _Runs:
         known = [peak for peak in (before, done.peak_bytes) if peak is not None]
         self.peaks[run] = max(known) if known else None
 
-    def judge(self, run: _Run, product: Product | None) -> Judgment:
+    def judge(self, run: _Run, product: Product | None) -> Evaluation:
         """Return how wrong a product is; a setting whose product cannot be read is left out."""
         if product is not None:
             try:
@@ -207,4 +210,57 @@ class _Runs:
                 if judgment.error == judgment.error:  # not NaN
                     return judgment
                 self.faults[run] = "nothing of its result can be compared"
-        return Judgment(0.0)
+        return Evaluation(0.0)
+
+
+def bench_files(
+    folder: PathLike,
+    options: BenchOptions | None = None,
+    *,
+    high: PathLike | None = None,
+    low: PathLike | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[BenchResult]:
+    """Measure what accuracy costs in texbake and in other programs, and write pages and tables."""
+    check_folder(folder)
+    check_matplotlib("bench")
+    result = run_bench(
+        *(None if path is None else read_mesh(path, progress=progress) for path in (high, low)),
+        options=options,
+        progress=progress,
+    )
+    missing = [f"{name}: not installed: {reason}" for name, reason in result.missing.items()]
+    failed = [
+        f"{contest.task.name}, {contest.case}: {failure.program}, {failure.label}: "
+        f"left out: {failure.reason}"
+        for contest in result.contests
+        for failure in contest.failures
+    ]
+    return JobResult(
+        files=tuple(write_bench(result, folder, progress=progress)),
+        report=result,
+        warnings=tuple(missing + failed),
+    )
+
+
+def bench_rows(result: BenchResult) -> list[tuple[str, str, str, str, str, str]]:
+    """Return a heading and, for each setting of another program, how many times as fast texbake is.
+
+    Columns are the task and the case, the program and its setting, its error and time, texbake's
+    fastest setting that is as accurate, and the other's time over its.
+    """
+    rows = [("task", "program", "error", "time", "texbake", "times as fast")]
+    for contest in result.contests:
+        for match in contest.matches():
+            theirs, ours = match.theirs, match.ours
+            rows.append(
+                (
+                    f"{contest.task.name}, {contest.case}",
+                    f"{theirs.setting.series}, {theirs.setting.label}",
+                    amount(theirs.error, contest.task.unit),
+                    duration(theirs.median),
+                    "none as accurate" if ours is None else ours.setting.label,
+                    "–" if match.times_as_fast is None else number(match.times_as_fast),
+                )
+            )
+    return rows

@@ -16,12 +16,7 @@ from texbake.baking.options import ADAPTIVE, SAMPLES, BakeOptions
 from texbake.baking.result import BakeResult
 from texbake.core import portable_math as pm
 from texbake.study.case import Case
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import close_up
 from texbake.study.truth.probes import N_RAYS, angles_deg, mean_normals, probe, truth_of
 from texbake.texture.encoding import decode_normals, encode_normals
@@ -32,7 +27,7 @@ _SIZES = (256, 512, 1024, 2048, 4096, 8192)
 _QUICK_SIZES = (32, 64, 128)
 
 
-def _texture_size_bench(case: Case) -> Bench:
+def _prepare_texture_size(case: Case) -> Experiment:
     pair = case.pair
     probes = probe(pair, case.choose(100_000, 5_000), threads=case.threads)
 
@@ -40,11 +35,11 @@ def _texture_size_bench(case: Case) -> Bench:
         options = BakeOptions(size=size, maps=("normal", "displacement"), threads=case.threads)
         return bake(pair.high, pair.low, options)
 
-    def judge(size: int, result: BakeResult) -> Judgment:
+    def judge(size: int, result: BakeResult) -> Evaluation:
         normals = result.maps["normal"].values
         angles = probes.normal_errors(normals)
         heights = probes.height_errors(result.maps["displacement"].values)
-        return Judgment(
+        return Evaluation(
             error=float(angles.mean()),
             picture=close_up(pair.low, normal_map=normals, zoom=12.0, threads=case.threads),
             figures={
@@ -55,7 +50,7 @@ def _texture_size_bench(case: Case) -> Bench:
 
     truth, words = truth_of(pair, probes)
     sizes = case.choose(_SIZES, _QUICK_SIZES)
-    return Bench(
+    return Experiment(
         subject=pair.subject,
         truth=truth,
         truth_text=words,
@@ -73,8 +68,7 @@ TEXTURE_SIZE_KNOB = Knob(
     error="angle of the normal, mean",
     unit="°",
     kind="angle",
-    needs="pair",
-    prepare=_texture_size_bench,
+    prepare=_prepare_texture_size,
 )
 
 
@@ -87,7 +81,7 @@ _BUDGETS = (0.5, 1.0, 2.0)
 _QUICK_BUDGETS = (1.0,)
 
 
-def _samples_bench(case: Case) -> Bench:
+def _prepare_samples(case: Case) -> Experiment:
     pair = case.pair
     size = case.choose(1024, 32)
     truth, known = mean_normals(pair, size, threads=case.threads)
@@ -95,11 +89,11 @@ def _samples_bench(case: Case) -> Bench:
     def work(options: BakeOptions) -> BakeResult:
         return bake(pair.high, pair.low, options)
 
-    def judge(options: BakeOptions, result: BakeResult) -> Judgment:
+    def judge(options: BakeOptions, result: BakeResult) -> Evaluation:
         values = result.maps["normal"].values
         compared = known & result.has_data
         angles = angles_deg(values[compared].astype(np.float64), truth[compared])
-        return Judgment(
+        return Evaluation(
             error=float(np.sqrt((angles**2).mean())),
             picture=close_up(pair.low, normal_map=values, zoom=12.0, threads=case.threads),
             figures={
@@ -109,7 +103,7 @@ def _samples_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.subject}, at {size} x {size}",
         truth="converged",
         truth_text="The mean normal over the covered part of each texel, from a grid of "
@@ -157,8 +151,7 @@ SAMPLES_KNOB = Knob(
     error="angle to the texel's mean normal, root mean square",
     unit="°",
     kind="angle",
-    needs="pair",
-    prepare=_samples_bench,
+    prepare=_prepare_samples,
     baseline=_FIXED,
 )
 
@@ -173,7 +166,7 @@ _OFFSETS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
 _CODINGS = {"8": (8, False), "8 dithered": (8, True), "16": (16, False), "float": (32, False)}
 
 
-def _bit_depth_bench(case: Case) -> Bench:
+def _prepare_bit_depth(case: Case) -> Experiment:
     pair = case.pair
     size = case.choose(2048, 128)
     baked = bake(pair.high, pair.low, BakeOptions(size=size, threads=case.threads))
@@ -188,11 +181,11 @@ def _bit_depth_bench(case: Case) -> Bench:
         write_image(codes, path, bits=bits, threads=case.threads)
         return path
 
-    def judge(coding: str, path: Path) -> Judgment:
+    def judge(coding: str, path: Path) -> Evaluation:
         values = decode_normals(read_image(path, color=False).pixels)
         exact = truth[known].astype(np.float64)
         angles = angles_deg(values[known].astype(np.float64), exact / _lengths(exact))
-        return Judgment(
+        return Evaluation(
             error=float(angles.mean()),
             picture=close_up(pair.low, normal_map=values, zoom=8.0, threads=case.threads),
             figures={
@@ -204,7 +197,7 @@ def _bit_depth_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.subject}, its normal map at {size} x {size}",
         truth="exact values",
         truth_text="The values themselves before they were encoded.",
@@ -256,6 +249,5 @@ BIT_DEPTH_KNOB = Knob(
     error="angle of the normal read back, mean",
     unit="°",
     kind="angle",
-    needs="pair",
-    prepare=_bit_depth_bench,
+    prepare=_prepare_bit_depth,
 )

@@ -19,12 +19,7 @@ from texbake.rendering.scene.material import BumpMap, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import ball_points, crop, sight_rays
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import RadialSurface, texel_grid, wave_heights, wave_normals
@@ -40,7 +35,7 @@ _METHODS = (_FORWARD, "central", "sobel", "scharr", _ANALYTIC)
 Floats = npt.NDArray[np.float32]
 
 
-def _bump_gradient_bench(case: Case) -> Bench:
+def _prepare_bump_gradient(case: Case) -> Experiment:
     sizes = case.choose(_BUMP_GRADIENT_SIZES, _BUMP_GRADIENT_QUICK_SIZES)
     grids = {size: tuple(axis.astype(np.float32) for axis in texel_grid(size)) for size in sizes}
     # The heights themselves are exact: only what is made from them is judged.
@@ -57,18 +52,18 @@ def _bump_gradient_bench(case: Case) -> Bench:
         options = HeightToNormalOptions(scale=1.0, derivative=method)
         return height_to_normal(heights[size], options)
 
-    def judge(value: tuple[str, int], normals: Floats) -> Judgment:
+    def judge(value: tuple[str, int], normals: Floats) -> Evaluation:
         read = lookup(normals, points, threads=case.threads).astype(np.float64)
         angles = angles_deg(read, truth)
         direction = np.array([-0.5, 0.5, 0.707], np.float32)
         shade = np.clip(pm.matmul(normals, direction), 0.0, 1.0)[..., None].repeat(3, axis=2)
-        return Judgment(
+        return Evaluation(
             error=float(angles.mean()),
             picture=crop(shade[: max(len(shade) // 4, 1), : max(len(shade) // 4, 1)]),
             figures={"angle, maximum (°)": float(angles.max())},
         )
 
-    return Bench(
+    return Experiment(
         subject="four waves over the unit square, as heights in float32",
         truth="closed form",
         truth_text="The slopes of the waves by calculus, at points between texels, where normals "
@@ -104,8 +99,7 @@ BUMP_GRADIENT_KNOB = Knob(
     error="angle of the normal, mean",
     unit="°",
     kind="angle",
-    needs="nothing",
-    prepare=_bump_gradient_bench,
+    prepare=_prepare_bump_gradient,
 )
 
 
@@ -133,7 +127,7 @@ def _ball_and_heights(case: Case) -> tuple[Mesh, ImageTexture]:
     return uv_sphere(n_lat, 2 * n_lat), texture
 
 
-def _bump_form_bench(case: Case) -> Bench:
+def _prepare_bump_form(case: Case) -> Experiment:
     side = case.choose(400, 80)
     ball, texture = _ball_and_heights(case)
     camera = _view()
@@ -152,17 +146,17 @@ def _bump_form_bench(case: Case) -> Bench:
         scene = Scene(objects=(SceneObject(mesh=ball, material=material),), lighting=lighting)
         return draw(prepare(scene, options, threads=case.threads), camera, keep=("normals",))
 
-    def judge(value: tuple[str, float], frame: Frame) -> Judgment:
+    def judge(value: tuple[str, float], frame: Frame) -> Evaluation:
         truth = _surface(value[1]).normals(points[seen])
         angles = angles_deg(frame.normals[seen].astype(np.float64), truth)
-        return Judgment(
+        return Evaluation(
             error=float(angles.mean()),
             picture=crop(frame.color[::_SKIPPED, ::_SKIPPED]),
             figures={"angle, maximum (°)": float(angles.max())},
         )
 
     sizes = case.choose(_BUMP_FORM_SIZES, _BUMP_FORM_QUICK_SIZES)
-    return Bench(
+    return Experiment(
         subject=f"a ball of radius 1 with bumps of height d, {side} x {side} pixels",
         truth="closed form",
         truth_text="The normal of the surface r = 1 + d in the direction of each pixel's point on "
@@ -206,8 +200,7 @@ BUMP_FORM_KNOB = Knob(
     error="angle of the normal, mean",
     unit="°",
     kind="angle",
-    needs="nothing",
-    prepare=_bump_form_bench,
+    prepare=_prepare_bump_form,
 )
 
 
@@ -216,7 +209,7 @@ _LIGHT = (-1.0, 0.35, -0.4)
 _LEAST_LIT = 0.15
 
 
-def _bump_light_bench(case: Case) -> Bench:
+def _prepare_bump_light(case: Case) -> Experiment:
     side = case.choose(400, 80)
     ball, texture = _ball_and_heights(case)
     camera = _view()
@@ -233,12 +226,12 @@ def _bump_light_bench(case: Case) -> Bench:
         scene = Scene(objects=(SceneObject(mesh=ball, material=material),), lighting=lighting)
         return draw(prepare(scene, options, threads=case.threads), camera)
 
-    def judge(value: tuple[str, float], frame: Frame) -> Judgment:
+    def judge(value: tuple[str, float], frame: Frame) -> Evaluation:
         truth = pm.matmul(_surface(value[1]).normals(points[seen]), to_light)
         lit = truth > _LEAST_LIT
         light = frame.color[seen][lit, 0].astype(np.float64)
         angles = np.degrees(np.abs(pm.arccos(np.clip(light, 0.0, 1.0)) - pm.arccos(truth[lit])))
-        return Judgment(
+        return Evaluation(
             error=float(angles.mean()),
             picture=crop(frame.color[::_SKIPPED, ::_SKIPPED]),
             figures={
@@ -248,7 +241,7 @@ def _bump_light_bench(case: Case) -> Bench:
         )
 
     sizes = case.choose(_BUMP_FORM_SIZES, _BUMP_FORM_QUICK_SIZES)
-    return Bench(
+    return Experiment(
         subject=f"a white ball of radius 1 with bumps of height d in one light, {side} x {side} "
         "pixels",
         truth="closed form",
@@ -274,6 +267,5 @@ BUMP_LIGHT_KNOB = Knob(
     error="angle to the light, mean",
     unit="°",
     kind="angle",
-    needs="nothing",
-    prepare=_bump_light_bench,
+    prepare=_prepare_bump_light,
 )

@@ -21,12 +21,7 @@ from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import crop, sight_rays
 from texbake.study.truth.surfaces import texel_grid, wave_heights, wave_slopes
 
@@ -38,7 +33,7 @@ _KINDS = {
 }
 
 
-def _surface_detail_bench(case: Case) -> Bench:
+def _prepare_surface_detail(case: Case) -> Experiment:
     pair = case.pair
     size = case.choose(2048, 128)
     baked = bake(
@@ -66,10 +61,10 @@ def _surface_detail_bench(case: Case) -> Bench:
             threads=case.threads,
         )
 
-    def judge(kind: str, frame: Frame) -> Judgment:
+    def judge(kind: str, frame: Frame) -> Evaluation:
         either = (frame.coverage > 0.0) | (truth.coverage > 0.0)
         outline = np.abs(frame.coverage - truth.coverage)
-        return Judgment(
+        return Evaluation(
             error=picture_error(frame.color, truth.color, either),
             picture=crop(frame.color, (0.5, 0.5)),
             figures={
@@ -78,7 +73,7 @@ def _surface_detail_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.subject}, maps of {size} x {size}, {pixels} x {pixels} pixels",
         truth="high-poly mesh",
         truth_text="A picture of the high-poly mesh itself with the same camera and lighting.",
@@ -97,8 +92,7 @@ SURFACE_DETAIL_KNOB = Knob(
     error="picture, root mean square",
     unit="of 255",
     kind="picture",
-    needs="pair",
-    prepare=_surface_detail_bench,
+    prepare=_prepare_surface_detail,
 )
 
 
@@ -106,7 +100,7 @@ _EDGES = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)
 _QUICK_EDGES = (16.0, 8.0, 4.0)
 
 
-def _tessellation_bench(case: Case) -> Bench:
+def _prepare_tessellation(case: Case) -> Experiment:
     width, height = case.choose((640, 480), (96, 72))
     heights = wave_heights(*texel_grid(case.choose(2048, 512))).astype(np.float32)
     texture = ImageTexture(image=heights[..., None], filter="bilinear", wrap="repeat")
@@ -126,10 +120,10 @@ def _tessellation_bench(case: Case) -> Bench:
         scene = Scene(objects=(SceneObject(mesh=mesh, material=material),), lighting=lighting)
         return draw(prepare(scene, options, threads=case.threads), camera)
 
-    def judge(edge_px: float, frame: Frame) -> Judgment:
+    def judge(edge_px: float, frame: Frame) -> Evaluation:
         off = _distances(frame, camera)
         shown = np.unique(frame.face_ids[frame.face_ids >= 0])
-        return Judgment(
+        return Evaluation(
             error=100.0 * float(off.mean()),
             picture=crop(frame.color, (0.4, 0.45)),
             figures={
@@ -138,7 +132,7 @@ def _tessellation_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"a square displaced by four waves, {width} x {height} pixels",
         truth="closed form",
         truth_text="The waves themselves: how far the surface point that each pixel sees is from "
@@ -168,6 +162,5 @@ TESSELLATION_KNOB = Knob(
     error="distance from the surface, mean",
     unit="% of width",
     kind="length",
-    needs="nothing",
-    prepare=_tessellation_bench,
+    prepare=_prepare_tessellation,
 )

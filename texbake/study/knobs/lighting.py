@@ -20,12 +20,7 @@ from texbake.rendering.scene.material import Material, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import (
     ball_points,
     crop,
@@ -47,7 +42,7 @@ _SKIPPED = 2
 _LOOKUP, _PREFILTERED, _RENDERED = "one lookup", "prefiltered", "rendered"
 
 
-def _environment_bench(case: Case) -> Bench:
+def _prepare_environment(case: Case) -> Experiment:
     side = case.choose(400, 64)
     camera = Camera.looking_at((0.0, 1.6, 1.8), _MIDDLE, fov=math.radians(19.0), near=0.01)
     options = RenderOptions(width=side, height=side, supersampling=1)
@@ -58,11 +53,11 @@ def _environment_bench(case: Case) -> Bench:
         scene = _scene(_mirror(*value), sky, lighting=value[0] == _PREFILTERED)
         return draw(prepare(scene, options, threads=case.threads), camera).color
 
-    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Judgment:
-        return Judgment(picture_error(image, truth, seen), crop(image[::_SKIPPED, ::_SKIPPED]))
+    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Evaluation:
+        return Evaluation(picture_error(image, truth, seen), crop(image[::_SKIPPED, ::_SKIPPED]))
 
     sizes = case.choose(_ENVIRONMENT_SIZES, _ENVIRONMENT_QUICK_SIZES)
-    return Bench(
+    return Experiment(
         subject=f"a mirror ball over a floor under a smooth sky, {side} x {side} pixels",
         truth="closed form",
         truth_text="One mirrored ray from each pixel's point on the ball to the floor or the sky.",
@@ -151,8 +146,7 @@ ENVIRONMENT_KNOB = Knob(
     error="picture, root mean square",
     unit="of 255",
     kind="picture",
-    needs="nothing",
-    prepare=_environment_bench,
+    prepare=_prepare_environment,
 )
 
 
@@ -167,7 +161,7 @@ _GRAY = 0.8
 _PER_SIDE = 8  # rays of the truth along each side of a pixel
 
 
-def _shadow_map_bench(case: Case) -> Bench:
+def _prepare_shadow_map(case: Case) -> Experiment:
     values = [
         (n, r) for n in case.choose(_SHADOW_MAP_SIZES, _SHADOW_MAP_QUICK_SIZES) for r in _RADII
     ]
@@ -187,10 +181,10 @@ def _shadow_map_bench(case: Case) -> Bench:
             prepare(with_shadows(scene, shadow), options, threads=case.threads), camera
         ).color
 
-    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Judgment:
-        return Judgment(picture_error(image, truth, floor), crop(image, (0.71, 0.48), zoom=4))
+    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Evaluation:
+        return Evaluation(picture_error(image, truth, floor), crop(image, (0.71, 0.48), zoom=4))
 
-    return Bench(
+    return Experiment(
         subject=f"a ball over a floor, {options.width} x {options.height} pixels",
         truth="closed form",
         truth_text=f"{_PER_SIDE**2} rays per pixel from the floor towards the light, tested "
@@ -253,7 +247,7 @@ def _meets_ball(starts: FloatArray, directions: FloatArray) -> npt.NDArray[np.bo
     return np.asarray((along > 0.0) & (away < _SHADOW_MAP_RADIUS**2))
 
 
-def _on_scene(scene: Scene, settings: tuple[Setting, ...], case: Case) -> Bench:
+def _on_scene(scene: Scene, settings: tuple[Setting, ...], case: Case) -> Experiment:
     options = with_width(scene.options(supersampling=2, buffer=None), case.choose(480, 64))
     camera = camera_of(scene, options)
 
@@ -268,10 +262,10 @@ def _on_scene(scene: Scene, settings: tuple[Setting, ...], case: Case) -> Bench:
     finest = Shadow(size=case.choose(_CONVERGED, 512), filter_radius=0.0)
     truth = drawn(finest, replace(options, supersampling=4, edges="supersample"))
 
-    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Judgment:
-        return Judgment(picture_error(image, truth), crop(image))
+    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Evaluation:
+        return Evaluation(picture_error(image, truth), crop(image))
 
-    return Bench(
+    return Experiment(
         subject=f"{scene.name}, {options.width} x {options.height} pixels",
         truth="converged",
         truth_text=f"Shadow maps of {finest.size} x {finest.size} without a filter, and 16 "
@@ -291,6 +285,5 @@ SHADOW_MAP_KNOB = Knob(
     error="picture, root mean square",
     unit="of 255",
     kind="picture",
-    needs="scene",
-    prepare=_shadow_map_bench,
+    prepare=_prepare_shadow_map,
 )

@@ -18,13 +18,7 @@ from texbake.mesh.simplify import simplify
 from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
 from texbake.study.case import Case, StudyPair
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-    Unfit,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, NotApplicable, Setting
 from texbake.study.truth.pictures import FloatImage, close_up, crop
 from texbake.study.truth.probes import angles_deg, probe
 from texbake.texture.lookup import lookup
@@ -37,12 +31,12 @@ _QUALITIES = ("fast", "best")
 _MOST_UNWRAPPED = 10_000
 
 
-def _low_poly_bench(case: Case) -> Bench | Unfit:
+def _prepare_low_poly(case: Case) -> Experiment | NotApplicable:
     pair = case.pair
     size = case.choose(1024, 64)
     counts = [n for n in case.choose(_COUNTS, _QUICK_COUNTS) if n < pair.high.n_faces]
     if not counts:
-        return Unfit(
+        return NotApplicable(
             f"{pair.high.name} has {pair.high.n_faces} triangles, too few to be simplified to any "
             "of the counts that are tried"
         )
@@ -51,7 +45,7 @@ def _low_poly_bench(case: Case) -> Bench | Unfit:
         count, quality = value
         return simplify(pair.high, count, quality=quality, threads=case.threads)
 
-    def judge(value: tuple[int, str], low: Mesh) -> Judgment:
+    def judge(value: tuple[int, str], low: Mesh) -> Evaluation:
         samples = case.choose(50_000, 2_000)
         distance = surface_distance(pair.high, low, n_samples=samples, threads=case.threads)
         figures = {
@@ -59,7 +53,7 @@ def _low_poly_bench(case: Case) -> Bench | Unfit:
             "distance, maximum (% of diagonal)": 100.0 * distance.max_relative,
         }
         if low.n_faces > _MOST_UNWRAPPED:
-            return Judgment(
+            return Evaluation(
                 100.0 * distance.mean_relative, close_up(low, zoom=1.0), figures=figures
             )
         mapped = unwrap(low, quality="fast", size=size, threads=case.threads)
@@ -71,9 +65,9 @@ def _low_poly_bench(case: Case) -> Bench | Unfit:
         )  # fmt: skip
         figures["angle after the bake, mean (°)"] = float(np.mean(probes.normal_errors(normals)))
         picture = close_up(mapped, normal_map=normals, zoom=1.0, threads=case.threads)
-        return Judgment(100.0 * distance.mean_relative, picture, figures)
+        return Evaluation(100.0 * distance.mean_relative, picture, figures)
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.high.name}, {pair.high.n_faces:,} triangles",
         truth="high-poly mesh",
         truth_text="The high-poly mesh itself: distances between both surfaces, in both "
@@ -97,8 +91,7 @@ LOW_POLY_KNOB = Knob(
     error="distance between the surfaces, mean",
     unit="% of diagonal",
     kind="length",
-    needs="pair",
-    prepare=_low_poly_bench,
+    prepare=_prepare_low_poly,
 )
 
 
@@ -107,7 +100,7 @@ _LEVELS = (0, 2, 4)
 _ALONG = (np.arange(4) + 0.5) / 4.0
 
 
-def _atlas_quality_bench(case: Case) -> Bench:
+def _prepare_atlas_quality(case: Case) -> Experiment:
     # Only the surface counts: normals with hard edges would be additional seams.
     mesh = case.pair.low.replace(
         uvs=None, uv_faces=None, normals=None, normal_faces=None, tangents=None
@@ -120,10 +113,10 @@ def _atlas_quality_bench(case: Case) -> Bench:
         quality, padding = value
         return unwrap(mesh, quality=quality, padding=padding, size=size, threads=case.threads)
 
-    def judge(value: tuple[str, int], mapped: Mesh) -> Judgment:
+    def judge(value: tuple[str, int], mapped: Mesh) -> Evaluation:
         measured = distortion(mapped)
         seams = _seam_errors(mapped, size, value[1], case.threads)
-        return Judgment(
+        return Evaluation(
             error=100.0 * measured.wasted,
             picture=_layout(mapped, case.threads),
             figures={
@@ -136,7 +129,7 @@ def _atlas_quality_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{mesh.name}, {mesh.n_faces:,} triangles, at {size} x {size}",
         truth="closed form",
         truth_text="A mapping without stretch that fills the square wastes no texels: an L2 "
@@ -204,8 +197,7 @@ ATLAS_QUALITY_KNOB = Knob(
     error="texels wasted by stretch and gaps",
     unit="%",
     kind="wasted texels",
-    needs="pair",
-    prepare=_atlas_quality_bench,
+    prepare=_prepare_atlas_quality,
 )
 
 
@@ -213,7 +205,7 @@ _DIRECTIONS = ("face", "vertex", "smooth", "cage")
 _VIEWS = ((30.0, 20.0), (150.0, -20.0), (270.0, 20.0))
 
 
-def _ray_direction_bench(case: Case) -> Bench:
+def _prepare_ray_direction(case: Case) -> Experiment:
     pair = case.pair
     size = case.choose(1024, 64)
     cage, back = _cage(pair.high, pair.low, case.threads)
@@ -227,7 +219,7 @@ def _ray_direction_bench(case: Case) -> Bench:
         bakes = BakeOptions(size=size, rays=direction, threads=case.threads)
         return bake(pair.high, pair.low, bakes)
 
-    def judge(direction: str, result: BakeResult) -> Judgment:
+    def judge(direction: str, result: BakeResult) -> Evaluation:
         normals = result.maps["normal"].values
         seen = compare(
             pair.high,
@@ -238,7 +230,7 @@ def _ray_direction_bench(case: Case) -> Bench:
             threads=case.threads,
         ).mapped
         report = result.report
-        return Judgment(
+        return Evaluation(
             error=seen.mean_deg,
             picture=close_up(pair.low, normal_map=normals, threads=case.threads),
             figures={
@@ -247,7 +239,7 @@ def _ray_direction_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.subject}, at {size} x {size}",
         truth="high-poly mesh",
         truth_text="Pictures of the high-poly mesh itself, pixel by pixel: no direction of rays is "
@@ -274,6 +266,5 @@ RAY_DIRECTION_KNOB = Knob(
     error="angle between shading normals in pictures, mean",
     unit="°",
     kind="angle",
-    needs="pair",
-    prepare=_ray_direction_bench,
+    prepare=_prepare_ray_direction,
 )

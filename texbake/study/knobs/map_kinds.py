@@ -9,7 +9,7 @@ from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakedMap, BakeResult
 from texbake.study.case import Case
-from texbake.study.knob import Bench, Judgment, Knob, Setting
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 
 # Maps that a surface may do without, from the cheapest to those that cast rays of their own.
 _MAPS = ("normal", "displacement", "curvature", "ao", "bent-normal", "thickness")
@@ -21,7 +21,7 @@ _SIDE = 200
 _LENGTH = 0.5 / 65535.0
 
 
-def _map_kind_bench(case: Case) -> Bench:
+def _prepare_map_kind(case: Case) -> Experiment:
     pair = case.pair
     size = case.choose(1024, 64)
     extent = float(np.ptp(pair.low.bounds, axis=0).max())
@@ -30,12 +30,12 @@ def _map_kind_bench(case: Case) -> Bench:
         options = BakeOptions(size=size, maps=(name,), threads=case.threads)
         return bake(pair.high, pair.low, options)
 
-    def judge(name: str, result: BakeResult) -> Judgment:
+    def judge(name: str, result: BakeResult) -> Evaluation:
         found = result.maps[name]
         differs, largest = _differs(found, extent)
         counts = result.report.counts
         rays = counts.rays_cast + counts.secondary_rays
-        return Judgment(
+        return Evaluation(
             error=100.0 * float(1.0 - differs.mean()),
             picture=_shown(found),
             figures={
@@ -45,7 +45,7 @@ def _map_kind_bench(case: Case) -> Bench:
             },
         )
 
-    return Bench(
+    return Experiment(
         subject=f"{pair.subject}, at {size} x {size}",
         truth="exact values",
         truth_text="The value that a surface has without the map: a flat normal, a height of 0, "
@@ -95,6 +95,5 @@ MAP_KIND_KNOB = Knob(
     error="texels that the map leaves as they are",
     unit="%",
     kind="texels",
-    needs="pair",
-    prepare=_map_kind_bench,
+    prepare=_prepare_map_kind,
 )

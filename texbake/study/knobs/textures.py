@@ -19,12 +19,7 @@ from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.case import Case
-from texbake.study.knob import (
-    Bench,
-    Judgment,
-    Knob,
-    Setting,
-)
+from texbake.study.knob import Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import Floor, crop, has_image, with_width
 from texbake.texture.checker import checker_image
 from texbake.texture.encoding import encode_srgb
@@ -38,7 +33,7 @@ _ANISOTROPIES = (2, 4, 8, 16)
 _SCENE_FILTERS = (*_PLAIN, "ewa")
 
 
-def _texture_lookup_bench(case: Case) -> Bench:
+def _prepare_texture_lookup(case: Case) -> Experiment:
     if case.scene is not None and has_image(case.scene):
         return _on_scene(case.scene, case)
     floor = Floor(width=case.choose(640, 96), height=case.choose(360, 64))
@@ -61,11 +56,11 @@ def _texture_lookup_bench(case: Case) -> Bench:
         total += sample(finest, there, filter="bilinear", threads=case.threads)
     truth = picture((total / _PER_SIDE**2).astype(np.float32))
 
-    def judge(value: tuple[str, float], image: npt.NDArray[np.float32]) -> Judgment:
-        return Judgment(picture_error(image, truth), crop(image, (0.5, 0.0)))
+    def judge(value: tuple[str, float], image: npt.NDArray[np.float32]) -> Evaluation:
+        return Evaluation(picture_error(image, truth), crop(image, (0.5, 0.0)))
 
     values = [(name, 16.0) for name in _PLAIN] + [("ewa", float(n)) for n in _ANISOTROPIES]
-    return Bench(
+    return Experiment(
         subject=f"a checkered floor to the horizon, {floor.width} x {floor.height} pixels",
         truth="converged",
         truth_text=f"The mean of {_PER_SIDE**2} lookups in each pixel at exact coordinates, in "
@@ -85,7 +80,7 @@ def _within_pixel(n: int) -> list[tuple[float, float]]:
     return [(right, down) for down in steps for right in steps]
 
 
-def _on_scene(scene: Scene, case: Case) -> Bench:
+def _on_scene(scene: Scene, case: Case) -> Experiment:
     options = with_width(scene.options(supersampling=4, buffer=None), case.choose(480, 64))
     camera = camera_of(scene, options)
     finest = replace(options, supersampling=case.choose(16, 4), edges="supersample")
@@ -96,10 +91,10 @@ def _on_scene(scene: Scene, case: Case) -> Bench:
 
     truth = drawn("bilinear", finest)
 
-    def judge(name: str, image: npt.NDArray[np.float32]) -> Judgment:
-        return Judgment(picture_error(image, truth), crop(image))
+    def judge(name: str, image: npt.NDArray[np.float32]) -> Evaluation:
+        return Evaluation(picture_error(image, truth), crop(image))
 
-    return Bench(
+    return Experiment(
         subject=f"{scene.name}, {options.width} x {options.height} pixels",
         truth="converged",
         truth_text=f"{finest.supersampling**2} samples in each pixel, shaded one by one. The "
@@ -118,8 +113,7 @@ TEXTURE_LOOKUP_KNOB = Knob(
     error="picture, root mean square",
     unit="of 255",
     kind="picture",
-    needs="scene",
-    prepare=_texture_lookup_bench,
+    prepare=_prepare_texture_lookup,
 )
 
 
@@ -129,7 +123,7 @@ _QUICK_PARTS = (1, 2, 4)
 _EXACT = ("perspective", "scanline")
 
 
-def _interpolation_bench(case: Case) -> Bench:
+def _prepare_interpolation(case: Case) -> Experiment:
     floor = Floor(width=case.choose(640, 96), height=case.choose(480, 72))
     truth = floor.uvs()
     inside = ((truth > 0.0) & (truth < 1.0)).all(axis=1).reshape(floor.height, floor.width)
@@ -153,16 +147,16 @@ def _interpolation_bench(case: Case) -> Bench:
     def work(value: tuple[str, int]) -> npt.NDArray[np.float32]:
         return drawn(value, "uv")
 
-    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Judgment:
+    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Evaluation:
         uvs = encode_srgb(image[..., :2]).astype(np.float64)[inside]
         off = _TEXELS * pm.norm(uvs - truth.reshape(*inside.shape, 2)[inside], axis=-1)
-        return Judgment(
+        return Evaluation(
             error=float(off.mean()),
             picture=crop(drawn(value, None), (0.65, 0.75)),
             figures={"maximum (texels)": float(off.max())},
         )
 
-    return Bench(
+    return Experiment(
         subject=f"a square tile of a floor, {floor.width} x {floor.height} pixels",
         truth="closed form",
         truth_text="Where each pixel's ray meets the floor. Coordinates are read from a picture of "
@@ -192,8 +186,7 @@ INTERPOLATION_KNOB = Knob(
     error="place on the texture, mean",
     unit="texels",
     kind="texels",
-    needs="nothing",
-    prepare=_interpolation_bench,
+    prepare=_prepare_interpolation,
 )
 
 
@@ -206,7 +199,7 @@ _CELLS = 6.0  # along one side of the picture
 _TYPES = {"float64": np.float64, "float32": np.float32}
 
 
-def _noise_bench(case: Case) -> Bench:
+def _prepare_noise(case: Case) -> Experiment:
     side = case.choose(512, 64)
     steps = (np.arange(side) + 0.5) * (_CELLS / side) + _AWAY
     x, y = np.meshgrid(steps, steps)
@@ -218,10 +211,10 @@ def _noise_bench(case: Case) -> Bench:
 
     truth = values("float64", _TRUTH_OCTAVES)
 
-    def judge(value: tuple[str, int], sums: npt.NDArray[np.float64]) -> Judgment:
+    def judge(value: tuple[str, int], sums: npt.NDArray[np.float64]) -> Evaluation:
         off = sums - truth
         picture = np.repeat((0.5 + 0.6 * sums).reshape(side, side, 1), 3, axis=2)
-        return Judgment(
+        return Evaluation(
             error=float(np.sqrt(np.square(off).mean())),
             picture=crop(np.clip(picture, 0.0, 1.0).astype(np.float32)),
             figures={
@@ -233,7 +226,7 @@ def _noise_bench(case: Case) -> Bench:
     def work(value: tuple[str, int]) -> Any:
         return values(*value)
 
-    return Bench(
+    return Experiment(
         subject=f"fractal noise at {side * side:,} points, {_AWAY:,.0f} cells from the origin",
         truth="converged",
         truth_text=f"The sum of {_TRUTH_OCTAVES} octaves in float64; it leaves out 2^-"
@@ -257,6 +250,5 @@ NOISE_KNOB = Knob(
     error="value, root mean square, in heights of the first octave",
     unit="",
     kind="value",
-    needs="nothing",
-    prepare=_noise_bench,
+    prepare=_prepare_noise,
 )

@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import shading_normals
+from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.scene import RayScene
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
@@ -17,6 +21,7 @@ from texbake.rendering.render import render
 from texbake.rendering.scene.lights import Shadow
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.study.truth.surfaces import Surface
 
 FloatImage = npt.NDArray[np.float32]
 
@@ -139,6 +144,43 @@ class Floor:
             for axis, sign in ((0, 1.0), (2, -1.0))
         ]  # fmt: skip
         return np.stack(columns, axis=1).astype(np.float32)
+
+
+RAYS_PER_SIDE = 4  # of a pixel
+
+
+def lambert_picture(
+    mesh: Mesh, surface: Surface | None, camera: Camera, size: int, to_light: FloatArray
+) -> FloatImage:
+    """(size, size, 3) picture of a mesh in the cosine of the angle to the light.
+
+    Rays are shaded with the normals of the closed form, or of the mesh where that is None.
+    """
+    rays = sight_rays(camera, size * RAYS_PER_SIDE, size * RAYS_PER_SIDE).reshape(-1, 3)
+    rays /= pm.norm(rays, axis=1, keepdims=True)
+    frame = LocalFrame.around(mesh)
+    origins = np.broadcast_to(frame.to_local(camera.eye[None]), rays.shape)
+    reach = pm.norm(origins[0]) + 2.0  # behind the mesh, which is about one unit wide
+    with RayScene.build(mesh, frame) as scene:
+        hits = scene.cast(
+            Rays(
+                np.ascontiguousarray(origins), rays, np.full(len(rays), reach), np.zeros(len(rays))
+            )
+        )
+    seen = np.flatnonzero(hits.faces != NO_HIT)
+    weights = hits.barycentrics[seen]
+    weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
+    if surface is not None:
+        corners = mesh.positions[mesh.faces[hits.faces[seen]]]
+        normals = surface.normals(pm.vecmat(weights, corners))
+    else:
+        values, rows = shading_normals(mesh)
+        normals = pm.vecmat(weights, values[rows[hits.faces[seen]]])
+        normals /= np.maximum(pm.norm(normals, axis=1, keepdims=True), 1e-30)
+    light = np.zeros(len(rays))
+    light[seen] = np.maximum(pm.matmul(normals, to_light), 0.0)
+    picture = light.reshape(size, RAYS_PER_SIDE, size, RAYS_PER_SIDE).mean(axis=(1, 3))
+    return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
 
 
 def with_width(options: RenderOptions, width: int) -> RenderOptions:

@@ -1,12 +1,13 @@
-"""Surfaces known in closed form: a radius in every direction, or heights over a square.
+"""Surfaces known in closed form: where a function is 0, by their radii, or as heights.
 
-Radial surfaces take their normals from the gradient of |p| - r(p / |p|). Only values of r are
-known, so its slopes are central differences, whose error of about h^2 = 1e-10 radians is far below
+Normals are the gradient of the function, and where lines meet the surface is found by Newton's
+method along them. Slopes are central differences, whose error of about h^2 = 1e-10 is far below
 what any map holds.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -16,13 +17,68 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.study.truth.implicit import meet_lines
 
-_STEP = 1e-5  # radians
+# In radians, or in the units of the surface, which is about one unit wide.
+_STEP = 1e-5
+_ROUNDS = 20
+_MOST_STEP = 0.05
+# Value that counts as on the surface.
+_ON_SURFACE = 1e-9
+
+
+class Surface(ABC):
+    """A surface whose normals and points are known exactly: `value` is 0 there."""
+
+    # From (n, 3) points to (n,) values, smooth near the surface, with slopes of about 1.
+    value: Callable[[FloatArray], FloatArray]
+
+    @abstractmethod
+    def normals(self, points: FloatArray) -> FloatArray:
+        """(n, 3) outward unit normals at or near points (n, 3)."""
+
+    @abstractmethod
+    def slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """(n,) slopes of the value at (n, 3) points along (n, 3) directions."""
+
+    def hits(
+        self, starts: FloatArray, directions: FloatArray
+    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Return where lines meet the surface near points that lie close to it.
+
+        `starts` (n, 3) float64; `directions` (n, 3) float64: unit vectors of the lines through
+        them. Returns `points` (n, 3) float64; `converged` (n,) bool: false for a line that only
+        touches the surface, or passes by.
+        """
+        points = np.array(starts)
+        for _ in range(_ROUNDS):
+            values, along = self.value(points), self.slopes(points, directions)
+            step = np.where(np.abs(along) > 1e-3, values / np.where(along == 0.0, 1.0, along), 0.0)
+            points -= np.clip(step, -_MOST_STEP, _MOST_STEP)[:, None] * directions
+            if np.abs(values).max(initial=0.0) < 0.01 * _ON_SURFACE:
+                break
+        return points, np.abs(self.value(points)) < _ON_SURFACE
 
 
 @dataclass(frozen=True, eq=False)
-class RadialSurface:
+class ImplicitSurface(Surface):
+    """A surface given by its value alone."""
+
+    value: Callable[[FloatArray], FloatArray]
+
+    def normals(self, points: FloatArray) -> FloatArray:
+        """(n, 3) outward unit normals at or near points (n, 3)."""
+        gradients = np.stack([self.slopes(points, axis) for axis in np.eye(3)], axis=1)
+        lengths = np.sqrt(pm.vecdot(gradients, gradients))
+        return np.asarray(gradients / np.where(lengths > 0.0, lengths, 1.0)[:, None])
+
+    def slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+        """(n,) slopes of the value at (n, 3) points along (n, 3) directions."""
+        step = _STEP * directions
+        return np.asarray((self.value(points + step) - self.value(points - step)) / (2.0 * _STEP))
+
+
+@dataclass(frozen=True, eq=False)
+class RadialSurface(Surface):
     """A surface around the origin, given by its radii."""
 
     # From (n, 3) unit vectors to (n,) distances from the origin, smooth.
@@ -53,19 +109,14 @@ class RadialSurface:
             name=name,
         )
 
-    def hits(
-        self, starts: FloatArray, directions: FloatArray
-    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Return where lines meet the surface near points that lie close to it; see `Surface`."""
-        return meet_lines(self._height, self._slopes, starts, directions)
-
-    def _slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
+    def slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Slopes of the height over the surface: 1 along the normal, more along the radius."""
         normals = self.normals(points)
         steepness = pm.vecdot(normals, _unit(points))
         return np.asarray(pm.vecdot(normals, directions) / steepness)
 
-    def _height(self, points: FloatArray) -> FloatArray:
+    def value(self, points: FloatArray) -> FloatArray:
+        """(n,) heights of points over the surface, along their radii."""
         lengths = np.sqrt(pm.vecdot(points, points))
         return np.asarray(lengths - self.radii(points / lengths[:, None]))
 

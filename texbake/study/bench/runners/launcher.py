@@ -47,7 +47,6 @@ def main(timeout, *command):
     report = {"code": process.returncode, "late": late.is_set(), "seconds": seconds, "output": text}
     if usage is not None:
         unit = 1 if sys.platform == "darwin" else 1024
-        report["processor_seconds"] = usage.ru_utime + usage.ru_stime
         report["peak_bytes"] = usage.ru_maxrss * unit
     answer(report)
 

@@ -1,10 +1,11 @@
 """Do one job with Blender, in a Python that has `bpy`: `run_blender.py JOB`."""
 
+import json
 import math
+import sys
 
 import bpy
 import numpy as np
-from runner_job import do_job
 
 
 def imported(path):
@@ -181,4 +182,5 @@ def version(job):
 
 if __name__ == "__main__":
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    do_job(globals())
+    job = json.loads(sys.argv[1])
+    globals()[job["task"].replace("-", "_")](job)
