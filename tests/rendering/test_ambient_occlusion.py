@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,13 +124,3 @@ def test_only_light_from_everywhere_is_held_back():
     assert (ground - sun_alone).max() > 0.1
     np.testing.assert_array_equal(seen(occlusion=None), sun_alone)
     assert np.isfinite(ambient).all()
-
-
-def test_threads_change_no_byte():
-    options = RenderOptions(width=90, height=70)
-    camera = Camera.looking_at((2.0, 1.0, 2.0), (0, 0, 0), fov=0.8, near=0.01)
-    scene = Scene(objects=(SceneObject(mesh=cube(), material=WHITE),), lighting=lighting())
-    one, three = (draw(prepare(scene, options, threads=n), camera) for n in (1, 3))
-    assert one.color.tobytes() == three.color.tobytes()
-    same = replace(options, supersampling=1)
-    assert np.isfinite(draw(prepare(scene, same), camera).color).all()

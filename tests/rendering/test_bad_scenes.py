@@ -8,7 +8,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import BUFFERS, INTERPOLATIONS, RenderOptions
+from texbake.rendering.options import INTERPOLATIONS, RenderOptions
 from texbake.rendering.scene.lights import (
     Ambient,
     AmbientOcclusion,
@@ -18,11 +18,11 @@ from texbake.rendering.scene.lights import (
     Lighting,
     Shadow,
 )
-from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection, Refraction
+from texbake.rendering.scene.material import Material, NormalMap, Reflection, Refraction
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import FILTERS, WRAPS, ImageTexture, ProcedureTexture
 from texbake.rendering.scene.transforms import transform_matrix
-from texbake.texture.image import Image, write_image
+from texbake.texture.image import Image
 
 SMALL = RenderOptions(width=32, height=24, supersampling=2)
 EVERYTHING = Lighting(
@@ -76,7 +76,7 @@ IMAGES = {
 }
 
 
-@pytest.mark.parametrize("filter_name", FILTERS)
+@pytest.mark.parametrize("filter_name", ["nearest", "ewa"])
 @pytest.mark.parametrize("name", IMAGES)
 def test_images_of_odd_shapes_and_values(name, filter_name):
     image = ImageTexture(image=IMAGES[name], filter=filter_name)
@@ -96,23 +96,6 @@ def test_images_of_odd_shapes_and_values(name, filter_name):
         inside = seen.color[seen.coverage == 1.0][:, :3]
         if name != "two channels":  # whose second is opacity
             np.testing.assert_allclose(inside, np.broadcast_to(first, inside.shape), rtol=1e-5)
-
-
-@pytest.mark.parametrize("bits", [8, 16])
-@pytest.mark.parametrize("channels", [1, 3])
-def test_images_of_8_and_16_bits_and_of_one_channel_hold_their_colors(tmp_path, bits, channels):
-    levels = np.linspace(0, 1, 16 * channels, dtype=np.float32).reshape(4, 4, channels)
-    write_image(levels, tmp_path / "a.png", color=True, bits=bits)
-    texture = ImageTexture(image=tmp_path / "a.png", filter="nearest", wrap="clamp")
-    material = Material(shading="unlit", base_color=texture)
-    scene = Scene(objects=(SceneObject(mesh=plane(), material=material),))
-    options = RenderOptions(width=8, height=8, supersampling=1)
-    # The unit square fills the picture.
-    camera = Camera.looking_at((0.5, 0.5, 2.0), (0.5, 0.5, 0), fov=2 * np.arctan(0.25), near=0.1)
-    found = finite_picture(scene, camera, options).color[..., :3]
-    expected = np.broadcast_to(levels.repeat(2, 0).repeat(2, 1), (8, 8, 3))
-    # Half a code, where sRGB is steepest: 2.3 in linear light.
-    np.testing.assert_allclose(found, expected, atol=2.3 * 0.5 / (2**bits - 1) + 1e-6)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -170,32 +153,6 @@ def test_a_triangle_through_the_eye_and_one_behind_it(interpolation):
     assert (frame.face_ids == 0).sum() == 0 or frame.depths[frame.face_ids == 0].min() >= 1e-3
 
 
-def test_a_camera_inside_a_closed_mesh_sees_its_back_or_nothing():
-    camera = Camera.looking_at((0.1, 0, 0), (1, 0, 0.2), fov=1.0, near=1e-4)
-    for scene in all_materials(uv_sphere(8, 16)):
-        finite_picture(scene, camera)
-    culled = next(all_materials(cube()))
-    assert finite_picture(culled, camera).coverage.max() == 0.0
-    shown = RenderOptions(width=32, height=24, back_faces="show")
-    assert finite_picture(culled, camera, shown).coverage.min() == 1.0
-
-
-@pytest.mark.parametrize("kind", ["point", "spot"])
-@pytest.mark.parametrize("shadow", [None, Shadow(size=32)])
-def test_a_light_at_a_surface(kind, shadow):
-    for position in (0.5, 0.5, 0.0), (0.0, 0.0, 0.0), (0.5, 0.5, 1e-12), (0.5, 0.5, 1e-30):
-        light = Light(kind=kind, position=position, direction=(0, 0, -1), shadow=shadow)
-        for material in MATERIALS:
-            scene = Scene(
-                objects=(
-                    SceneObject(mesh=plane(), material=material),
-                    SceneObject(mesh=cube(), transform=transform_matrix(scale=0.1)),
-                ),
-                lighting=Lighting(lights=(light,)),
-            )
-            assert finite_picture(scene).coverage.max() == 1.0
-
-
 @pytest.mark.parametrize("size", [1e9, 1e-9, 1e30])
 def test_coordinates_of_a_billion(size):
     matrix = transform_matrix(scale=size, translate=(size, -3 * size, 2 * size))
@@ -231,24 +188,6 @@ def test_a_mirrored_transform_shows_the_outside():
     options = RenderOptions(width=33, height=33, supersampling=1, view=(0.0, 0.0))
     frame = finite_picture(mirrored, Camera.framing(cube(), options=options), options)
     np.testing.assert_allclose(frame.normals[16, 16], (0, 0, 1), atol=1e-6)
-
-
-def test_singular_transforms_are_errors():
-    for scale in (0, 1, 1), (1e-300, 1, 1), 0:
-        with pytest.raises(OptionError, match="singular"):
-            SceneObject(mesh=cube(), transform=transform_matrix(scale=scale))
-
-
-@pytest.mark.parametrize("buffer", BUFFERS)
-def test_buffers_of_degenerate_meshes(buffer):
-    rng = np.random.default_rng(3)
-    positions = rng.normal(size=(40, 3))
-    positions[10:20] = positions[0]
-    faces = rng.integers(0, 40, (80, 3)).astype(np.int32)
-    mesh = Mesh(positions=positions, faces=faces, uvs=np.zeros((40, 2)), uv_faces=faces)
-    options = RenderOptions(width=32, height=24, buffer=buffer, back_faces="show")
-    for scene in all_materials(mesh):
-        assert finite_picture(scene, options=options, keep=()).coverage.max() > 0.0
 
 
 def test_degenerate_meshes_under_every_material_and_light():
@@ -323,30 +262,6 @@ def test_a_cycle_of_mirrors_around_a_camera_ends():
 def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
     with pytest.raises(OptionError):
         make(bad)
-
-
-@pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (
-            lambda: BumpMap(texture=ImageTexture(image=TEXELS), height=1e308),
-            r"1e\+308 is out of range; it must be",
-        ),
-        (lambda: Refraction(ior=0.0), "ior: 0.0 is out of range; it must be above 0"),
-        (lambda: Refraction(environment="sky"), "environment: sky is not one of"),
-        (lambda: Reflection(size=0), "size: 0 is out of range; it must be 1 to 4096"),
-        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), space="uv"), "space: uv"),
-        (lambda: NormalMap(texture=ImageTexture(image=TEXELS), convention="gl"), "convention"),
-        (
-            lambda: ImageTexture(image=TEXELS, channel=-1),
-            "channel: -1 is out of range; it must be 0 or more",
-        ),
-        (lambda: Material(exponent=-1.0), "material.exponent: -1.0 is below 0"),
-    ],
-)
-def test_values_out_of_range_are_named(make, match):
-    with pytest.raises(OptionError, match=match):
-        make()
 
 
 @pytest.mark.parametrize("brightness", [1e20, 1e38, 1e300])

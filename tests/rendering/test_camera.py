@@ -83,13 +83,6 @@ def test_view_rays_go_where_the_clip_matrix_says():
         assert (1 - y) / 2 * height == pytest.approx(row, abs=1e-9)
 
 
-def test_a_mesh_without_extent_is_looked_at():
-    point = Mesh(positions=[[4, 5, 6]], faces=[[0, 0, 0]])
-    camera = Camera.framing(point)
-    assert np.isfinite(camera.eye).all()
-    assert camera.near > 0
-
-
 def test_vertices_that_no_face_uses_are_not_framed():
     mesh = cube()
     more = mesh.replace(positions=np.r_[mesh.positions, [[1e6, 0, 0]]])

@@ -113,14 +113,6 @@ def test_other_parts_seen_past_an_outline_are_counted_apart():
     assert not np.isfinite(comparison.angles_deg).any()
 
 
-def test_displacement_brings_a_mesh_closer():
-    low = uv_sphere(8, 16)
-    high = uv_sphere(48, 96).replace(positions=uv_sphere(48, 96).positions * 1.05)
-    heights = np.full((4, 4), 0.05, np.float32)
-    comparison = compare(high, low, displacement=heights, options=SMALL)
-    assert comparison.mapped.outline_mismatch < comparison.bare.outline_mismatch
-
-
 @pytest.mark.parametrize("quick", [False, True])
 def test_the_first_figure_is_for_a_glb_file_and_each_for_its_maps(quick):
     low = uv_sphere(8, 16)

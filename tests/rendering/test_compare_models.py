@@ -110,15 +110,6 @@ def test_images_without_texture_coordinates_are_left_out(tmp_path: Path) -> None
     assert len(model_scene(tmp_path / "a.obj").objects) == 1
 
 
-def test_threads_change_nothing(tmp_path: Path) -> None:
-    model = painted((0.5, 0.5, 0.5), tmp_path / "a.glb")
-    one, many = (
-        compare_models(model, model, n_views=1, options=SMALL, threads=threads).before[0]
-        for threads in (1, 3)
-    )
-    np.testing.assert_array_equal(one, many)
-
-
 def test_content_that_cannot_be_drawn_is_refused_or_named(tmp_path: Path) -> None:
     model = painted((0.5, 0.5, 0.5), tmp_path / "a.glb")
     with pytest.raises(OptionError, match="n_views"):

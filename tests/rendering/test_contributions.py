@@ -5,18 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from texbake.errors import OptionError
-from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages.contributions_page import write_contributions_page
 from texbake.rendering.contributions import contributions_of
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.scene.lights import Ambient, Fog, Light, Lighting, Shadow
+from texbake.rendering.scene.lights import Ambient, Light, Lighting, Shadow
 from texbake.rendering.scene.material import BumpMap, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
@@ -116,15 +113,3 @@ def test_the_command_prints_what_changes(tmp_path: Path) -> None:
     assert page.exists() and '"effects"' in (tmp_path / "r.json").read_text()
     result = CliRunner().invoke(texbake, [*words, "--filter", "nearest,bilinear"])
     assert result.exit_code == 2 and "contributions: they are those of one picture" in result.output
-
-
-def test_several_pictures_have_no_contributions(tmp_path: Path) -> None:
-    with pytest.raises(OptionError, match="contributions: they are those of one picture"):
-        preview_files(tmp_path / "scene.toml", None, contributions=True)
-
-
-def test_fog_that_is_taken_out_shows_what_is_behind() -> None:
-    given = replace(scene(), lighting=replace(scene().lighting, fog=Fog(density=0.3)))
-    found = {item.name: item for item in
-             contributions_of(given, OPTIONS, render_scene(given, OPTIONS))}  # fmt: skip
-    assert found["fog"].pixels > 0.5 * 64 * 48

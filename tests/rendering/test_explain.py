@@ -11,7 +11,6 @@ from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import EVERY_PICTURE, plan_report, plan_rows, plan_table
-from texbake.rendering.results import Costs
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject
@@ -133,14 +132,3 @@ def test_the_report_is_json_with_every_call(is_drawn):
     assert [("milliseconds" in entry) for entry in report["passes"]] == [is_drawn] * len(entries)
     assert {"name": "lights", "by": 'light "off"', "why": "it is dark"} in report["left_out"]
     assert {"name": "fog", "by": None, "why": "the scene has no fog"} in report["left_out"]
-
-
-def test_costs_gather_over_threads_and_calls():
-    costs = Costs()
-    costs.add("a", 0.5, 10)
-    costs.add("a", 0.25, 5)
-    with costs.timed("b"):
-        pass
-    costs.skip("c", "why not")
-    assert (costs.by_name["a"].seconds, costs.by_name["a"].n_bytes) == (0.75, 15)
-    assert costs.by_name["b"].seconds > 0.0 and costs.by_name["c"].skipped == "why not"

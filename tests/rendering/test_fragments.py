@@ -6,7 +6,7 @@ import pytest
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.fragments import fragment_rows, weights_at
+from texbake.rendering.fragments import fragment_rows
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import World
 from texbake.rendering.scene.material import Material
@@ -104,51 +104,3 @@ def test_multisampling_is_supersampling_where_color_is_flat(mesh):
     np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-6)
     np.testing.assert_array_equal(pictures[0][1], pictures[1][1])
     assert 0.0 < (pictures[0][1] % 1.0 > 0).mean() < 0.5
-
-
-def test_weights_are_where_rays_meet_the_triangle():
-    rng = np.random.default_rng(1)
-    corners = rng.normal(size=(30, 3, 3)) * 0.7 - (0, 0, 4)
-    world = World(
-        corners.reshape(-1, 3), np.arange(90, dtype=np.int32).reshape(-1, 3), np.array([0, 30])
-    )
-    camera = Camera(eye=np.zeros(3), axes=np.eye(3), fov=1.0, near=0.1)
-    weights = rng.dirichlet((1, 1, 1), 30)
-    points = np.einsum("fc,fck->fk", weights, corners)
-    focal = 0.5 / np.tan(0.5)
-    on_screen = 48 * focal * points[:, :2] / -points[:, 2:]
-    places = (np.array((32, 24)) + on_screen * (1, -1)).astype(np.float32)
-    found, back, changes = weights_at(
-        world, camera.clip_from_world(64 / 48), 64, 48, np.arange(30, dtype=np.int32), places,
-        wants_changes=True,
-    )  # fmt: skip
-    # Places are float32: 4e-6 of a pixel, through the slope of the weights.
-    slope = np.abs(changes).max(axis=1, keepdims=True)
-    assert (np.abs(found - weights[:, 1:]) <= 1e-5 * slope + 1e-9).all()
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    np.testing.assert_array_equal(back, np.einsum("fk,fk->f", normals, points) > 0)
-    # Changes are derivatives: differences over a small step.
-    step = 1e-3
-    for axis in range(2):
-        moved = places.astype(np.float64)
-        moved[:, axis] += step
-        there, _, none = weights_at(
-            world, camera.clip_from_world(64 / 48), 64, 48, np.arange(30, dtype=np.int32),
-            moved.astype(np.float32),
-        )  # fmt: skip
-        away = moved.astype(np.float32)[:, axis].astype(float) - places[:, axis]
-        inside = (there > 0).all(1) & (there.sum(1) < 1) & (found > 0).all(1)
-        difference = (there - found)[inside] / away[inside, None]
-        scale = np.abs(changes[inside]).max(axis=1, keepdims=True)
-        assert inside.sum() > 20 and len(none) == 0
-        np.testing.assert_allclose(
-            difference / scale, changes[inside, 2 * axis : 2 * axis + 2] / scale, atol=2e-3
-        )
-
-
-def test_a_face_belongs_to_the_object_whose_faces_hold_it():
-    world = world_of(9, [0, 3, 3, 4, 9, 9])  # the second and the last have none
-    ids = np.arange(9, dtype=np.int32).reshape(1, 9)
-    found = fragment_rows(ids, world, (0, 1), side=1)
-    assert found.starts.tolist() == [0, 3, 3, 4, 9, 9]
-    assert found.faces.tolist() == list(range(9))

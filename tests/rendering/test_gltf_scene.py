@@ -7,6 +7,7 @@ import struct
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from texbake.errors import FileFormatError, MeshError, ReadWarning
 from texbake.rendering.options import RenderOptions
@@ -176,67 +177,18 @@ def test_unlit_reads_nothing_but_the_base_color(asset, tmp_path, pixels):
 
 
 @pytest.mark.parametrize(
-    ("sampler", "name", "wrap"),
+    ("sampler", "name"),
     [
-        (None, "trilinear", "repeat"),
-        ({}, "trilinear", "repeat"),
-        ({"magFilter": 9728, "minFilter": 9987}, "nearest", "repeat"),
-        ({"magFilter": 9729, "minFilter": 9729}, "bilinear", "repeat"),
-        ({"magFilter": 9729, "minFilter": 9986}, "trilinear", "repeat"),
-        ({"wrapS": 33071, "wrapT": 33071}, "trilinear", "clamp"),
-        ({"wrapS": 33648, "wrapT": 33648}, "trilinear", "mirror"),
+        (None, "trilinear"),
+        ({}, "trilinear"),
+        ({"magFilter": 9728, "minFilter": 9987}, "nearest"),
+        ({"magFilter": 9729, "minFilter": 9729}, "bilinear"),
+        ({"magFilter": 9729, "minFilter": 9986}, "trilinear"),
     ],
 )
-def test_samplers(asset, tmp_path, pixels, sampler, name, wrap):
+def test_filters(asset, tmp_path, pixels, sampler, name):
     asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(pixels, sampler)})
-    texture = only_material(asset, tmp_path).base_color
-    assert (texture.filter, texture.wrap) == (name, wrap)
-
-
-def test_a_sampler_of_two_wraps(asset, tmp_path, pixels):
-    image = asset.texture(pixels, {"wrapS": 33071})
-    asset.material(pbrMetallicRoughness={"baseColorTexture": image})
-    scene = asset.read(tmp_path)
-    assert scene.notes == ()
-    assert scene.objects[0].material.base_color.wrap == ("clamp", "repeat")
-
-
-def gltf_transformed(uvs, offset=(0, 0), rotation=0.0, scale=(1, 1)):
-    """KHR_texture_transform on coordinates with v down, as its own example wants it (see below)."""
-    sine, cosine = math.sin(rotation), math.cos(rotation)
-    turn = np.array([[cosine, sine], [-sine, cosine]])
-    return (np.asarray(uvs) * scale) @ turn.T + offset
-
-
-@pytest.mark.parametrize(
-    "transform",
-    [
-        {"offset": [0.25, 0.5]},
-        {"scale": [2, 3]},
-        {"rotation": 0.3},
-        {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]},
-        {"offset": [0, 1], "scale": [1, -1]},
-        {"offset": [0.1, -0.7], "rotation": 2.0, "scale": [1.5, -0.25]},
-    ],
-)
-def test_texture_transforms_are_those_of_the_extension(asset, tmp_path, pixels, transform):
-    image = asset.texture(pixels, extensions={"KHR_texture_transform": transform})
-    asset.material(pbrMetallicRoughness={"baseColorTexture": image})
-    texture = only_material(asset, tmp_path).base_color
-    uvs = np.random.default_rng(1).random((20, 2))
-    angle = math.radians(texture.rotate)
-    turn = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-    ours = (uvs * texture.scale) @ np.transpose(turn) + texture.offset
-    theirs = gltf_transformed(uvs * (1, -1) + (0, 1), **transform)
-    np.testing.assert_allclose(ours, theirs * (1, -1) + (0, 1), atol=1e-12)
-
-
-def test_the_example_of_the_extension_uses_the_lower_left_quadrant():
-    corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
-    moved = gltf_transformed(corners, offset=(0, 1), rotation=math.pi / 2, scale=(0.5, 0.5))
-    np.testing.assert_allclose(
-        [moved.min(axis=0), moved.max(axis=0)], [[0, 0.5], [0.5, 1]], atol=1e-12
-    )
+    assert only_material(asset, tmp_path).base_color.filter == name
 
 
 def test_images_beside_the_file_are_read_later(asset, tmp_path, pixels):
@@ -358,6 +310,86 @@ def test_lights(asset, tmp_path):
     assert spot.direction == (0, 0, -1)
     assert math.radians(spot.angle) == pytest.approx(0.8)
     assert spot.blend == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_a_node_holds_stands_where_its_ancestors_put_it(asset, tmp_path, seed):
+    """The product of random translations, rotations and scales places a mesh, light and camera."""
+    rng = np.random.default_rng(seed)
+    place, nodes = np.eye(4), []
+    for i in range(3):
+        turn, move, scale = rng.normal(size=4), rng.normal(size=3), rng.uniform(0.5, 2.0)
+        turn /= np.linalg.norm(turn)
+        local = np.eye(4)
+        local[:3, :3] = scale * Rotation.from_quat(turn).as_matrix()
+        local[:3, 3] = move
+        place = place @ local
+        nodes.append({"translation": move.tolist(), "rotation": turn.tolist(),
+                      "scale": [scale] * 3, "children": [i + 1]})  # fmt: skip
+    leaf = {"mesh": 0, "camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}
+    asset.json["nodes"] = [*nodes, leaf]
+    asset.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.5}}]
+    light = {"type": "spot", "range": 0.1, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.5}}
+    asset.json["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
+    scene = asset.read(tmp_path)
+    right, up, back = place[:3, :3].T / np.linalg.norm(place[:3, 0])
+    np.testing.assert_allclose(scene.objects[0].transform, place, atol=1e-12)
+    (lamp,) = scene.lighting.lights
+    np.testing.assert_allclose(lamp.position, place[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(lamp.direction, -back, atol=1e-12)
+    np.testing.assert_allclose(lamp.up, up, atol=1e-12)
+    assert (lamp.decay, lamp.blend) == (2.0, pytest.approx(0.6))
+    camera = camera_of(scene, RenderOptions())
+    np.testing.assert_allclose(camera.eye, place[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(camera.axes, [right, up, back], atol=1e-12)
+    assert (camera.near, camera.fov) == (0.5, pytest.approx(1.0))
+
+
+@pytest.mark.parametrize(
+    ("cone", "wanted"),
+    [
+        ({}, (90.0, 1.0)),
+        ({"outerConeAngle": math.pi / 2}, (179.9, 1.0)),
+        ({"innerConeAngle": 0.3, "outerConeAngle": 0.3}, "a cone from 0.3 to 0.3 radians"),
+        ({"outerConeAngle": 1.6}, "a cone from 0 to 1.6 radians"),
+        ({"innerConeAngle": -0.1}, "'innerConeAngle' is -0.1, which is not a"),
+    ],
+)
+def test_cones_are_those_of_the_extension(asset, tmp_path, cone, wanted):
+    """By default from the axis to 45 degrees; the outer angle is at most a right angle."""
+    lights = [{"type": "spot", "color": [-1, 2, 0], "spot": cone}]
+    asset.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    asset.json["nodes"].append({"extensions": {"KHR_lights_punctual": {"light": 0}}})
+    if isinstance(wanted, str):
+        with pytest.raises(FileFormatError, match=rf"{wanted}.* valid"):
+            asset.read(tmp_path)
+        return
+    (lamp,) = asset.read(tmp_path).lighting.lights
+    assert (lamp.angle, lamp.blend) == pytest.approx(wanted)
+    assert lamp.color == (0.0, 2.0, 0.0) and lamp.intensity == pytest.approx(1 / math.pi)
+
+
+@pytest.mark.parametrize(
+    ("node", "content", "message"),
+    [
+        ({"light": 1}, {"type": "point"}, "it has no light 1"),
+        ({"light": -1}, {"type": "point"}, "it has no light -1"),
+        ({"light": 0}, {"type": "area"}, "the light type 'area' is not known"),
+        ({"camera": 0}, {"yfov": 0.0, "znear": 1}, "has no field of view, or no near plane"),
+        ({"camera": 0}, {"yfov": 3.2, "znear": 1}, "has no field of view, or no near plane"),
+        ({"camera": 0}, {"yfov": 1.0, "znear": 0}, "has no field of view, or no near plane"),
+        ({"camera": 0, "scale": [0, 0, 0]}, {"yfov": 1.0, "znear": 1}, "is scaled to nothing"),
+    ],
+)
+def test_lights_and_cameras_that_cannot_be(asset, tmp_path, node, content, message):
+    if "camera" in node:
+        asset.json["cameras"] = [{"type": "perspective", "perspective": content}]
+    else:
+        asset.json["extensions"] = {"KHR_lights_punctual": {"lights": [content]}}
+        node = {"extensions": {"KHR_lights_punctual": node}}
+    asset.json["nodes"].append(node)
+    with pytest.raises(FileFormatError, match=message):
+        asset.read(tmp_path)
 
 
 def test_the_first_perspective_camera_is_the_view(asset, tmp_path):

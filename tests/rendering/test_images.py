@@ -11,12 +11,12 @@ from texbake.errors import OptionError, UvError
 from texbake.mesh.shapes import cube
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effects.images import placed_image, wrap_of
+from texbake.rendering.effects.images import wrap_of
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
-from texbake.texture.image import Image, write_image
+from texbake.texture.image import write_image
 
 RNG = np.random.default_rng(7)
 TEXELS = RNG.random((6, 9, 3)).astype(np.float32)
@@ -200,20 +200,3 @@ def test_what_does_not_fit_is_one_error(wall):
     camera = Camera.framing(cube(), options=wall.options)
     with pytest.raises(UvError, match="cube: it has no texture coordinates"):
         draw(prepare(scene, wall.options), camera)
-
-
-def test_images_with_their_own_metadata_are_read_too(wall):
-    image = Image(TEXELS, {}, name="memory")
-    found = wall.light(unlit(ImageTexture(image=image, filter="nearest")))
-    expected, sure = nearest(TEXELS, wall.uvs)
-    np.testing.assert_array_equal(found[sure], expected[sure])
-
-
-def test_limits_of_an_image_are_those_of_each_channel():
-    image = placed_image(
-        ImageTexture(image=TEXELS), TEXELS, kind="color", filter_name="bicubic", uvs=None, name="t"
-    )
-    low, high = image.limits
-    np.testing.assert_array_equal(low, TEXELS.min(axis=(0, 1)))
-    np.testing.assert_array_equal(high, TEXELS.max(axis=(0, 1)))
-    assert image.limits[0] is low

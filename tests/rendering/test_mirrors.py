@@ -250,14 +250,3 @@ def test_an_environment_that_is_not_to_be_seen_is_seen_in_mirrors():
     frame = draw(prepare(scene, options), camera)
     np.testing.assert_allclose(frame.color[16, 16, :3], (0.1, 0.5, 0.2), atol=1e-5)
     np.testing.assert_array_equal(frame.color[0, 0, :3], 0.0)
-
-
-def test_mirrors_are_the_same_for_any_number_of_threads():
-    objects = (rendered_mirror(uv_sphere(16, 32), 32), ball((1.5, 0.2, 0.5), (1.0, 0.5, 0.0)))
-    scene = Scene(objects=objects, lighting=Lighting(environment=SIX))
-    options = RenderOptions(width=64, height=200)
-    one, three = (
-        draw(prepare(scene, options, threads=n), Camera.framing(icosphere(2), options=options))
-        for n in (1, 3)
-    )
-    assert one.color.tobytes() == three.color.tobytes()

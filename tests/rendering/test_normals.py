@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -134,15 +133,6 @@ def test_an_object_and_its_mirror_image_are_lit_as_mirror_images():
     assert both.sum() > 700 and (plain[..., 3] != mirrored[..., 3]).sum() <= 2 * 40
     np.testing.assert_allclose(plain[both], mirrored[both], atol=1e-5)
     assert np.ptp(plain[both][:, 0]) > 0.1
-
-
-def test_degenerate_faces_have_no_normal_and_shade_to_finite_light():
-    mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 0, 1]])
-    scene = Scene(objects=(SceneObject(mesh=mesh),), lighting=LIT)
-    options = RenderOptions(width=16, height=16)
-    camera = Camera.framing(mesh, options=options)
-    frame = draw(prepare(scene, options), camera, keep=("normals",))
-    assert np.isfinite(frame.color).all() and np.isfinite(frame.normals).all()
 
 
 # Steps along textures and surfaces.

@@ -1,11 +1,7 @@
 """Effects that nothing calls for never run: a scene with and one without each effect."""
 
-import inspect
-import sys
-import threading
-import types
-from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +12,7 @@ from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Activation, Effect, Rejection
-from texbake.rendering.effects import EFFECTS, images
+from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.request import RenderRequest
@@ -47,6 +43,7 @@ SMALL = RenderOptions(width=24, height=16, supersampling=2, view=(20.0, 25.0))
 SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
+CROSSED = plane().replace(positions=plane().positions[:, [2, 0, 1]] + (0.5, 0.0, 0.0))
 TWO_SETS = plane().replace(uv_sets={"second": UvSet(plane().uvs, plane().uv_faces)})
 HOOKS = ("load", "prepare", "shade", "dim", "tint", "unneeded", "behind")
 
@@ -57,9 +54,8 @@ def picture(channels=3, **fields):
 
 
 def normals(space="tangent"):
-    flat = np.zeros((4, 4, 3), np.float32)
-    flat[..., 2] = 1.0
-    return NormalMap(texture=ImageTexture(image=flat, filter="bilinear"), space=space)
+    leaning = np.tile(np.array([0.48, 0.6, 0.64], np.float32), (4, 4, 1))
+    return NormalMap(texture=ImageTexture(image=leaning, filter="bilinear"), space=space)
 
 
 def scene(*materials, meshes=None, lighting=None, **fields):
@@ -107,7 +103,7 @@ def lit(*lights, **fields):
 
 OCCLUDED = Lighting(ambient=Ambient(color=(1, 1, 1)), occlusion=AmbientOcclusion())
 DARK_CORNERS = Case(
-    wanted=scene(lambert(), lighting=OCCLUDED),
+    wanted=scene(lambert(), lambert(), meshes=[CROSSED, plane()], lighting=OCCLUDED),
     unwanted=scene(lambert(), lighting=replace(OCCLUDED, ambient=Ambient())),
 )
 GLASS = Case(wanted=scene(unlit(), unlit(opacity=0.5)), unwanted=scene(unlit(), unlit(opacity=1.0)))
@@ -164,8 +160,10 @@ CASES: dict[str, Case] = {
         unwanted=scene(lambert(), lighting=Lighting(environment=ROOM)),
     ),
     "rendered environment": Case(
-        wanted=scene(unlit(), unlit(reflection=Reflection(environment="rendered", size=8))),
-        unwanted=scene(unlit(), unlit(reflection=Reflection(environment="scene"))),
+        wanted=scene(
+            unlit(reflection=Reflection(environment="rendered", size=8)), unlit(double_sided=True)
+        ),
+        unwanted=scene(unlit(reflection=Reflection(environment="scene")), unlit()),
     ),
     "positions": Case(
         wanted=scene(lambert(), lighting=lit(LAMP)), unwanted=scene(lambert(), lighting=lit(SUN))
@@ -246,17 +244,17 @@ CASES: dict[str, Case] = {
         unwanted=scene(lambert(), lighting=lit(SUN)),
     ),
     "vertex light": Case(
-        wanted=scene(lambert(shading_rate="vertex"), lighting=lit(SUN)),
-        unwanted=scene(lambert(), lighting=lit(SUN)),
+        wanted=scene(lambert(shading_rate="vertex"), lighting=lit(LAMP)),
+        unwanted=scene(lambert(), lighting=lit(LAMP)),
     ),
     "light map": Case(wanted=scene(lambert(light_map=0.5)), unwanted=scene(unlit(light_map=0.5))),
     "emission": Case(wanted=scene(lambert(emission=(1, 1, 1))), unwanted=scene(lambert())),
     "refraction": Case(
-        wanted=scene(unlit(refraction=Refraction())),
+        wanted=scene(unlit(refraction=Refraction()), lighting=Lighting(environment=ROOM)),
         unwanted=scene(unlit(reflection=Reflection())),
     ),
     "reflection": Case(
-        wanted=scene(unlit(reflection=Reflection())),
+        wanted=scene(unlit(reflection=Reflection()), lighting=Lighting(environment=ROOM)),
         unwanted=scene(unlit(refraction=Refraction())),
     ),
     "fog behind": Case(
@@ -334,106 +332,110 @@ def test_what_is_called_for_is_entered_and_nothing_else(effect, monkeypatch):
     assert effect.name not in frame.costs.by_name
 
 
-def functions_of(module: str) -> set[types.CodeType]:
-    """Code of every function of a module, also of those within functions and classes."""
-    found: set[types.CodeType] = set()
-
-    def gather(code):
-        for inner in code.co_consts:
-            if isinstance(inner, types.CodeType):
-                found.add(inner)
-                gather(inner)
-
-    source = inspect.getsource(sys.modules[module])
-    gather(compile(source, sys.modules[module].__file__, "exec", dont_inherit=True))
-    return found
+# Laws of all effects, over the scenes that activate them.
+@cache
+def picture_with(effect):
+    """The scene that activates an effect, and its picture."""
+    case = CASES[effect.name]
+    return case, drawn(case.wanted, case.options)
 
 
-def module_of(effect: Effect) -> str:
-    """Name of the one module that an effect stands in."""
-    (name,) = (
-        name
-        for name, module in sys.modules.items()
-        if name.startswith("texbake.rendering.effects.")
-        and any(thing is effect for thing in vars(module).values())
-    )
-    return name
+def pixels_of(frame):
+    return frame.color.tobytes() + frame.coverage.tobytes()
 
 
-def reached(functions: Collection[Callable]) -> set[types.CodeType]:
-    """Code that functions may run within the modules of effects, by the names that they read."""
-    found: set[types.CodeType] = set()
-    waiting = [function for function in functions if isinstance(function, types.FunctionType)]
-
-    def inner(code: types.CodeType) -> Iterator[types.CodeType]:
-        yield code
-        for constant in code.co_consts:
-            if isinstance(constant, types.CodeType):
-                yield from inner(constant)
-
-    while waiting:
-        function = waiting.pop()
-        if function.__code__ in found or not function.__module__.startswith("texbake.rendering."):
-            continue
-        parts = list(inner(function.__code__))
-        found.update(parts)
-        named = [function.__globals__.get(name) for part in parts for name in part.co_names]
-        named += [cell.cell_contents for cell in function.__closure__ or ()]
-        for thing in named:
-            thing = getattr(thing, "py_func", thing)  # of a kernel, whose calls are seen too
-            if isinstance(thing, type) and thing.__module__.startswith("texbake.rendering."):
-                members = [getattr(item, "fget", item) for item in vars(thing).values()]
-                waiting += [item for item in members if isinstance(item, types.FunctionType)]
-            elif isinstance(thing, types.FunctionType):
-                waiting.append(thing)
-    return found
+REMOVABLE = [effect for effect in EFFECTS if effect.scene_without(CASES[effect.name].wanted)]
 
 
-def executed(work: Callable[[], object]) -> set[tuple[str, str, int]]:
-    """(file, name, line) of every Python function that some thread runs during the work."""
-    seen = set()
-
-    def note(frame, event, argument):
-        if event == "call":
-            seen.add(place(frame.f_code))
-
-    old = sys.getprofile()
-    threading.setprofile(note)
-    sys.setprofile(note)
-    try:
-        work()
-    finally:
-        sys.setprofile(old)
-        threading.setprofile(None)
-    return seen
+@pytest.mark.parametrize("effect", REMOVABLE, ids=lambda effect: effect.name)
+def test_an_effect_changes_its_picture_and_a_scene_without_it_has_no_pass_of_it(effect):
+    case, frame = picture_with(effect)
+    bare = drawn(effect.scene_without(case.wanted), case.options)
+    assert not bare.plan.has(effect.name)
+    assert np.abs(frame.color - bare.color).max() > 0.01
+    # Also where nothing else would have activated it: the lists agree on what is left.
+    assert {item.name for item in bare.plan.passes} <= {item.name for item in EFFECTS}
 
 
-def place(code: types.CodeType) -> tuple[str, str, int]:
-    return code.co_filename, code.co_qualname, code.co_firstlineno
+@pytest.mark.parametrize(
+    "effect", [item for item in EFFECTS if item.strength is not None], ids=lambda item: item.name
+)
+def test_a_strength_of_0_is_the_scene_without_the_effect(effect):
+    """Byte for byte; its plan names the key whose value is 0."""
+    case = CASES[effect.name].wanted
+
+    def weakened(material):
+        value = getattr(material, effect.material_field)
+        if value is None:
+            return material
+        zero = replace(value, **{effect.strength: 0.0}) if effect.strength else (0.0, 0.0, 0.0)
+        return replace(material, **{effect.material_field: zero})
+
+    weak = drawn(case.with_materials(weakened))
+    bare = drawn(effect.scene_without(case))
+    assert pixels_of(weak) == pixels_of(bare) and not weak.plan.has(effect.name)
+    why = f"its {effect.strength} is 0" if effect.strength else "it is black"
+    assert why in reasons(weak.plan, effect.name)
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-def test_what_nothing_calls_for_runs_no_line_of_its_module(effect):
-    case = CASES[effect.name]
-    if case.unwanted is None:
-        return  # the test above holds that it says why
-    options = case.unwanted_options
-    frame = drawn(case.unwanted, options)  # kernels are compiled now
-    request = RenderRequest(case.unwanted, options, camera_for(options))
-    asking = executed(lambda: [list(one.activated_by(request)) for one in EFFECTS])
-    ran = executed(lambda: drawn(case.unwanted, options))
-    own = {place(code) for code in functions_of(module_of(effect))}
-    # Other effects of the picture may stand in the same module, or use its functions.
-    others = [
-        function
-        for item in frame.plan.passes
-        for hook in HOOKS
-        if (function := hook_of(item.effect, hook)) is not None
-    ]
-    needs = [need for item in frame.plan.passes for need in item.effect.needs]
-    others += [getattr(need, "func", need) for need in needs if callable(need)]
-    assert len(ran & {place(code) for code in reached(others)}) > 0  # other threads are watched
-    assert ran & own <= asking | {place(code) for code in reached(others)}
+def test_effects_of_the_plan_alone_draw_the_same(effect):
+    case, frame = picture_with(effect)
+    used = tuple(item.effect for item in frame.plan.passes)
+    if frame.plan.has("rendered environment"):
+        return  # its pictures have plans of their own
+    assert pixels_of(drawn(case.wanted, case.options, used)) == pixels_of(frame)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_the_order_of_objects_and_lights_changes_nothing(effect):
+    case, frame = picture_with(effect)
+    lighting = replace(case.wanted.lighting, lights=case.wanted.lighting.lights[::-1])
+    turned = replace(case.wanted, objects=case.wanted.objects[::-1], lighting=lighting)
+    other = drawn(turned, case.options)
+    np.testing.assert_allclose(other.color, frame.color, atol=1e-6)
+    np.testing.assert_array_equal(other.coverage, frame.coverage)
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_another_camera_finds_nothing_of_the_picture_before(effect):
+    """What a scene keeps for later pictures does not depend on the camera."""
+    case, _ = picture_with(effect)
+    prepared = prepare(case.wanted, case.options, threads=2)
+    first, second = (
+        Camera.framing(plane(), options=replace(case.options, view=view))
+        for view in ((20.0, 25.0, 2.0), (-40.0, 10.0))
+    )
+    frames = [draw(prepared, camera) for camera in (first, second, first)]
+    assert pixels_of(frames[0]) == pixels_of(frames[2]) != pixels_of(frames[1])
+    fresh = draw(prepare(case.wanted, case.options, threads=2), second)
+    assert pixels_of(fresh) == pixels_of(frames[1])
+
+
+# Those for which the inside of a surface is another relief, or another medium.
+SIDED = ("displacement", "parallax", "bump map", "emboss", "normal map", "tangents", "refraction",
+         "light profiles", "shadow maps", "shadows", "derivatives", "mip maps")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "effect", [item for item in EFFECTS if item.name not in SIDED], ids=lambda item: item.name
+)
+def test_a_surface_that_is_wound_the_other_way_looks_the_same(effect):
+    """Where both sides are drawn, normals turn to the eye."""
+    case, _ = picture_with(effect)
+
+    def flipped(item):
+        mesh = item.mesh
+        faces = {"faces": mesh.faces[:, ::-1].copy(), "uv_faces": mesh.uv_faces[:, ::-1].copy()}
+        sets = {
+            name: UvSet(one.uvs, one.faces[:, ::-1].copy()) for name, one in mesh.uv_sets.items()
+        }
+        return replace(item, mesh=mesh.replace(**faces, uv_sets=sets))
+
+    options = replace(case.options, back_faces="show")
+    turned = replace(case.wanted, objects=tuple(map(flipped, case.wanted.objects)))
+    one, other = (drawn(item, options).color for item in (case.wanted, turned))
+    np.testing.assert_allclose(other, one, atol=1e-4)
 
 
 def watching(scene_effects=EFFECTS):
@@ -447,25 +449,6 @@ def watching(scene_effects=EFFECTS):
         shade=lambda fragments, picture: kept.append(fragments),
     )
     return (*scene_effects, probe), kept
-
-
-@pytest.mark.parametrize("filter_name", ["nearest", "bilinear", "bicubic"])
-def test_a_lookup_without_footprint_has_no_mip_levels_and_no_derivatives(filter_name, monkeypatch):
-    def fail(*arguments, **named):
-        raise AssertionError("a mip chain was made")
-
-    monkeypatch.setattr(images, "mip_chain", fail)
-    textured = scene(unlit(base_color=picture(filter=filter_name)))
-    effects, kept = watching()
-    frame = drawn(textured, SMALL, effects)
-    assert not frame.plan.has("mip maps") and not frame.plan.has("derivatives")
-    assert len(kept) > 0
-    assert all(len(item.changes) == 0 and len(item.uv_changes) == 0 for item in kept)
-    # The options' filter goes before the texture's own, both ways.
-    trilinear = scene(unlit(base_color=picture(filter="trilinear")))
-    assert not drawn(trilinear, replace(SMALL, filter=filter_name)).plan.has("mip maps")
-    with pytest.raises(AssertionError, match="a mip chain was made"):
-        drawn(textured, replace(SMALL, filter="ewa"))
 
 
 @pytest.mark.parametrize(
@@ -502,35 +485,6 @@ def far_away():
     matrix = np.eye(4)
     matrix[0, 3] = 1e4
     return matrix
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        lambda s: with_item(s, 0, receives_shadows=False),
-        lambda s: with_item(with_item(s, 0, casts_shadows=False), 1, casts_shadows=False),
-        lambda s: with_item(s, 0, material=unlit()),
-        lambda s: with_item(s, 0, transform=far_away()),
-        lambda s: with_item(s, 1, transform=far_away()),
-        lambda s: with_item(s, 0, visible=False),
-        lambda s: replace(s, lighting=lit(replace(SUN, intensity=0.0, shadow=Shadow()))),
-        lambda s: replace(s, lighting=lit(SUN)),
-    ],
-    ids=[
-        "nothing receives", "nothing casts", "receiver unlit", "receiver out of the picture",
-        "caster beside", "receiver invisible", "dark light", "light casts none",
-    ],
-)  # fmt: skip
-def test_no_shadow_map_is_made_whose_shadows_fall_on_nothing_seen(changed):
-    # The plane in front casts on the one behind and, flat as it is, never on itself.
-    shadowed = scene(lambert(), lambert(), lighting=lit(replace(SUN, shadow=Shadow(size=32))))
-    shadowed = with_item(shadowed, 1, receives_shadows=False)
-    frame, entered = entered_by(shadowed)
-    assert ("shadow maps", "prepare") in entered and ("shadow maps", "dim") in entered
-    frame, entered = entered_by(changed(shadowed))
-    assert not entered & {("shadow maps", "prepare"), ("shadow maps", "dim")}
-    assert not frame.plan.has("shadow maps") or frame.costs.by_name["shadow maps"].skipped
-    assert frame.plan.has("shadow maps") or reasons(frame.plan, "shadow maps")
 
 
 def test_no_environment_is_rendered_without_a_reflector_in_view():
@@ -638,12 +592,3 @@ def test_names_of_effects_are_their_own_and_their_sentences_short():
         assert effect.of in ("object", "light", "picture")
         for sentence in effect.does, effect.left_out:
             assert 0 < len(sentence) < 80 and not sentence.endswith(".")
-
-
-def test_a_list_without_an_effect_draws_the_same_where_nothing_calls_for_it():
-    the_scene = scene(Material(), lambert(), lighting=lit(SUN, ambient=Ambient(color=(1, 1, 1))))
-    full = drawn(the_scene)
-    used = {item.name for item in full.plan.passes}
-    fewer = tuple(effect for effect in EFFECTS if effect.name in used)
-    assert len(fewer) < len(EFFECTS) / 2
-    assert drawn(the_scene, SMALL, fewer).color.tobytes() == full.color.tobytes()

@@ -291,6 +291,16 @@ def test_the_table_of_passes_tells_what_ran(images: Path) -> None:
     assert not found, "\n".join(found)
 
 
+def test_every_number_of_threads_draws_the_same_bytes(images: Path) -> None:
+    for seed in range(12):
+        scene, options = random_scene(seed, images)
+        options = replace(options, width=96, height=800)  # more rows than threads get at a time
+        camera = camera_of(scene, options)
+        one, three = (draw(prepare(scene, options, threads=n), camera) for n in (1, 3))
+        assert one.color.tobytes() == three.color.tobytes(), seed
+        assert one.depths.tobytes() == three.depths.tobytes(), seed
+
+
 def test_simpler_materials_look_the_same(images: Path) -> None:
     """An effect of the caller's own keeps materials as they are."""
     own = Effect(name="own", does="nothing", left_out="no need")

@@ -119,15 +119,6 @@ def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
     assert (counts == 1).all()
 
 
-@pytest.mark.parametrize("faces", [[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]])
-def test_a_split_quad_owns_each_sample_once(faces):
-    # Diagonal through the samples' centers, edges along the screen's.
-    side = 2 * BAND_ROWS
-    points = np.array([[0, 0], [0, side], [side, side], [side, 0]]) * SUBPIXELS
-    positions = from_grid(points, side, side)
-    assert (count_owners(positions, faces, FLAT, side, side) == 1).all()
-
-
 @pytest.mark.parametrize("direction", range(7))
 def test_a_closed_mesh_shows_front_and_back_alike(direction):
     # A ray that enters a closed surface leaves it, and coverage is exact: with culling or without,
@@ -148,15 +139,6 @@ def test_a_closed_mesh_shows_front_and_back_alike(direction):
     np.testing.assert_array_equal(front, back)
     # Convex: every row is one run without a hole.
     assert (np.count_nonzero(np.diff(front.astype(int), axis=1), axis=1) <= 2).all()
-
-
-def test_the_nearest_triangle_is_seen():
-    points = np.tile([[0, 0], [0, 64], [64, 0]], (3, 1)) * SUBPIXELS
-    positions = from_grid(points, 32, 32, depth=np.repeat([0.2, 0.7, 0.4], 3))
-    faces = np.arange(9, dtype=np.int32).reshape(3, 3)
-    visibility = drawn(positions, faces, FLAT, 32, 32)
-    assert (visibility.face_ids == 1).all()
-    np.testing.assert_array_equal(visibility.depths, np.float32(0.7))
 
 
 def test_two_planes_that_cross_are_parted_where_they_cross():
@@ -202,17 +184,6 @@ def test_triangles_without_area_are_not_seen():
     visibility = flat_visibility(points, faces, 32, 32)
     assert (visibility.face_ids == -1).all()
     assert not visibility.depths.any()
-
-
-def test_back_faces_are_culled_or_marked():
-    points = np.array([[0, 0], [64, 0], [0, 64]]) * SUBPIXELS  # clockwise as seen
-    positions, faces = from_grid(points, 32, 32), np.array([[0, 1, 2]], np.int32)
-    culled = drawn(positions, faces, FLAT, 32, 32)
-    assert (culled.face_ids == -1).all()
-    shown = drawn(positions, faces, FLAT, 32, 32, back_faces="show")
-    assert (shown.face_ids == 0).all()
-    turned = drawn(positions, faces[:, ::-1].copy(), FLAT, 32, 32)
-    assert (turned.face_ids == 0).all()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 2 * BAND_ROWS + 1)])

@@ -142,21 +142,6 @@ def test_maps_come_from_files(tmp_path):
     np.testing.assert_allclose(from_files.color, from_arrays.color, atol=2e-3)
 
 
-def test_a_displaced_sphere_is_a_larger_sphere():
-    mesh = uv_sphere(64, 128)
-    camera = Camera.framing(mesh, options=RenderOptions(width=200, height=200, view=(0, 0, 5.0)))
-    options = RenderOptions(width=200, height=200, supersampling=1)
-    grown = render(
-        mesh, displacement=np.full((4, 4), 0.3, np.float32), options=options, camera=camera
-    )
-    scaled = render(mesh.replace(positions=mesh.positions * 1.3), options=options, camera=camera)
-    # Smooth normals of a mesh are not quite radial: a row of pixels at the outline may differ.
-    assert ((grown.coverage != scaled.coverage).sum()) < 40
-    both = (grown.coverage == 1) & (scaled.coverage == 1)
-    assert both.sum() > 10_000
-    np.testing.assert_allclose(grown.depths[both], scaled.depths[both], rtol=2e-3)
-
-
 def test_displacement_carries_the_frame_of_the_base_along():
     # Without heights, the mapped normals must be those of the mesh that was not displaced.
     mesh = uv_sphere(8, 16)
@@ -172,18 +157,6 @@ def test_displacement_carries_the_frame_of_the_base_along():
     # tangents may jump.
     apart = np.abs(plain.normals - cut.normals)[both].max(axis=1)
     assert np.count_nonzero(apart > 1e-6) < 0.002 * len(apart)
-
-
-def test_every_number_of_threads_gives_the_same_frame():
-    mesh = uv_sphere(32, 64)
-    rng = np.random.default_rng(4)
-    maps = {
-        "normal_map": rng.normal(size=(16, 16, 3)).astype(np.float32),
-        "displacement": rng.uniform(0, 0.05, (16, 16)).astype(np.float32),
-        "albedo": rng.random((16, 16, 3)).astype(np.float32),
-    }
-    one, two = (render(mesh, **maps, options=SMALL, threads=threads) for threads in (1, 2))
-    assert everything_of(one) == everything_of(two)
 
 
 def test_nothing_in_a_frame_is_not_a_number():

@@ -278,15 +278,6 @@ def test_size_and_place_change_nothing(scale: float) -> None:
     assert (np.abs(here - there)[known] > 1e-4).mean() < 0.002
 
 
-def test_threads_change_no_byte() -> None:
-    for source, _ in SOURCES.values():
-        frames = [
-            drawn(floor(), ball(CENTER, RADIUS), light=source, threads=n).color.tobytes()
-            for n in (1, 3)
-        ]
-        assert frames[0] == frames[1]
-
-
 def test_what_does_not_cast_or_receive_is_left_alone() -> None:
     at = points()
     below = beside(at, np.array([0.5, 1.0, -0.3, 0.0]), CENTER) < 0.5 * RADIUS
@@ -344,15 +335,6 @@ def test_a_map_that_nothing_needs_is_left_out(case: str) -> None:
     assert not found.has("shadow maps") and not found.has("shadows")
     told = [item.why for item in found.left_out if item.name == "shadow maps"]
     assert len(told) == 1 and told[0].startswith(why)
-
-
-def test_a_light_without_shadows_makes_no_map() -> None:
-    found = plan(floor(), ball(CENTER, 0.5), light=Light(direction=SUN))
-    told = [item.why for item in found.left_out if item.name == "shadow maps"]
-    assert told == ["no light casts shadows"]
-    # A directional light with shadows needs the positions that one without does not.
-    assert not found.has("positions")
-    assert plan(floor(), ball(CENTER, 0.5), light=light(direction=SUN)).has("positions")
 
 
 def test_a_map_is_not_made_for_what_turns_out_hidden() -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from displaced_mesh import are_closed
-from scipy import ndimage
 
 from texbake.errors import OptionError, UvError
 from texbake.mesh.normals import smooth_normals
@@ -15,7 +14,6 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effect import Activation, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render
 from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
@@ -183,44 +181,6 @@ def test_uneven_cuts_leave_no_crack(edge_px):
     assert are_closed(edges_of(drawn)) and euler(drawn) == 2
 
 
-def test_borders_stay_borders():
-    drawn, _ = displaced(plane(3, 2), Displacement(texture=image(0.1 * NOISE)))
-    pairs = np.sort(edges_of(drawn), axis=1)
-    edges, counts = np.unique(pairs, axis=0, return_counts=True)
-    ends = drawn.positions[edges[counts == 1]]
-    on_border = ((ends[..., :2] == 0) | (ends[..., :2] == 1)).any(axis=-1)
-    assert on_border.all() and euler(drawn) == 1
-
-
-@pytest.mark.parametrize("amplitude", [0.02, 0.3])
-def test_no_background_shows_through(amplitude):
-    options = replace(SMALL, width=160, height=120, supersampling=2, back_faces="show")
-    for mesh in uv_sphere(6, 12), uv_sphere(24, 48):
-        frame = render(mesh, displacement=amplitude * NOISE, options=options)
-        holes, n = ndimage.label(frame.coverage == 0)
-        border = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
-        assert frame.coverage.max() == 1
-        if amplitude < 0.1:  # taller spikes may well enclose a piece of sky between them
-            assert set(range(1, n + 1)) <= set(border.tolist())
-        # Inside of the least radius everything is covered.
-        radius = 0.9 * (1 - amplitude)
-        camera = Camera.framing(mesh, options=options)
-        distance = np.linalg.norm(camera.eye)
-        focal = options.height / (2 * np.tan(camera.fov / 2))
-        rows, columns = np.mgrid[:120, :160]
-        off = np.hypot(columns + 0.5 - 80, rows + 0.5 - 60)
-        core = off < focal * np.tan(np.arcsin(radius / distance)) - 2
-        assert core.sum() > 1000 and (frame.coverage[core] == 1).all()
-
-
-@pytest.mark.parametrize("bound", [1, 500, 2001])
-def test_pieces_stay_within_the_options(bound):
-    options = replace(SMALL, max_triangles=bound)
-    drawn, _ = displaced(icosphere_with_uvs(), Displacement(texture=image(NOISE)), options=options)
-    assert len(drawn.faces) == max(320, bound - bound % 2)
-    assert are_closed(edges_of(drawn))
-
-
 def icosphere_with_uvs():
     mesh = icosphere(2)
     return mesh.replace(uvs=mesh.positions[:, :2] / 2 + 0.5, uv_faces=mesh.faces)
@@ -234,16 +194,6 @@ def test_one_pixel_moves_everything_alike():
     np.testing.assert_allclose(
         drawn.positions, mesh.positions + 0.5 * smooth_normals(mesh), atol=1e-15
     )
-
-
-@pytest.mark.parametrize("height", [50.0, -50.0, 1e30])
-def test_heights_larger_than_the_object_are_drawn(height):
-    drawn, frame = displaced(
-        uv_sphere(8, 16), Displacement(texture=image(NOISE), height=height), shading="lambert"
-    )
-    assert np.isfinite(drawn.positions).all() and np.isfinite(drawn.normals).all()
-    assert np.isfinite(frame.color).all()
-    assert are_closed(edges_of(drawn))
 
 
 def turned():
@@ -344,21 +294,6 @@ def test_threads_change_nothing():
         assert getattr(one, name).tobytes() == getattr(several, name).tobytes()
     assert first.color.tobytes() == second.color.tobytes()
     assert len(one.faces) > 2 << 16  # more than a band of everything
-
-
-def test_a_second_picture_is_cut_for_its_own_camera():
-    material = Material(shading="unlit", displacement=Displacement(texture=image(NOISE)))
-    scene = Scene(objects=(SceneObject(mesh=uv_sphere(8, 16), material=material),))
-    prepared = prepare(scene, SMALL)
-    near, far = (
-        draw(prepared, Camera.looking_at((0, -d, 0), (0, 0, 0), up=(0, 0, 1), fov=0.9, near=0.1))
-        for d in (3.5, 20.0)
-    )
-    again = draw(prepare(scene, SMALL), Camera.looking_at(
-        (0, -20.0, 0), (0, 0, 0), up=(0, 0, 1), fov=0.9, near=0.1
-    ))  # fmt: skip
-    assert far.color.tobytes() == again.color.tobytes()
-    assert near.costs.by_name["displacement"].n_bytes > far.costs.by_name["displacement"].n_bytes
 
 
 def test_what_cannot_displace_is_one_line():

@@ -168,18 +168,3 @@ def test_a_bound_on_triangles_is_used_up_by_the_longest_edges(most):
 def test_a_mesh_beyond_the_bound_is_not_cut():
     pieces, points, _ = start(icosphere(1))
     assert not edges_to_cut(pieces, np.full(len(pieces.ends), 9.0), points, 10).any()
-
-
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads_change_nothing(threads):
-    mesh = icosphere(5)
-    pieces, points, _ = start(mesh)
-    for _ in range(3):
-        marked = np.random.default_rng(6).random(len(pieces.ends)) < 0.6
-        one, _, places = cut(pieces, marked, points, threads=1)
-        several, _, same = cut(pieces, marked, points, threads=threads)
-        for name in "faces", "face_edges", "ends", "base_faces", "base_weights":
-            assert getattr(one, name).tobytes() == getattr(several, name).tobytes()
-        assert places.weights.tobytes() == same.weights.tobytes()
-        pieces, points, _ = cut_once(pieces, points, marked)
-    assert len(pieces.faces) > 3 * (1 << 16)  # more than a band

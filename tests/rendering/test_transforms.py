@@ -89,12 +89,6 @@ def test_a_view_of_angles_frames_what_is_placed(up):
     assert camera.fov == framed.fov
 
 
-def test_no_view_is_that_of_the_options():
-    camera = camera_of(scene(), OPTIONS)
-    framed = Camera.framing(*(place_mesh(item) for item in scene().objects), options=OPTIONS)
-    np.testing.assert_allclose(camera.eye, framed.eye, rtol=1e-15)
-
-
 def test_objects_that_are_not_seen_are_not_framed():
     hidden = SceneObject(mesh=cube(), transform=transform_matrix(scale=1e3), visible=False)
     only = Scene(objects=(SceneObject(mesh=cube()), hidden))

@@ -213,15 +213,6 @@ def test_opacity_beyond_its_range_is_held_in_it():
         np.testing.assert_allclose(found.color[..., :3], np.broadcast_to(expected, (6, 8, 3)))
 
 
-def test_threads_change_no_byte():
-    objects = [quad(glass((0.9, 0.1, 0.1), 0.5), turn) for turn in TURNS]
-    options = RenderOptions(width=90, height=500)
-    one, three = (
-        draw(prepare(Scene(objects=tuple(objects)), options, threads=n), CAMERA) for n in (1, 3)
-    )
-    assert one.color.tobytes() == three.color.tobytes()
-
-
 def test_gray_with_opacity_lets_through_as_colors_with_opacity_do():
     gray = np.full((2, 2, 2), 0.25, np.float32)
     colors = np.repeat(gray[..., :1], 4, axis=2)

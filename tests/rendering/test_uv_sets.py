@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError, TexbakeError, UvError
+from texbake.errors import TexbakeError, UvError
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.uv_sets import UvSet
@@ -17,7 +17,6 @@ from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.image import write_image
-from texbake.texture.lookup import lookup
 from texbake.texture.sample import FILTERS, sample_texture
 
 NOISE = np.random.default_rng(4).random((16, 16, 3)).astype(np.float32)
@@ -152,19 +151,6 @@ def test_wrap_modes_of_each_direction(filter_name, wraps):
             for wrap in (wraps, wraps[axis])
         )
         np.testing.assert_array_equal(both, alone)
-
-
-def test_wrap_modes_far_outside_in_both_directions():
-    uvs = np.random.default_rng(2).uniform(-3.0, 4.0, (300, 2))
-    inside = np.stack([uvs[:, 0] % 1.0, np.clip(uvs[:, 1], 0.5 / 16, 1 - 0.5 / 16)], axis=1)
-    found = lookup(NOISE, uvs, wrap=("repeat", "clamp"))
-    np.testing.assert_allclose(found, lookup(NOISE, inside, wrap="repeat"), atol=1e-6)
-
-
-def test_an_unknown_wrap_mode_of_a_pair():
-    with pytest.raises(OptionError, match="wrap: over is not one of"):
-        image_texture = ImageTexture(image=NOISE, wrap=("repeat", "over"))
-        assert image_texture
 
 
 def test_a_scene_file_names_the_set_and_two_wrap_modes(tmp_path):

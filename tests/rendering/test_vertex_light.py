@@ -184,12 +184,3 @@ def test_the_plan_says_what_is_shaded_per_vertex() -> None:
         (item.requested_by, item.why) for item in plan.left_out if item.name == "ambient occlusion"
     ]
     assert told == [('object "floor"', "it is shaded per vertex")]
-
-
-@pytest.mark.parametrize("interpolation", ["perspective", "affine", "scanline"])
-def test_any_number_of_threads_gives_the_same_bytes(interpolation: str) -> None:
-    item = SceneObject(mesh=uv_sphere(40, 60), material=Material(shading_rate="vertex"))
-    scene = Scene(objects=(item,), lighting=Lighting(lights=(LAMP,)))
-    options = RenderOptions(width=60, height=60, interpolation=interpolation)
-    one, many = (draw(prepare(scene, options, threads=n), CAMERA).color for n in (1, 5))
-    np.testing.assert_array_equal(one, many)

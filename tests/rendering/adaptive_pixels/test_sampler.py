@@ -123,13 +123,6 @@ def test_strips_hold_all_that_is_wanted(name, monkeypatch):
     assert_same(strips, whole, np.ones((32, 48), np.bool_))
 
 
-def test_nothing_in_the_picture():
-    white = Material(shading="unlit")
-    scene = Scene(objects=(SceneObject(mesh=cube(), material=white, visible=False),))
-    _, sums = sampled(scene, replace(OPTIONS, background=None), Sides(4, 4))
-    assert not sums.light.any() and not sums.coverage.any() and (sums.counts == 16).all()
-
-
 # Estimates of errors.
 def sums_of(means, deviation=0.0, count=16):
     """Sums of gray pixels with given means and deviations; all are opaque."""

@@ -177,14 +177,6 @@ def test_small_pictures(size):
     assert frame.color.shape == (size[1], size[0], 4) and np.isfinite(frame.color).all()
 
 
-def test_light_beyond_white_is_no_error():
-    bright = Material(base_color=(1.0, 1.0, 1.0), emission=(1e30, 1e30, 1e30))
-    scene = Scene(objects=(SceneObject(mesh=icosphere(1), material=bright),))
-    frame = render_scene(scene, OPTIONS)
-    assert np.isfinite(frame.color).all()
-    assert np.isfinite(list(frame.sampling.errors[0].estimated.values())).all()
-
-
 def test_normals_are_of_the_pixels_that_coverage_and_depths_are_of():
     frame = render(icosphere(2), options=OPTIONS)
     plain = render(icosphere(2), options=replace(OPTIONS, max_error=None))
