@@ -14,6 +14,7 @@ from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import checked_cage
 from texbake.errors import CageError, MissError, OptionError, UvError
+from texbake.mesh.compose import turned_over
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
@@ -146,41 +147,31 @@ def half_a_plane():
     return Mesh(positions=whole.positions, faces=whole.faces[keep], name="half.obj")
 
 
-def test_misses_are_reported_and_never_filled():
-    low = plane()
-    for fill in ("none", "push-pull"):
-        options = BakeOptions(size=64, front=0.1, back=0.1, fill=fill, space="object")
-        result = bake(half_a_plane(), low, options)
-        report = result.report
-        assert report.texels_covered == 64 * 64
-        assert report.texels_missed == 64 * 32
-        assert report.counts.rays_missed == 64 * 32
-        assert report.miss_percent == 50.0
-        assert any("missed the high-poly mesh" in warning for warning in report.warnings)
-        values = result.maps["normal"].values
-        np.testing.assert_array_equal(values[:, 32:], 0)
-        np.testing.assert_array_equal(values[:, :32], np.broadcast_to([0, 0, 1], (64, 32, 3)))
-        picture = result.miss_map()
-        assert len(np.unique(picture[:, 32:].reshape(-1, 3), axis=0)) == 1
-        assert (picture[:, 32:] == [255, 40, 60]).all()
-        assert not (picture[:, :32] == [255, 40, 60]).all(axis=2).any()
-
-
-def test_colors_are_continued_into_misses():
-    high = half_a_plane()
+@pytest.mark.parametrize("fill", ["none", "push-pull"])
+@pytest.mark.parametrize("size", [64, 300])
+def test_misses_are_reported_and_only_colors_go_on_into_them(fill, size):
+    """Also where the rays are far longer than the triangles."""
+    high, reach = half_a_plane(), size / 300
     blue = np.broadcast_to(np.float32([0.1, 0.2, 0.9]), (high.n_vertices, 3))
     options = BakeOptions(
-        maps=("vertex-color", "normal"), size=64, front=0.1, back=0.1, space="object",
-        vertex_colors="linear",
+        maps=("normal", "vertex-color", "displacement"), size=size, front=reach, back=reach,
+        fill=fill, space="object", vertex_colors="linear",
     )  # fmt: skip
     result = bake(high.replace(colors=blue), plane(), options)
-    assert result.report.texels_missed == 64 * 32
-    colors = result.maps["vertex-color"].values
+    report, half = result.report, size // 2
+    assert report.texels_covered == report.counts.rays_cast == size**2
+    assert report.texels_missed == report.counts.rays_missed == size * half
+    assert report.miss_percent == 50.0 == json.loads(json.dumps(report.to_json()))["miss_percent"]
+    assert any("missed the high-poly mesh" in warning for warning in report.warnings)
+    normals, colors, heights = (result.maps[name].values for name in options.maps)
+    np.testing.assert_array_equal(normals[:, half:], 0)
+    np.testing.assert_array_equal(normals[:, :half], np.broadcast_to([0, 0, 1], (size, half, 3)))
     np.testing.assert_allclose(colors, np.broadcast_to(blue[0], colors.shape), atol=1e-6)
-    np.testing.assert_array_equal(result.maps["normal"].values[:, 32:], 0)
+    np.testing.assert_allclose(heights, 0, atol=1e-6)
+    picture = result.miss_map()
+    assert (picture[:, half:] == [255, 40, 60]).all() and (picture[:, :half] == [70, 110, 70]).all()
     nowhere = high.replace(positions=high.positions + np.array([0.0, 0.0, 9.0]), colors=blue)
-    black = bake(nowhere, plane(), options).maps["vertex-color"].values
-    np.testing.assert_array_equal(black, 0)
+    assert not bake(nowhere, plane(), options).maps["vertex-color"].values.any()
 
 
 def test_fail_on_miss():
@@ -310,26 +301,18 @@ def test_a_cage_takes_the_place_of_the_front_distance():
     assert bake(high, low, options, cage=cage).report.texels_missed == 0
     report = bake(high, low, options, cage=inside).report
     assert report.texels_missed == report.texels_covered
-    assert report.cage == "cage.obj"
-    assert report.front is None
+    assert (report.cage, report.front, report.measured) == ("cage.obj", None, False)
+    measured = bake(high, low, BakeOptions(size=16), cage=cage).report
+    assert measured.measured and measured.front is None and measured.back > 0.0
     result = bake(high, low, options, cage=cage)
     # Along the radius of a vertex the surfaces are 0.3 apart; within a face the chord is nearer.
     values = result.maps["displacement"].values[result.has_data]
     assert 0.27 < values.min() <= values.max() < 0.3001
 
 
-def test_with_a_cage_the_back_alone_is_measured():
-    low = uv_sphere(8, 16)
-    cage = low.replace(positions=low.positions * 1.5, name="cage.obj")
-    report = bake(low, low, BakeOptions(size=16), cage=cage).report
-    assert report.measured
-    assert report.front is None
-    assert report.back > 0
-    given = bake(low, low, BakeOptions(size=16, back=0.1), cage=cage).report
-    assert not given.measured
-
-
-@pytest.mark.parametrize("other", [uv_sphere(8, 15), icosphere(2)])
+@pytest.mark.parametrize(
+    "other", [uv_sphere(8, 15), icosphere(2), turned_over(uv_sphere(8, 16), np.ones(224, bool))]
+)
 def test_a_cage_with_other_faces_is_an_error(other):
     low = uv_sphere(8, 16)
     with pytest.raises(CageError, match=r"must have the faces of the low-poly mesh"):
@@ -344,12 +327,6 @@ def test_a_cage_may_have_other_diagonals_than_the_mesh():
     assert not set(map(tuple, cage.faces)) & set(map(tuple, low.faces))
     found = checked_cage(cage, low)
     assert np.array_equal(found.faces, low.faces) and np.array_equal(found.positions, outer)
-
-
-def test_a_flipped_cage_is_an_error():
-    low = uv_sphere(8, 16)
-    with pytest.raises(CageError):
-        bake(icosphere(3), low, cage=low.replace(faces=low.faces[:, ::-1]))
 
 
 def _permuted(low, seed):
@@ -431,48 +408,13 @@ def test_meeting_padding_and_overlaps_give_warnings():
     assert any("overlap" in warning for warning in overlapping.warnings)
 
 
-def test_the_report_is_json_with_the_stages():
-    report = bake(icosphere(3), uv_sphere(8, 12), BakeOptions(size=32)).report
-    values = json.loads(json.dumps(report.to_json()))
-    assert values["texels"] == 1024
-    assert values["options"]["rays"] == "smooth"
-    names = [stage["name"] for stage in values["stages"]]
-    assert names[:2] == ["build ray tree", "measure distances"]
-    assert {"rasterize", "cast rays", "make maps", "pad"} <= set(names)
-    assert values["counts"]["rays_cast"] == report.texels_covered
-    percentiles = list(report.distance_percentiles.values())
-    assert percentiles == sorted(percentiles)
-    assert all(label and figure for label, figure in report.table())
-
-
 @pytest.mark.parametrize(
     "choice",
     [
-        {"size": 0},
-        {"size": 100_000},
-        {"size": (16, 0)},
-        {"size": (16, 16, 16)},
-        {"size": 64.0},
-        {"size": "64"},
-        {"samples": 4.0},
-        {"padding": 16384},
-        {"padding": 1.5},
-        {"samples": 3},
-        {"front": -1.0},
-        {"back": float("nan")},
-        {"front": 0.0, "back": 0.0},
-        {"bits": 12},
-        {"space": "screen"},
-        {"convention": "vulkan"},
-        {"rays": "random"},
-        {"fill": "black"},
-        {"padding": -1},
-        {"fail_on_miss": 101},
-        {"scale": 0.0},
-        {"maps": ()},
-        {"threads": 0},
+        {"size": (16, 16, 16)}, {"samples": 3}, {"front": 0.0, "back": 0.0}, {"scale": 0.0},
+        {"maps": ()}, {"maps": ["normal"]}, {"max_memory": "much"},
     ],
-)
+)  # fmt: skip
 def test_wrong_options_are_one_clear_error(choice):
     with pytest.raises(OptionError) as error:
         BakeOptions(**choice)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake, remap
+from texbake.baking.bake import bake
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.padding import denoised
@@ -126,24 +126,6 @@ def test_the_edge_of_a_step_stays_sharp():
     x = 0.5 / 64
     expected = 0.5 + 0.5 * x / np.hypot(x, 0.04)
     assert abs(clean[8:-8, 31].mean() - expected) < 0.01
-
-
-def test_a_ball_has_less_noise_than_its_raw_map():
-    high = uv_sphere(64, 128, lambda t, p: 1 + 0.05 * np.sin(4 * t) * np.sin(5 * p))
-    low = uv_sphere(16, 17)
-    options = BakeOptions(size=128, maps=("ao",), padding=0, keep_hits=True)
-    clean = bake(high, low, options)
-    truth = bake(high, low, dataclasses.replace(options, secondary_rays=512, denoise=False))
-    raw = remap(clean, high, low, dataclasses.replace(options, denoise=False))
-    again = remap(raw, high, low, options)
-    np.testing.assert_array_equal(again.maps["ao"].values, clean.maps["ao"].values)
-    errors = [
-        np.sqrt(np.square(some.maps["ao"].values - truth.maps["ao"].values)[clean.has_data].mean())
-        for some in (raw, clean)
-    ]
-    assert errors[1] < 0.8 * errors[0]
-    assert dict(clean.report.table())["secondary rays"].endswith("; ao denoised")
-    assert "denoised" not in dict(raw.report.table())["secondary rays"]
 
 
 def test_a_convex_ball_stays_open_all_around():

@@ -238,15 +238,6 @@ def test_a_ray_that_meets_no_far_side_counts_as_long_as_it_goes(caster):
         np.testing.assert_allclose(alone[:, DEPTH], length, rtol=1e-6)
 
 
-def test_both_casters_agree_except_on_rays_that_graze_an_edge():
-    mesh = join_meshes([icosphere(3), disk(1.2)])
-    hits = hits_on(mesh, random_faces(mesh, 1000))
-    native, plain = (look(mesh, hits, caster=caster, flat=False) for caster in CASTERS)
-    same = np.isclose(native, plain, atol=1e-5).all(axis=1)
-    assert same.mean() > 0.99
-    assert np.abs(native - plain)[:, OPEN].max() <= 2 / 64
-
-
 def test_threads_and_the_order_of_hits_change_nothing():
     mesh = join_meshes([icosphere(3), disk(1.2)])
     frame = LocalFrame.around(mesh)

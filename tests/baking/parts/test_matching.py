@@ -46,12 +46,6 @@ def test_ignored_parts_are_not_matched():
     assert [m["base"] for m in matched(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
 
 
-def test_parts_left_over_give_warnings():
-    first, second = match_names(["a_high", "x_high"], ["a_low", "y_low"], OPTIONS).warnings
-    assert "y_low" in first and "not baked" in first
-    assert "x_high" in second and "not used" in second
-
-
 def test_suffixes_may_contain_special_characters():
     options = PartsOptions(match_by_name=True, high_suffix=".hp+", low_suffix="(lp)")
     assert matched(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"

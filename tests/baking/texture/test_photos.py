@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.models import model
 from texbake import write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
@@ -344,19 +343,6 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     assert bakes[0].values.tobytes() == bakes[1].values.tobytes()
 
 
-def test_scaling_and_moving_the_scene_changes_nothing() -> None:
-    sphere = uv_sphere(16, 24)
-    image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
-    moved = sphere.replace(positions=sphere.positions * 512.0 + (4096.0, 0.0, 0.0))
-    (near,) = around(np.zeros(3), 3.0, 1)
-    (far,) = around(np.array([4096.0, 0.0, 0.0]), 3.0 * 512, 1)
-    one = bake_photos(sphere, [Photo(image=image, camera=near)], EVEN)
-    two = bake_photos(moved, [Photo(image=image, camera=far)], EVEN)
-    assert (one.has_color != two.has_color).mean() < 1e-3
-    seen = one.has_color & two.has_color
-    np.testing.assert_allclose(one.values[seen], two.values[seen], atol=1e-5)
-
-
 def test_wrong_input_is_one_clear_error(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="photos: there are none"):
         bake_photos(plane(), [])
@@ -392,22 +378,6 @@ def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path: Path) -> None:
     result = bake_photos(plane(), [Photo(image=tmp_path / "a.exr", camera=FRONT)], EVEN)
     assert np.isfinite(result.values).all()
     assert result.report.photos[0].name == "a.exr"
-
-
-def test_photographs_reproduce_the_colors_of_a_figure() -> None:
-    mesh = model("figure with coordinates")
-    low, high = mesh.bounds
-    cameras = around((low + high) / 2, 1.6 * mesh.diagonal, 6)
-    photos = [
-        Photo(image=take_photo(mesh, camera, waves, 400, 300), camera=camera) for camera in cameras
-    ]
-    result = bake_photos(mesh, photos, PhotoOptions(size=512, samples=1))
-    difference = np.abs(result.values - waves(texel_positions(mesh, result)))
-    error = difference[result.has_color].max(axis=1)
-    # As on a sphere; pixels are 1/170 of the diagonal, which is 2.5 long.
-    assert np.percentile(error, 99) < 0.01
-    assert np.median(error) < 1e-3
-    assert result.report.unseen_percent < 5.0
 
 
 def test_an_exact_shift_changes_no_bit():
