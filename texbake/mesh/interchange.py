@@ -11,9 +11,8 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.compose import join_parts, transformed
-from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.compose import join_parts, split_vertices, transformed, values_of_vertices
+from texbake.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -188,21 +187,20 @@ def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
     import trimesh
 
     mesh = as_mesh(mesh)
-    faces, corners = _one_index(mesh)
-    vertices = np.concatenate([np.arange(mesh.n_vertices), mesh.faces.ravel()[corners]])
+    vertices, corners, faces = split_vertices(mesh)
     visual = None
     colors = None
     if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
         colors = np.round(np.clip(mesh.colors[vertices], 0.0, 1.0) * 255.0).astype(np.uint8)
     if mesh.uvs is not None and mesh.uv_faces is not None:
         visual = trimesh.visual.TextureVisuals(
-            uv=_by_vertex(mesh, mesh.uvs, mesh.uv_faces, corners)
+            uv=values_of_vertices(mesh.uvs, mesh.uv_faces, corners)
         )
         if colors is not None:
             visual.vertex_attributes[_COLORS] = colors
     normals = None
     if mesh.normals is not None and mesh.normal_faces is not None:
-        normals = _by_vertex(mesh, mesh.normals, mesh.normal_faces, corners)
+        normals = values_of_vertices(mesh.normals, mesh.normal_faces, corners)
     metadata: dict[str, Any] = {"file_name": mesh.name}
     if mesh.face_groups is not None:
         metadata[_GROUP_NAMES] = list(mesh.group_names)
@@ -217,36 +215,3 @@ def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
         process=False,
         validate=False,
     )
-
-
-def _one_index(mesh: Mesh) -> tuple[IntArray, npt.NDArray[np.intp]]:
-    """(F, 3) faces over vertices that carry all attributes, and corners that need new vertices.
-
-    The first combination of attributes at a position keeps the number of the position; others are
-    numbered on from V, each with a corner that has it.
-    """
-    lists = [mesh.faces, mesh.uv_faces, mesh.normal_faces]
-    rows = np.stack([ids.ravel() for ids in lists if ids is not None], axis=1)
-    if rows.shape[1] == 1:
-        return mesh.faces, np.empty(0, np.intp)
-    firsts = weld_rows(rows)
-    combinations = np.flatnonzero(firsts == np.arange(len(firsts)))
-    _, of_positions = np.unique(rows[combinations, 0], return_index=True)
-    is_added = np.ones(len(combinations), dtype=bool)
-    is_added[of_positions] = False
-    numbers = np.empty(len(rows), np.int32)
-    numbers[combinations] = rows[combinations, 0]
-    added = combinations[is_added]
-    numbers[added] = mesh.n_vertices + np.arange(len(added))
-    return numbers[firsts].reshape(-1, 3), added
-
-
-def _by_vertex(
-    mesh: Mesh, values: npt.NDArray[Any], value_faces: IntArray, corners: npt.NDArray[np.intp]
-) -> npt.NDArray[Any]:
-    """Values of the vertices that `_one_index` makes; 0 for a position that no face uses."""
-    ids = np.full(mesh.n_vertices, -1)
-    # Of several values for one place numpy keeps the last, so they come in reverse.
-    ids[mesh.faces.ravel()[::-1]] = value_faces.ravel()[::-1]
-    kept = np.where((ids >= 0)[:, None], values[ids], 0.0)
-    return np.concatenate([kept, values[value_faces.ravel()[corners]]])

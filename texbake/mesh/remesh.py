@@ -28,7 +28,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import AUTO, CLOSED, OPEN, RemeshOptions
 from texbake.mesh.remesh_report import RemeshReport
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
-from texbake.mesh.remeshing.flood import Rooms, flood_outside
+from texbake.mesh.remeshing.flood import flood_outside
 from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
 from texbake.mesh.remeshing.parts import (
     Parts,
@@ -106,8 +106,8 @@ def remesh(
     >>> find_edges(remesh(plane(), RemeshOptions(resolution=16)).faces).closed
     False
     """
-    mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
-    return _remeshed(mesh, options, stages, threads, counts_cavities=False)[0]
+    run = _Run.of(as_mesh(mesh), options or RemeshOptions(), Stages(progress), threads)
+    return run.remeshed()[0]
 
 
 def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
@@ -127,10 +127,9 @@ def remesh_with_thinness(
     mesh: Mesh, options: RemeshOptions, *, threads: int | None = None
 ) -> tuple[Mesh, float, float]:
     """Wrap a mesh without filling holes; also return a voxel's side, and `thin_share`."""
-    wrapped, grid, counts = _remeshed(
-        mesh, options, Stages(None), threads, counts_cavities=False, fills_holes=False
-    )
-    return wrapped, grid.voxel, counts.thin_share
+    run = _Run.of(mesh, options, Stages(None), threads)
+    wrapped, counts = run.remeshed(fills_holes=False)
+    return wrapped, run.grid.voxel, counts.thin_share
 
 
 def remesh_with_report(
@@ -141,9 +140,10 @@ def remesh_with_report(
     threads: int | None = None,
 ) -> tuple[Mesh, RemeshReport]:
     """Remesh a mesh, and report how far the result lies from it."""
-    mesh, options, stages = as_mesh(mesh), options or RemeshOptions(), Stages(progress)
+    mesh, stages = as_mesh(mesh), Stages(progress)
     start = time.perf_counter()
-    wrapped, grid, counts = _remeshed(mesh, options, stages, threads, counts_cavities=True)
+    run = _Run.of(mesh, options or RemeshOptions(), stages, threads)
+    wrapped, counts = run.remeshed(counts_cavities=True)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
         distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
@@ -151,220 +151,202 @@ def remesh_with_report(
         n_faces_before=mesh.n_faces,
         n_faces=wrapped.n_faces,
         n_vertices=wrapped.n_vertices,
-        n_components=counts.n_components,
-        n_dropped=counts.n_dropped,
-        n_crumbs=counts.n_crumbs,
-        n_cut_off=counts.n_cut_off,
-        n_cavities_kept=counts.n_cavities,
-        n_cavities_filled=0 if options.keep_interior else counts.rooms.n_cavities,
-        n_rooms_untested=counts.rooms.n_untested,
-        voxel=grid.voxel,
-        gap=grid.gap * grid.voxel,
-        surface=OPEN if counts.kind.is_open else CLOSED,
-        reason=counts.kind.reason,
-        n_holes_filled=counts.n_holes_filled,
-        n_boundaries=counts.n_boundaries,
-        n_handles_made=counts.n_handles_made,
-        area_ratio=counts.area_ratio,
-        thin_share=counts.thin_share,
+        voxel=run.grid.voxel,
+        gap=run.grid.gap * run.grid.voxel,
         distance=distance,
         diagonal=mesh.diagonal,
         seconds=seconds,
+        **vars(counts),
     )
     return wrapped, report
 
 
-_NO_ROOMS = Rooms(n_cavities=0, n_untested=0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Counts:
-    """Figures for `RemeshReport`."""
+    """Figures of `RemeshReport` that the steps find."""
 
     n_components: int
     n_dropped: int
     n_crumbs: int
     n_cut_off: int = 0
-    n_cavities: int = 0
-    rooms: Rooms = _NO_ROOMS
+    n_cavities_kept: int = 0
+    n_cavities_filled: int = 0
+    n_rooms_untested: int = 0
     thin_share: float = 0.0
-    kind: Kind = AS_IT_IS
+    surface: str = CLOSED
+    reason: str = ""
     n_holes_filled: int = 0
-    n_handles: int = 0
     n_boundaries: int = 0
     n_handles_made: int = 0
     area_ratio: float = 1.0
 
 
-def _remeshed(
-    mesh: Mesh,
-    options: RemeshOptions,
-    stages: Stages,
-    threads: int | None,
-    *,
-    counts_cavities: bool,
-    fills_holes: bool = True,
-) -> tuple[Mesh, Grid, _Counts]:
-    grid = Grid.around(mesh, options)
-    points = grid.to_voxels(mesh.positions)
-    kind, filled, n_parts, whole = AS_IT_IS, _unfilled(mesh), mesh.n_faces, None
-    if fills_holes:
-        with stages.stage("find boundary"):
-            kind, filled = _filled(mesh, points, grid.gap, options, threads)
-            n_parts = face_components(kind.faces, mesh.n_vertices)[1]
-        if n_parts == 1:
-            whole = filled.faces if filled.n_holes else kind.faces
-    try:
-        if kind.is_open:
-            moved, faces, counts = _sheet(points, filled, grid, options, stages, threads)
-        else:
-            moved, faces, counts = _wrap(
-                points,
-                mesh.faces,
-                filled,
-                grid,
-                options,
-                stages,
-                threads,
-                counts_cavities=counts_cavities,
-                n_parts=n_parts,
-                whole=whole,
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A mesh that is remeshed, with its points in units of a voxel."""
+
+    mesh: Mesh
+    options: RemeshOptions
+    stages: Stages
+    threads: int | None
+    grid: Grid
+    points: FloatArray
+
+    @classmethod
+    def of(cls, mesh: Mesh, options: RemeshOptions, stages: Stages, threads: int | None) -> _Run:
+        """Put a mesh into its grid."""
+        grid = Grid.around(mesh, options)
+        return cls(mesh, options, stages, threads, grid, grid.to_voxels(mesh.positions))
+
+    def remeshed(
+        self, *, counts_cavities: bool = False, fills_holes: bool = True
+    ) -> tuple[Mesh, _Counts]:
+        """Return the new surface, and what was found and left out on the way."""
+        mesh, options = self.mesh, self.options
+        kind, filled, n_parts, whole = AS_IT_IS, self._unfilled(), mesh.n_faces, None
+        if fills_holes:
+            with self.stages.stage("find boundary"):
+                kind, filled = self._filled()
+                n_parts = face_components(kind.faces, mesh.n_vertices)[1]
+            if n_parts == 1:
+                whole = filled.faces if filled.n_holes else kind.faces
+        try:
+            if kind.is_open:
+                moved, faces, n_handles, counts = self._sheet(filled)
+            else:
+                moved, faces, n_handles, counts = self._wrap(
+                    filled, n_parts, whole, counts_cavities=counts_cavities
+                )
+        except CrowdedGridError as error:
+            raise too_crowded(mesh, options, error) from error
+        except NoSheetError as error:
+            raise MeshError(
+                f"{mesh.name}: its sheets are smaller than the voxels; use a greater `resolution`"
+            ) from error
+        n_filled, n_made, area_ratio = filled.n_holes, 0, 1.0
+        if kind.is_open and counts.n_dropped == 0:  # some holes are narrower than the voxels
+            n_parts_gone = n_parts - counts.n_components
+            n_filled = max(n_filled, len(kind.loops.sizes) - counts.n_boundaries - n_parts_gone)
+        if fills_holes:
+            n_made = require_topology(
+                mesh.name,
+                kind,
+                n_parts,
+                counts.n_components,
+                n_handles,
+                counts.n_boundaries,
+                may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
             )
-    except CrowdedGridError as error:
-        raise too_crowded(mesh, options, error) from error
-    except NoSheetError as error:
-        raise MeshError(
-            f"{mesh.name}: its sheets are smaller than the voxels; use a greater `resolution`"
-        ) from error
-    n_filled = filled.n_holes
-    if kind.is_open and counts.n_dropped == 0:  # some holes are narrower than the voxels
-        n_parts_gone = n_parts - counts.n_components
-        n_filled = max(n_filled, len(kind.loops.sizes) - counts.n_boundaries - n_parts_gone)
-    counts = replace(counts, kind=kind, n_holes_filled=n_filled)
-    if fills_holes:
-        n_made = require_topology(
-            mesh.name,
-            kind,
-            n_parts,
-            counts.n_components,
-            counts.n_handles,
-            counts.n_boundaries,
-            may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
+        if kind.is_open:
+            area, old_area = (
+                float(face_areas(*one, threads=self.threads).sum())
+                for one in ((moved, faces), (self.points, filled.faces))
+            )
+            area_ratio = area / old_area
+        counts = replace(
+            counts,
+            surface=OPEN if kind.is_open else CLOSED,
+            reason=kind.reason,
+            n_holes_filled=n_filled,
+            n_handles_made=n_made,
+            area_ratio=area_ratio,
         )
-        counts = replace(counts, n_handles_made=n_made)
-    if kind.is_open:
-        areas = [
-            float(face_areas(*one, threads=threads).sum())
-            for one in ((moved, faces), (points, filled.faces))
-        ]
-        counts = replace(counts, area_ratio=areas[0] / areas[1])
-    wrapped = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
-    if options.sharp_edges:
-        wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
-    if options.n_faces is not None:
-        wrapped = simplify(wrapped, options.n_faces, quality=options.quality, threads=threads)
-        check_count(wrapped.n_faces, options.n_faces, mesh.name, _MORE)
-    return with_nearest_attributes(wrapped, mesh, threads), grid, counts
+        return self._finished(moved, faces), counts
 
+    def _finished(self, moved: FloatArray, faces: IntArray) -> Mesh:
+        """Return the surface in model units, with normals, as few faces, and attributes."""
+        mesh, options = self.mesh, self.options
+        wrapped = Mesh(positions=self.grid.to_model(moved), faces=faces, name=mesh.name)
+        if options.sharp_edges:
+            wrapped = with_normals(wrapped, "angle", angle=SHARP_ANGLE)
+        if options.n_faces is not None:
+            wrapped = simplify(
+                wrapped, options.n_faces, quality=options.quality, threads=self.threads
+            )
+            check_count(wrapped.n_faces, options.n_faces, mesh.name, _MORE)
+        return with_nearest_attributes(wrapped, mesh, self.threads)
 
-def _unfilled(mesh: Mesh) -> Filled:
-    return Filled(mesh.faces, None, mesh.n_faces, 0, NO_LOOPS.edges)
+    def _unfilled(self) -> Filled:
+        return Filled(self.mesh.faces, None, self.mesh.n_faces, 0, NO_LOOPS.edges)
 
+    def _filled(self) -> tuple[Kind, Filled]:
+        """Choose between an open surface and a body, and fill holes accordingly."""
+        options = self.options
+        kind = kind_of(self.points, self.mesh.faces, threads=self.threads)
+        if options.surface != AUTO:
+            kind = replace(kind, is_open=options.surface == OPEN, reason="as requested")
+        elif options.keep_interior and kind.is_open:
+            kind = replace(kind, is_open=False, reason="its interior is kept")
+        if kind.is_open and kind.is_one_sided:
+            raise MeshError(
+                f"{self.mesh.name}: its sheets have one side only; use `surface={CLOSED}`"
+            )
+        filled = fill_holes(self.points, kind, self.grid.gap, whole=options.surface == CLOSED)
+        return kind, filled if kind.is_open or filled.n_holes else self._unfilled()
 
-def _filled(
-    mesh: Mesh, points: FloatArray, gap: float, options: RemeshOptions, threads: int | None
-) -> tuple[Kind, Filled]:
-    """Choose between an open surface and a body, and fill holes accordingly."""
-    kind = kind_of(points, mesh.faces, threads=threads)
-    if options.surface != AUTO:
-        kind = replace(kind, is_open=options.surface == OPEN, reason="as requested")
-    elif options.keep_interior and kind.is_open:
-        kind = replace(kind, is_open=False, reason="its interior is kept")
-    if kind.is_open and kind.is_one_sided:
-        raise MeshError(f"{mesh.name}: its sheets have one side only; use `surface={CLOSED}`")
-    filled = fill_holes(points, kind, gap, whole=options.surface == CLOSED)
-    return kind, filled if kind.is_open or filled.n_holes else _unfilled(mesh)
+    def _wrap(
+        self, filled: Filled, n_parts: int, whole: IntArray | None, *, counts_cavities: bool
+    ) -> tuple[FloatArray, IntArray, int, _Counts]:
+        """Wrap a body of some separate parts in a closed surface, or one `whole` part."""
+        points, options, threads = self.points, self.options, self.threads
+        keep_interior = options.keep_interior
 
+        def measure_windings(of_rooms: FloatArray) -> FloatArray:
+            # Of a soup of triangles, with rooms by the ten thousand, only the largest are tested.
+            faces = self.mesh.faces
+            return winding_numbers(
+                points, faces, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads
+            )
 
-def _wrap(
-    points: FloatArray,
-    given: IntArray,
-    filled: Filled,
-    grid: Grid,
-    options: RemeshOptions,
-    stages: Stages,
-    threads: int | None,
-    *,
-    counts_cavities: bool,
-    n_parts: int,
-    whole: IntArray | None,
-) -> tuple[FloatArray, IntArray, _Counts]:
-    """Wrap a body of some separate parts in a closed surface, or one `whole` part."""
-
-    def measure_windings(of_rooms: FloatArray) -> FloatArray:
-        # Of a soup of triangles, which has rooms by the ten thousand, only the largest are tested.
-        return winding_numbers(
-            points, given, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads
+        with self.stages.stage("measure voxels"):
+            band = Band.around(points, filled.faces, self.grid.shape, threads=threads)
+            labels = band.labels(threads=threads)
+        with self.stages.stage("find outside"):
+            rooms = flood_outside(
+                labels,
+                self.grid.gap / 2.0 - SHELL_DEPTH,
+                measure_windings if counts_cavities or keep_interior else None,
+                keep_cavities=keep_interior,
+                threads=threads,
+            )
+        with self.stages.stage("build surface"):
+            nets = build_body(band, labels, points, filled, whole, threads=threads)
+        del band, labels
+        with self.stages.stage("project"):
+            tree = TriangleTree.build(points, filled.faces, threads=threads)
+            moved, faces = project(
+                nets, tree, sharp_edges=options.sharp_edges, smooth=filled.smooth, threads=threads
+            )
+        moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=keep_interior)
+        moved, faces, n_cut_off = without_cut_off(moved, faces, n_parts)
+        moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
+        parts = Parts.of(moved, faces)
+        counts = _Counts(
+            n_components=int(np.count_nonzero(~parts.is_wall)),
+            n_cavities_kept=int(np.count_nonzero(parts.is_wall)),
+            n_cavities_filled=0 if keep_interior else rooms.n_cavities,
+            n_rooms_untested=rooms.n_untested,
+            n_dropped=n_dropped,
+            n_crumbs=n_crumbs,
+            n_cut_off=n_cut_off,
+            thin_share=float(np.mean(nets.thin)),
         )
+        n_handles = len(parts.volumes) - (len(moved) - len(faces) // 2) // 2  # edges have two faces
+        return moved, faces, n_handles, counts
 
-    with stages.stage("measure voxels"):
-        band = Band.around(points, filled.faces, grid.shape, threads=threads)
-        labels = band.labels(threads=threads)
-    with stages.stage("find outside"):
-        rooms = flood_outside(
-            labels,
-            grid.gap / 2.0 - SHELL_DEPTH,
-            measure_windings if counts_cavities or options.keep_interior else None,
-            keep_cavities=options.keep_interior,
-            threads=threads,
+    def _sheet(self, filled: Filled) -> tuple[FloatArray, IntArray, int, _Counts]:
+        """Remesh an open surface as sheets."""
+        options, shape = self.options, self.grid.shape
+        with self.stages.stage("build sheets"):
+            moved, faces, n_crumbs = remesh_sheets(
+                self.points, filled, shape, sharp_edges=options.sharp_edges, threads=self.threads
+            )
+        moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
+        n_boundaries = len(Loops.of(moved, faces).sizes)
+        counts = _Counts(
+            n_components=face_components(faces, len(moved))[1],
+            n_dropped=n_dropped,
+            n_crumbs=n_crumbs,
+            n_boundaries=n_boundaries,
         )
-    with stages.stage("build surface"):
-        nets = build_body(band, labels, points, filled, whole, threads=threads)
-    del band, labels
-    with stages.stage("project"):
-        tree = TriangleTree.build(points, filled.faces, threads=threads)
-        moved, faces = project(
-            nets, tree, sharp_edges=options.sharp_edges, smooth=filled.smooth, threads=threads
-        )
-    moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=options.keep_interior)
-    moved, faces, n_cut_off = without_cut_off(moved, faces, n_parts)
-    moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
-    parts = Parts.of(moved, faces)
-    counts = _Counts(
-        n_components=int(np.count_nonzero(~parts.is_wall)),
-        n_cavities=int(np.count_nonzero(parts.is_wall)),
-        n_dropped=n_dropped,
-        n_crumbs=n_crumbs,
-        n_cut_off=n_cut_off,
-        rooms=rooms,
-        thin_share=float(np.mean(nets.thin)),
-        # Every edge has two faces.
-        n_handles=len(parts.volumes) - (len(moved) - len(faces) // 2) // 2,
-    )
-    return moved, faces, counts
-
-
-def _sheet(
-    points: FloatArray,
-    filled: Filled,
-    grid: Grid,
-    options: RemeshOptions,
-    stages: Stages,
-    threads: int | None,
-) -> tuple[FloatArray, IntArray, _Counts]:
-    """Remesh an open surface as sheets."""
-    with stages.stage("build sheets"):
-        sharp = options.sharp_edges
-        moved, faces, n_crumbs = remesh_sheets(
-            points, filled, grid.shape, sharp_edges=sharp, threads=threads
-        )
-    moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
-    n_boundaries = len(Loops.of(moved, faces).sizes)
-    counts = _Counts(
-        n_components=face_components(faces, len(moved))[1],
-        n_dropped=n_dropped,
-        n_crumbs=n_crumbs,
-        n_handles=(count_loops(faces) - n_boundaries) // 2,
-        n_boundaries=n_boundaries,
-    )
-    return moved, faces, counts
+        return moved, faces, (count_loops(faces) - n_boundaries) // 2, counts

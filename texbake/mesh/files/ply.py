@@ -32,13 +32,14 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
+from texbake.mesh.compose import split_vertices, values_of_vertices
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
 from texbake.mesh.files.source import read_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
-from texbake.mesh.weld import unique_corners, weld_rows
+from texbake.mesh.weld import unique_corners
 
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 NORMAL_NAMES = ("nx", "ny", "nz")
@@ -222,16 +223,14 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
     """
     polygons = outlines(mesh)
     polygons.warn(path)
-    sources, corners, faces = _split_vertices(mesh)
+    sources, corners, faces = split_vertices(mesh)
     columns = _narrow_columns(mesh.positions[sources], ("x", "y", "z"))
     for values, ids, names in (
         (mesh.normals, mesh.normal_faces, ("nx", "ny", "nz")),
         (mesh.uvs, mesh.uv_faces, ("s", "t")),
     ):
         if values is not None and ids is not None:
-            by_vertex = values[ids.ravel()[corners]]
-            by_vertex[corners < 0] = 0.0
-            columns += _narrow_columns(by_vertex, names)
+            columns += _narrow_columns(values_of_vertices(values, ids, corners), names)
     if mesh.colors is not None:
         colors = _color_bytes(mesh.colors)[sources]
         columns += _narrow_columns(colors, ("red", "green", "blue", "alpha"))
@@ -246,40 +245,6 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
         file.write("\n".join([*header, "end_header\n"]).encode("ascii"))
         _write_rows(file, columns)
         _write_lists(file, count, polygons.sizes, faces.ravel()[polygons.slots])
-
-
-def _split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
-    """Split vertices so that each has one texture coordinate and one normal.
-
-    Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
-    then copies; `corners` (n,) int64: a corner of each, -1 for those that no face uses; `faces` (F,
-    3) int32.
-    """
-    used = np.full(mesh.n_vertices, -1)
-    keys = [mesh.faces.ravel()]
-    for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
-        if values is None or ids is None:
-            continue
-        used[keys[0]] = np.arange(mesh.faces.size)
-        if not np.array_equal(ids.ravel()[used[mesh.faces]], ids):
-            keys.append(weld_rows(values)[ids.ravel()])
-    if len(keys) == 1:  # each vertex has the values of the last corner that uses it
-        return np.arange(mesh.n_vertices), used, mesh.faces
-    firsts = weld_rows(np.stack(keys, axis=1))
-    places = np.flatnonzero(firsts == np.arange(len(firsts)))  # a corner of each new vertex
-    vertices, of_vertex = np.unique(mesh.faces.ravel()[places], return_index=True)
-    is_copy = np.ones(len(places), np.bool_)
-    is_copy[of_vertex] = False
-    copies = places[is_copy]
-    corners: npt.NDArray[np.int64] = np.append(np.full(mesh.n_vertices, -1), copies)
-    corners[vertices] = places[of_vertex]
-    numbers = np.empty(len(firsts), np.int32)  # of the new vertex at its first corner
-    numbers[corners[corners >= 0]] = np.flatnonzero(corners >= 0)
-    rows: npt.NDArray[np.int64] = np.append(
-        np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]
-    ).astype(np.int64)
-    faces: IntArray = numbers[firsts].reshape(-1, 3)
-    return rows, corners, faces
 
 
 _TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
