@@ -16,7 +16,7 @@ from random_scenes import random_scene, with_object, write_images
 import texbake as tb
 from texbake.core import portable_math as pm
 from texbake.mesh.topology import surface_side
-from texbake.rendering.framing import fill_picture
+from texbake.rendering.camera import fill_picture
 from texbake.rendering.resolve import expose
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap, shrink_cube

@@ -7,7 +7,7 @@ from texbake.errors import MeshError
 from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, uv_sphere
-from texbake.rendering.framing import fill_picture
+from texbake.rendering.camera import fill_picture
 from texbake.rendering.options import RenderOptions
 
 BALL = uv_sphere(16, 32)

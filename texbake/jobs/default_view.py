@@ -16,8 +16,7 @@ from texbake.files import PathLike
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
-from texbake.rendering.camera import Camera
-from texbake.rendering.framing import fill_picture
+from texbake.rendering.camera import Camera, fill_picture
 from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
