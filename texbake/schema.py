@@ -28,42 +28,22 @@ _JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
 @dataclass(frozen=True)
 class Option:
-    """Description of an option, in addition to its type and default.
+    """Description of an option, in addition to its type and default."""
 
-    Attributes
-    ----------
-    help : str
-        One sentence.
-    metavar : str, optional
-        Placeholder for the value in help texts: `N`, `PX`, `X,Y,Z`. Parts in brackets are optional.
-    unit : str
-        Unit of a number, in the plural.
-    choices : tuple
-        All values, or all words that are allowed besides other values.
-    low, high : float, optional
-        Least and greatest value, inclusive.
-    above, below : float, optional
-        Exclusive bounds.
-    default : str
-        Meaning of None, in words.
-    flag : str
-        Flag on the command line, if it differs from the name: `--faces`, `--color/--data`.
-    many : bool
-        Whether the flag of a tuple is repeated, with one value each.
-    """
-
-    help: str
+    help: str  # one sentence
     _: KW_ONLY
+    # Placeholder for the value in help texts: `N`, `PX`, `X,Y,Z`. Parts in brackets are optional.
     metavar: str | None = None
-    unit: str = ""
-    choices: tuple[Any, ...] = ()
-    low: float | None = None
+    unit: str = ""  # unit of a number, in the plural
+    choices: tuple[Any, ...] = ()  # all values, or all words that are allowed besides other values
+    low: float | None = None  # least and greatest value, inclusive
     high: float | None = None
-    above: float | None = None
+    above: float | None = None  # exclusive bounds
     below: float | None = None
-    default: str = ""
+    default: str = ""  # meaning of None, in words
+    # flag on the command line, if it differs from the name: `--faces`, `--color/--data`
     flag: str = ""
-    many: bool = False
+    many: bool = False  # whether the flag of a tuple is repeated, with one value each
 
     @property
     def sentence(self) -> str:
@@ -97,29 +77,16 @@ class Option:
 
 @dataclass(frozen=True)
 class OptionField:
-    """A field of an option class.
-
-    Attributes
-    ----------
-    kinds : tuple
-        Types of its values, without None.
-    optional : bool
-        Whether the value can be None.
-    option : Option
-        Its description. For a field without an `Option`, the help is taken from the docstring of
-        the class.
-    default : object
-        `dataclasses.MISSING` if the option is required.
-    checked : bool
-        Whether the field is annotated with an `Option`.
-    """
+    """A field of an option class."""
 
     name: str
-    kinds: tuple[Any, ...]
-    optional: bool
+    kinds: tuple[Any, ...]  # types of its values, without None
+    optional: bool  # whether the value can be None
+    # Its description. For a field without an `Option`, the help is taken from the docstring of the
+    # class.
     option: Option
-    default: Any
-    checked: bool
+    default: Any  # `dataclasses.MISSING` if the option is required
+    checked: bool  # whether the field is annotated with an `Option`
 
     @property
     def required(self) -> bool:

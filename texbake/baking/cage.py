@@ -38,34 +38,22 @@ _SWEEPS = 60
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """A cage and how well it fits.
+    """A cage and how well it fits."""
 
-    Attributes
-    ----------
-    mesh : Mesh
-        Faces and texture coordinates of the low-poly mesh, with the positions of the cage.
-    distances : (V,) float64
-        How far each vertex was moved along its smooth normal, in model units.
-    n_points : int
-        Points of the high-poly surface outside the low-poly mesh that the cage was fitted to.
-    n_beside : int
-        Points beside the border of an open low-poly mesh, which no cage of it can enclose.
-    n_uncertain : int
-        Points over folds of the low-poly mesh: the corners there move out as far as the points, but
-        the points may still come through.
-    greatest_outside : float
-        How far the farthest of the other points lies outside the cage, in model units; 0 if all are
-        inside.
-    n_still : int
-        Vertices that stay in place: no face around them has an area, so they have no normal.
-    """
-
-    mesh: Mesh
+    mesh: Mesh  # faces and texture coordinates of the low-poly mesh, with the positions of the cage
+    # (V,) float64: how far each vertex was moved along its smooth normal, in model units
     distances: FloatArray
+    # points of the high-poly surface outside the low-poly mesh that the cage was fitted to
     n_points: int
+    # points beside the border of an open low-poly mesh, which no cage of it can enclose
     n_beside: int
+    # points over folds of the low-poly mesh: the corners there move out as far as the points, but
+    # the points may still come through
     n_uncertain: int
+    # how far the farthest of the other points lies outside the cage, in model units; 0 if all are
+    # inside
     greatest_outside: float
+    # vertices that stay in place: no face around them has an area, so they have no normal
     n_still: int = 0
 
     @property

@@ -46,15 +46,10 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class RayMaps:
-    """Images that change the rays of a bake.
+    """Images that change the rays of a bake."""
 
-    Attributes
-    ----------
-    skew, offset : (H, W, 1) float32, optional
-        0 for the direction of the bake to 1 for that of the face; and a factor of the front
-        distance, 0 or more.
-    """
-
+    # (H, W, 1) float32: 0 for the direction of the bake to 1 for that of the face; and a factor of
+    # the front distance, 0 or more
     skew: Float32Array | None = None
     offset: Float32Array | None = None
 

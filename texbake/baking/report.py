@@ -73,74 +73,45 @@ class DistanceSummary:
 
 @dataclass(frozen=True)
 class BakeReport:
-    """Figures of one bake; lengths are model units.
+    """Figures of one bake; lengths are model units."""
 
-    Attributes
-    ----------
-    high, low, cage : str or None
-        Names of the meshes.
-    options : BakeOptions
-        As given.
-    front, back : float or None
-        Ray distances; the front is None with a cage, which has a distance for each vertex.
-    measured : bool
-        Whether at least one of them was measured.
-    caster : str
-        Name of the ray caster.
-    texels, texels_covered, texels_missed : int
-        All texels of the map; those covered by the low-poly mesh; the covered ones without any hit.
-    texels_overlapping : float
-        Samples that several faces cover, in texels; the first face wins.
-    faces_without_texel : int
-        Faces of the low-poly mesh that own no texel: they are too thin, covered by others, without
-        area, or outside the unit square. Those of stacked islands that share texels do not count.
-    padding_meets : int
-        Texels where the padding of two charts meets.
-    distance_percentiles : dict
-        Percent to distance between the low-poly and the high-poly surface.
-    orientation : OrientationReport or None
-        What was flipped of the high-poly mesh.
-    sampling : SamplingReport or None
-        Errors of adaptive samples, as estimated and as checked.
-    budget : TimeBudget or None
-        The settings that a time budget led to.
-    median_reach : (float, float) or None
-        Front and back at the median vertex, where each vertex has its own; `front` and `back` are
-        then the greatest, which rays that find nothing take.
-    n_objects : int
-        Number of objects that were baked from their matches; 0 if all were baked from all.
-    of_objects : tuple of str
-        Sentences on these objects: overlaps of two, and those without a texel.
-    why_missed : tuple of str
-        Sentences that say why rays missed, or could miss; empty if no cause was looked for.
-    """
-
-    high: str
+    high: str  # names of the meshes
     low: str
     cage: str | None
     n_high_faces: int
     n_low_faces: int
-    options: BakeOptions
+    options: BakeOptions  # as given
+    # ray distances; the front is None with a cage, which has a distance for each vertex
     front: float | None
     back: float
-    measured: bool
-    caster: str
+    measured: bool  # whether at least one of them was measured
+    caster: str  # name of the ray caster
+    # all texels of the map; those covered by the low-poly mesh; the covered ones without any hit
     texels: int
     texels_covered: int
     texels_missed: int
-    texels_overlapping: float
+    texels_overlapping: float  # samples that several faces cover, in texels; the first face wins
+    # Faces of the low-poly mesh that own no texel: they are too thin, covered by others, without
+    # area, or outside the unit square. Those of stacked islands that share texels do not count.
     faces_without_texel: int
-    padding_meets: int
+    padding_meets: int  # texels where the padding of two charts meets
     counts: TraceCounts
+    # percent to distance between the low-poly and the high-poly surface
     distance_percentiles: dict[int, float]
     stages: list[StageRecord]
     versions: dict[str, str]
-    orientation: OrientationReport | None = None
+    orientation: OrientationReport | None = None  # what was flipped of the high-poly mesh
+    # errors of adaptive samples, as estimated and as checked
     sampling: SamplingReport | None = None
-    budget: TimeBudget | None = None
+    budget: TimeBudget | None = None  # the settings that a time budget led to
+    # front and back at the median vertex, where each vertex has its own; `front` and `back` are
+    # then the greatest, which rays that find nothing take
     median_reach: tuple[float, float] | None = None
+    # number of objects that were baked from their matches; 0 if all were baked from all
     n_objects: int = 0
+    # sentences on these objects: overlaps of two, and those without a texel
     of_objects: tuple[str, ...] = ()
+    # sentences that say why rays missed, or could miss; empty if no cause was looked for
     why_missed: tuple[str, ...] = ()
 
     @property

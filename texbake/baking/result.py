@@ -34,49 +34,31 @@ MOST_WITHOUT_TEXEL = 0.01
 
 @dataclass(frozen=True)
 class WrittenMap:
-    """What `BakedMap.write` wrote.
-
-    Attributes
-    ----------
-    bits : int
-        Bits per channel.
-    metadata : dict
-        Metadata of the file: space, convention, mid level and scale, names of ids.
-    n_clipped : int
-        Values out of range of the given mid level and scale; 0 if these were measured.
-    """
+    """What `BakedMap.write` wrote."""
 
     path: Path
-    bits: int
+    bits: int  # bits per channel
+    # metadata of the file: space, convention, mid level and scale, names of ids
     metadata: dict[str, Value] = field(default_factory=dict)
+    # values out of range of the given mid level and scale; 0 if these were measured
     n_clipped: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class BakedMap:
-    """One map of a bake, as values that are encoded when it is written.
-
-    Attributes
-    ----------
-    values : (H, W, C) float32
-        Unit vectors, lengths in model units, colors or ids, depending on the kind; the neutral
-        value where nothing was baked.
-    has_data : (H, W) bool
-        Texels with a hit; the range of heights is measured over them.
-    options : BakeOptions
-        Gives the space, and the convention, bits, mid and scale that are not given to `write`.
-    bounds : (2, 3) float64, optional
-        For positions: the least and the greatest that integer files can hold.
-    legend : tuple of str
-        For ids: the names of ids 1, 2, 3 and so on.
-    """
+    """One map of a bake, as values that are encoded when it is written."""
 
     kind: MapKind
+    # (H, W, C) float32: unit vectors, lengths in model units, colors or ids, depending on the kind;
+    # the neutral value where nothing was baked
     values: npt.NDArray[np.float32]
+    # (H, W) bool: texels with a hit; the range of heights is measured over them
     has_data: npt.NDArray[np.bool_]
+    # gives the space, and the convention, bits, mid and scale that are not given to `write`
     options: BakeOptions
+    # (2, 3) float64: for positions: the least and the greatest that integer files can hold
     bounds: FloatArray | None = None
-    legend: tuple[str, ...] = ()
+    legend: tuple[str, ...] = ()  # for ids: the names of ids 1, 2, 3 and so on
 
     def write(
         self,
@@ -104,28 +86,16 @@ class BakedMap:
 
 @dataclass(frozen=True, eq=False)
 class BakeResult:
-    """Everything that `bake` returns.
+    """Everything that `bake` returns."""
 
-    Attributes
-    ----------
-    maps : dict of str to BakedMap
-        By the names in `BakeOptions.maps`.
-    hits : Hits or None
-        If the bake ran with `BakeOptions.keep_hits`; `remap` makes other maps from them.
-    texel_faces : (H, W) int32
-        Face of the low-poly mesh that owns each texel, -1 for none.
-    has_data : (H, W) bool
-        Texels with a hit.
-    inputs : BakeInputs or None
-        The meshes and options, if the hits were kept.
-    """
-
-    maps: dict[str, BakedMap]
+    maps: dict[str, BakedMap]  # by the names in `BakeOptions.maps`
     report: BakeReport
+    # if the bake ran with `BakeOptions.keep_hits`; `remap` makes other maps from them
     hits: Hits | None
+    # (H, W) int32: face of the low-poly mesh that owns each texel, -1 for none
     texel_faces: npt.NDArray[np.int32]
-    has_data: npt.NDArray[np.bool_]
-    inputs: BakeInputs | None = None
+    has_data: npt.NDArray[np.bool_]  # (H, W) bool: texels with a hit
+    inputs: BakeInputs | None = None  # the meshes and options, if the hits were kept
 
     @cached_property
     def missed(self) -> npt.NDArray[np.bool_]:

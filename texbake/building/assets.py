@@ -19,19 +19,11 @@ _PLACE = re.compile(r"\{([^{}]*)\}")
 
 @dataclass(frozen=True)
 class PipelineAsset:
-    """One asset.
-
-    Attributes
-    ----------
-    rule : AssetRule
-        The table that defines it.
-    inputs : dict of str to str
-        Path or URL of each input.
-    """
+    """One asset."""
 
     name: str
-    rule: AssetRule
-    inputs: dict[str, str]
+    rule: AssetRule  # the table that defines it
+    inputs: dict[str, str]  # path or URL of each input
 
 
 def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAsset]:

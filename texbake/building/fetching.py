@@ -16,30 +16,15 @@ from texbake.errors import FileError
 
 @dataclass(frozen=True, kw_only=True)
 class TaskInput:
-    """An input of a task.
+    """An input of a task."""
 
-    Attributes
-    ----------
-    called : str
-        Its name, which appears in meshes and reports.
-    path : str or None
-        Path or URL of a file outside the store.
-    sha256 : str or None
-        Checksum of that file.
-    sidecars : tuple of (str, str)
-        Files that are read with it, and their digests or `MISSING`.
-    key : str or None
-        Key of the stored result that it belongs to.
-    files : tuple of StoredFile
-        Files of that output; several if it is a folder.
-    """
-
-    called: str
-    path: str | None = None
-    sha256: str | None = None
+    called: str  # its name, which appears in meshes and reports
+    path: str | None = None  # path or URL of a file outside the store
+    sha256: str | None = None  # checksum of that file
+    # files that are read with it, and their digests or `MISSING`
     sidecars: tuple[tuple[str, str], ...] = ()
-    key: str | None = None
-    files: tuple[StoredFile, ...] = ()
+    key: str | None = None  # key of the stored result that it belongs to
+    files: tuple[StoredFile, ...] = ()  # files of that output; several if it is a folder
 
 
 class DamagedInputError(Exception):

@@ -61,54 +61,27 @@ References = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class AssetRule:
-    """One `[[assets]]` table: one asset, or one for each file that matches.
+    """One `[[assets]]` table: one asset, or one for each file that matches."""
 
-    Attributes
-    ----------
-    index : int
-        Of the table.
-    name : str or None
-        It may have names in braces.
-    inputs : dict of str to list of str
-        Paths or patterns of each input; the first one distinguishes the assets.
-    steps : tuple of str or None
-        Steps to run; None for all.
-    options : dict
-        Settings of steps that differ for these assets.
-    """
-
-    index: int
-    name: str | None
+    index: int  # of the table
+    name: str | None  # it may have names in braces
+    # paths or patterns of each input; the first one distinguishes the assets
     inputs: dict[str, list[str]]
-    steps: tuple[str, ...] | None
-    options: dict[str, dict[str, Any]]
+    steps: tuple[str, ...] | None  # steps to run; None for all
+    options: dict[str, dict[str, Any]]  # settings of steps that differ for these assets
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepTable:
-    """A `[steps.NAME]` table with the options of an asset, checked.
-
-    Attributes
-    ----------
-    settings : dict
-        All options, defaults included.
-    inputs : dict of str to list of str
-        References by role.
-    after : tuple of str
-        Steps that must succeed first.
-    output : str or None
-        Pattern for the names of its outputs; None keeps them in the store only.
-    place : tuple
-        Place in the file, for messages.
-    """
+    """A `[steps.NAME]` table with the options of an asset, checked."""
 
     name: str
     kind: StepKind
-    settings: Settings
-    inputs: dict[str, list[str]]
-    after: tuple[str, ...]
-    output: str | None
-    place: tuple[int | str, ...]
+    settings: Settings  # all options, defaults included
+    inputs: dict[str, list[str]]  # references by role
+    after: tuple[str, ...]  # steps that must succeed first
+    output: str | None  # pattern for the names of its outputs; None keeps them in the store only
+    place: tuple[int | str, ...]  # place in the file, for messages
 
 
 class Pipeline:

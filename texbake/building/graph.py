@@ -41,28 +41,14 @@ Source = FileSource | StepSource
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One step of one asset.
+    """One step of one asset."""
 
-    Attributes
-    ----------
-    id : (str, str)
-        Names of the asset and the step.
-    inputs : dict of str to tuple of Source
-        By role.
-    waits_for : tuple of Id
-        Steps that must end first.
-    outputs : dict of str to str
-        File name of each output.
-    published : dict of str to str
-        Name of each published output below the folder of outputs.
-    """
-
-    id: Id
+    id: Id  # names of the asset and the step
     table: StepTable
-    inputs: dict[str, tuple[Source, ...]]
-    waits_for: tuple[Id, ...]
-    outputs: dict[str, str]
-    published: dict[str, str]
+    inputs: dict[str, tuple[Source, ...]]  # by role
+    waits_for: tuple[Id, ...]  # steps that must end first
+    outputs: dict[str, str]  # file name of each output
+    published: dict[str, str]  # name of each published output below the folder of outputs
 
 
 def plan_nodes(

@@ -17,33 +17,18 @@ ENDED = frozenset({CURRENT, BUILT, FAILED, BLOCKED})
 
 @dataclass(frozen=True, kw_only=True)
 class BuildEvent:
-    """An event of a build.
+    """An event of a build."""
 
-    Attributes
-    ----------
-    event : str
-        `began`, `step` (a step has reached `state`), `note` or `ended`.
-    state : str or None
-        `running`, `current` (nothing to do), `built`, `failed` or `blocked` (by one that failed).
-    message : str or None
-        One line of a note or a failure.
-    seconds : float or None
-        Time that a step took.
-    done, total : int
-        Steps that have ended, and all steps.
-    seconds_left : float or None
-        Estimate for the whole build; None before one is possible.
-    """
-
-    event: str
+    event: str  # `began`, `step` (a step has reached `state`), `note` or `ended`
     asset: str | None = None
     step: str | None = None
+    # `running`, `current` (nothing to do), `built`, `failed` or `blocked` (by one that failed)
     state: str | None = None
-    message: str | None = None
-    seconds: float | None = None
-    done: int = 0
+    message: str | None = None  # one line of a note or a failure
+    seconds: float | None = None  # time that a step took
+    done: int = 0  # steps that have ended, and all steps
     total: int = 0
-    seconds_left: float | None = None
+    seconds_left: float | None = None  # estimate for the whole build; None before one is possible
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields that are set as plain values."""

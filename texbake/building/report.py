@@ -23,42 +23,24 @@ RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
 
 @dataclass(frozen=True, kw_only=True)
 class StepResult:
-    """The result of one step of one asset.
-
-    Attributes
-    ----------
-    state : str
-        `current`, `built`, `failed` or `blocked`; `waiting` where the build was interrupted.
-    reasons, notes : tuple of str
-        Why it ran; what happened on the way.
-    seconds : float
-        In this build, from giving it to a worker to its answer.
-    work_seconds : float or None
-        That making its result took, in this build or an earlier one.
-    peak_memory_bytes : int or None
-        Of the worker up to the end of the step, in this build or an earlier one.
-    figures : dict
-        Figures that its kind reports.
-    outputs : dict of str to str
-        Path or URL of each published output.
-    n_bytes : int
-        Total size of their files.
-    """
+    """The result of one step of one asset."""
 
     step: str
     kind: str
+    # `current`, `built`, `failed` or `blocked`; `waiting` where the build was interrupted
     state: str
-    reasons: tuple[str, ...]
+    reasons: tuple[str, ...]  # why it ran; what happened on the way
     notes: tuple[str, ...]
     error: str
     trace: str
-    seconds: float
-    work_seconds: float | None
+    seconds: float  # in this build, from giving it to a worker to its answer
+    work_seconds: float | None  # that making its result took, in this build or an earlier one
     attempts: int
+    # of the worker up to the end of the step, in this build or an earlier one
     peak_memory_bytes: int | None
-    figures: Mapping[str, Any]
-    outputs: Mapping[str, str]
-    n_bytes: int
+    figures: Mapping[str, Any]  # figures that its kind reports
+    outputs: Mapping[str, str]  # path or URL of each published output
+    n_bytes: int  # total size of their files
     key: str
 
 
@@ -94,22 +76,12 @@ class AssetResult:
 
 @dataclass(frozen=True, kw_only=True)
 class BuildResult:
-    """The result of a build.
+    """The result of a build."""
 
-    Attributes
-    ----------
-    pipeline : str
-        Path of its file.
-    state : str
-        `finished`, or `interrupted`.
-    started : str
-        ISO 8601, UTC.
-    """
-
-    pipeline: str
+    pipeline: str  # path of its file
     folder: Path
-    state: str
-    started: str
+    state: str  # `finished`, or `interrupted`
+    started: str  # ISO 8601, UTC
     seconds: float
     options: Mapping[str, Any]
     assets: tuple[AssetResult, ...]

@@ -32,34 +32,18 @@ from texbake.verbs.step import InputSize, Settings, StepKind
 
 @dataclass(eq=False)
 class StepState:
-    """One step of one asset during a build.
-
-    Attributes
-    ----------
-    state : str
-        See `progress`.
-    key, ingredients
-        Known once all steps before it have results.
-    manifest
-        Of its result.
-    reasons : list of str
-        Why it runs.
-    notes : list of str
-        What happened on the way.
-    seconds : float
-        That it took in this build.
-    """
+    """One step of one asset during a build."""
 
     node: Node
-    state: str = WAITING
-    key: str = ""
+    state: str = WAITING  # see `progress`
+    key: str = ""  # known once all steps before it have results
     ingredients: Ingredients = field(default_factory=dict)
-    manifest: Manifest | None = None
-    reasons: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    manifest: Manifest | None = None  # of its result
+    reasons: list[str] = field(default_factory=list)  # why it runs
+    notes: list[str] = field(default_factory=list)  # what happened on the way
     error: str = ""
     trace: str = ""
-    seconds: float = 0.0
+    seconds: float = 0.0  # that it took in this build
     attempts: int = 0
 
 

@@ -36,18 +36,10 @@ class DamagedError(TexbakeError):
 
 @dataclass(frozen=True)
 class StoredFile:
-    """One file of an entry.
+    """One file of an entry."""
 
-    Attributes
-    ----------
-    name : str
-        Path below the store.
-    path : str
-        Path below the output; empty for an output that is a file.
-    """
-
-    name: str
-    path: str
+    name: str  # path below the store
+    path: str  # path below the output; empty for an output that is a file
     sha256: str
     size: int
 

@@ -26,58 +26,31 @@ from texbake.verbs.step import Job
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A step for a worker to run.
+    """A step for a worker to run."""
 
-    Attributes
-    ----------
-    asset, step : str
-        For messages.
-    outputs : dict of str to str
-        File name of each.
-    ingredients : dict
-        What the key is the checksum of.
-    store : str
-        Folder or URL of the store.
-    memory_bytes : int
-        Estimate of the memory that it needs.
-    most_memory : int, optional
-        Memory that all running steps together may use.
-    version : str
-        Of texbake; a worker must have the same.
-    """
-
-    asset: str
+    asset: str  # for messages
     step: str
     kind: str
     settings: dict[str, Any]
     inputs: dict[str, tuple[TaskInput, ...]]
-    outputs: dict[str, str]
+    outputs: dict[str, str]  # file name of each
     key: str
-    ingredients: dict[str, Any]
-    store: str
+    ingredients: dict[str, Any]  # what the key is the checksum of
+    store: str  # folder or URL of the store
     threads: int
-    memory_bytes: int = 0
-    most_memory: int | None = None
-    version: str = __version__
+    memory_bytes: int = 0  # estimate of the memory that it needs
+    most_memory: int | None = None  # memory that all running steps together may use
+    version: str = __version__  # of texbake; a worker must have the same
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOutcome:
-    """The outcome of a task.
+    """The outcome of a task."""
 
-    Attributes
-    ----------
-    manifest : dict or None
-        Of the result, made now or found in the store; None if the task has failed.
-    error : str
-        One line.
-    trace : str
-        Traceback of an error in texbake itself.
-    """
-
+    # of the result, made now or found in the store; None if the task has failed
     manifest: Manifest | None = None
-    error: str = ""
-    trace: str = ""
+    error: str = ""  # one line
+    trace: str = ""  # traceback of an error in texbake itself
     attempts: int = 1
 
 

@@ -42,35 +42,19 @@ N_WORST = 10  # faces that a report names
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """A problem in one mesh: what it is, how often it occurs, and where.
-
-    Attributes
-    ----------
-    severity : str
-        `error`, `warning` or `note`.
-    mesh : str
-        `low` or `high`: the mesh that has it.
-    count : int
-        How often it occurs, in the unit of the kind.
-    faces : (n,) int32
-        Triangles of that mesh that have it, each once, the worst first; empty where the problem
-        concerns the mesh as a whole.
-    polygons : (n,) int32
-        Polygons of these, each once, the worst first.
-    problem, remedy : str
-        What goes wrong, and what to do about it.
-    allowed : bool
-        Whether the options accept its kind, so that it counts and fails nothing.
-    """
+    """A problem in one mesh: what it is, how often it occurs, and where."""
 
     kind: Kind
-    severity: str
-    mesh: str
-    count: int
+    severity: str  # `error`, `warning` or `note`
+    mesh: str  # `low` or `high`: the mesh that has it
+    count: int  # how often it occurs, in the unit of the kind
+    # (n,) int32: triangles of that mesh that have it, each once, the worst first; empty where the
+    # problem concerns the mesh as a whole
     faces: IntArray
-    polygons: IntArray
-    problem: str
+    polygons: IntArray  # (n,) int32: polygons of these, each once, the worst first
+    problem: str  # what goes wrong, and what to do about it
     remedy: str
+    # whether the options accept its kind, so that it counts and fails nothing
     allowed: bool = False
 
     @property

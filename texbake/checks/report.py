@@ -18,20 +18,12 @@ from texbake.progress import StageRecord
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckReport:
-    """Everything that a check found.
+    """Everything that a check found."""
 
-    Attributes
-    ----------
-    low, high : Mesh or None
-        The meshes that were checked.
-    findings : tuple of Finding
-        The most severe first, then those that are allowed.
-    """
-
-    low: Mesh | None
+    low: Mesh | None  # the meshes that were checked
     high: Mesh | None
     options: CheckOptions
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # the most severe first, then those that are allowed
     stages: list[StageRecord]
 
     def count(self, severity: str) -> int:

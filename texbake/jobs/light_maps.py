@@ -66,18 +66,10 @@ class LightMap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LightMaps:
-    """The light maps of a scene.
+    """The light maps of a scene."""
 
-    Attributes
-    ----------
-    maps : tuple of LightMap
-        In the order of the objects.
-    warnings : tuple of str
-        What is missing from them, or may look unexpected.
-    """
-
-    maps: tuple[LightMap, ...]
-    warnings: tuple[str, ...]
+    maps: tuple[LightMap, ...]  # in the order of the objects
+    warnings: tuple[str, ...]  # what is missing from them, or may look unexpected
     stages: list[StageRecord]
 
     def table(self) -> list[tuple[str, str]]:

@@ -55,39 +55,22 @@ _NOT_COMPARED = (
 
 @dataclass(frozen=True, kw_only=True)
 class LightenReport:
-    """What `lighten` made of a model.
+    """What `lighten` made of a model."""
 
-    Attributes
-    ----------
-    n_faces_before, n_faces : int
-        Triangles.
-    n_bytes_before, n_bytes : int
-        Of the files: of the model with its buffers and images, and of the result.
-    size : (int, int), optional
-        Width and height of the images; None without any.
-    images : tuple of str
-        Names of the images in the result.
-    simplified : SimplifyReport, optional
-        None if the model had no more triangles than were asked for.
-    comparison : ModelComparison, optional
-        In pictures; None without views.
-    missing_images : tuple of str
-        Images of the model that are not there, and so in no picture.
-    """
-
-    n_faces_before: int
+    n_faces_before: int  # triangles
     n_faces: int
-    n_bytes_before: int
+    n_bytes_before: int  # of the files: of the model with its buffers and images, and of the result
     n_bytes: int
     n_materials_before: int
     n_materials: int
-    size: tuple[int, int] | None
-    images: tuple[str, ...]
-    simplified: SimplifyReport | None
+    size: tuple[int, int] | None  # width and height of the images; None without any
+    images: tuple[str, ...]  # names of the images in the result
+    simplified: SimplifyReport | None  # none if the model had no more triangles than were asked for
     unwrapped: UnwrapReport | None
     baked: BakeReport | None
     stages: tuple[StageRecord, ...]
-    comparison: ModelComparison | None = None
+    comparison: ModelComparison | None = None  # in pictures; None without views
+    # images of the model that are not there, and so in no picture
     missing_images: tuple[str, ...] = ()
 
     def table(self) -> list[tuple[str, str]]:

@@ -45,15 +45,9 @@ DEFAULT_FORMAT = "png"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapFiles(JobResult[BakeReport]):
-    """The files that `bake_files` or `remap_files` wrote.
+    """The files that `bake_files` or `remap_files` wrote."""
 
-    Attributes
-    ----------
-    maps : dict of str to WrittenMap
-        Each map's file, and how its values are coded in it.
-    """
-
-    maps: Mapping[str, WrittenMap]
+    maps: Mapping[str, WrittenMap]  # each map's file, and how its values are coded in it
 
     def to_json(self) -> dict[str, Any]:
         """Return the report and the coding of each file as plain values."""

@@ -19,21 +19,13 @@ from texbake.texture.image import image_shape
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeshFileInfo:
-    """What `info_file` measured.
-
-    Attributes
-    ----------
-    distortion : Distortion, optional
-        Of the texture coordinates, where it was to be measured.
-    contents : FileContents, optional
-        What a glTF, FBX, OBJ or USD file says besides its surface.
-    image_shapes : dict
-        Width, height and channels of its images by name; None for one that cannot be read.
-    """
+    """What `info_file` measured."""
 
     mesh: MeshInfo
-    distortion: Distortion | None = None
+    distortion: Distortion | None = None  # of the texture coordinates, where it was to be measured
+    # what a glTF, FBX, OBJ or USD file says besides its surface
     contents: FileContents | None = None
+    # width, height and channels of its images by name; None for one that cannot be read
     image_shapes: dict[str, tuple[int, int, int] | None] = field(default_factory=dict)
 
     def to_json(self) -> str:

@@ -30,21 +30,11 @@ _PAGE_SUFFIXES = (".html", ".htm")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JobResult(Generic[Report]):
-    """What a job wrote and measured.
+    """What a job wrote and measured."""
 
-    Attributes
-    ----------
-    files : tuple of Path
-        Every file that was written, the main one first.
-    report
-        The figures of the job.
-    warnings : tuple of str
-        What the user should look at, a sentence each.
-    """
-
-    files: tuple[Path, ...]
-    report: Report
-    warnings: tuple[str, ...] = ()
+    files: tuple[Path, ...]  # every file that was written, the main one first
+    report: Report  # the figures of the job
+    warnings: tuple[str, ...] = ()  # what the user should look at, a sentence each
 
     def to_json(self) -> dict[str, Any]:
         """Return the figures as plain values."""

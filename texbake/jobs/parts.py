@@ -51,15 +51,9 @@ NameFiles = Callable[[BakeTarget], dict[str, Path]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartsFiles(JobResult[PartsReport]):
-    """The files that `bake_parts_files` wrote.
+    """The files that `bake_parts_files` wrote."""
 
-    Attributes
-    ----------
-    maps : tuple of WrittenMap
-        The files of all sets of maps, and how values are coded in them.
-    """
-
-    maps: tuple[WrittenMap, ...]
+    maps: tuple[WrittenMap, ...]  # the files of all sets of maps, and how values are coded in them
     options: BakeOptions
 
     def to_json(self) -> dict[str, Any]:

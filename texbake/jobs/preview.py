@@ -45,20 +45,11 @@ from texbake.texture.image import FloatImage, write_image
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PreviewFiles(JobResult[Frame | None]):
-    """What `preview_files` drew; `report` is the first picture, or None where only planned.
+    """What `preview_files` drew; `report` is the first picture, or None where only planned."""
 
-    Attributes
-    ----------
-    plan : Plan
-        Which passes were chosen, and why.
-    contributions : tuple of Contribution
-        What each effect changes, if that was asked for.
-    chosen : tuple of (str, str)
-        Rows of `table` about what was chosen because no option or file set it.
-    """
-
-    plan: Plan
-    contributions: tuple[Contribution, ...] = ()
+    plan: Plan  # which passes were chosen, and why
+    contributions: tuple[Contribution, ...] = ()  # what each effect changes, if that was asked for
+    # rows of `table` about what was chosen because no option or file set it
     chosen: tuple[tuple[str, str], ...] = ()
 
     @property

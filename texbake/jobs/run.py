@@ -71,41 +71,24 @@ _PICTURES = {"preview": "_preview.png", "compare": "_compare.png"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult:
-    """What `run` made.
+    """What `run` made."""
 
-    Attributes
-    ----------
-    files : dict of str to Path
-        `mesh`, `normal`, `displacement`, `glb` and `report`; `preview` and `compare`, the pictures,
-        unless nothing was compared.
-    high : Mesh
-        The high-poly mesh, facing outwards.
-    low : Mesh
-        The low-poly mesh, with texture coordinates.
-    orientation : OrientationReport
-        Which parts of the high-poly mesh were flipped.
-    why_closed : tuple of str
-        Why the low-poly mesh was made from a closed surface around the high-poly one, if no option
-        asked for it, and which gaps were closed.
-    comparison : Comparison, optional
-        None if nothing was compared.
-    stages : list of StageRecord
-        Time and memory of the stages, including writing their files.
-    missing : tuple of str
-        Sentences on what the asset lacks of the high-poly file.
-    """
-
+    # `mesh`, `normal`, `displacement`, `glb` and `report`; `preview` and `compare`, the pictures,
+    # unless nothing was compared
     files: dict[str, Path]
-    high: Mesh
-    low: Mesh
-    orientation: OrientationReport
+    high: Mesh  # the high-poly mesh, facing outwards
+    low: Mesh  # the low-poly mesh, with texture coordinates
+    orientation: OrientationReport  # which parts of the high-poly mesh were flipped
+    # why the low-poly mesh was made from a closed surface around the high-poly one, if no option
+    # asked for it, and which gaps were closed
     why_closed: tuple[str, ...]
     simplified: SimplifyReport
     unwrapped: UnwrapReport
     baked: BakeResult
-    comparison: Comparison | None
+    comparison: Comparison | None  # none if nothing was compared
+    # time and memory of the stages, including writing their files
     stages: list[StageRecord] = field(default_factory=list)
-    missing: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()  # sentences on what the asset lacks of the high-poly file
 
     @property
     def warnings(self) -> list[str]:

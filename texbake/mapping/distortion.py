@@ -62,60 +62,26 @@ class FaceDistortion:
 
 @dataclass(frozen=True, kw_only=True)
 class Distortion:
-    """Measurements of the texture coordinates of a mesh.
+    """Measurements of the texture coordinates of a mesh."""
 
-    Attributes
-    ----------
-    stretch : Stretch
-        Stretch of the mesh as a whole.
-    turned_stretch : Stretch
-        The same with mirrored faces flipped, so always finite.
-    charts : tuple of ChartDistortion
-        Every chart that has a measured face, by number.
-    worst_faces : tuple of FaceDistortion
-        The ten faces of greatest L2 stretch, the worst first.
-    n_measured : int
-        Faces with an area both in space and in the texture, including mirrored ones.
-    n_degenerate : int
-        Faces without area in space; they are left out.
-    n_collapsed : int
-        Faces with an area in space but none in the texture; they are left out.
-    n_mirrored : int
-        Faces that are clockwise in the texture.
-    n_overlapping : int
-        Faces that overlap another in the texture.
-    n_unsure : int
-        Faces for which that could not be decided in bounded time; see `Overlaps`.
-    n_charts : int
-        Charts with area.
-    seam_length : float
-        Total length of the seams, in model units.
-    fill : float
-        Sum of the areas in the texture; overlaps count twice.
-    n_tiles : int
-        Unit squares of texture space that contain the centroid of a face: 1 except with UDIM tiles
-        and repeating textures.
-    texel_density : float
-        Texels per model unit: the square root of texels per area.
-    texel_density_variation : float
-        Standard deviation of the texel density from face to face, as a share of the mean.
-    """
-
-    stretch: Stretch
-    turned_stretch: Stretch
-    charts: tuple[ChartDistortion, ...]
-    worst_faces: tuple[FaceDistortion, ...]
-    n_measured: int
-    n_degenerate: int
-    n_collapsed: int
-    n_mirrored: int
-    n_overlapping: int
-    n_unsure: int
-    n_charts: int
-    seam_length: float
-    fill: float
+    stretch: Stretch  # stretch of the mesh as a whole
+    turned_stretch: Stretch  # the same with mirrored faces flipped, so always finite
+    charts: tuple[ChartDistortion, ...]  # every chart that has a measured face, by number
+    worst_faces: tuple[FaceDistortion, ...]  # the ten faces of greatest L2 stretch, the worst first
+    n_measured: int  # faces with an area both in space and in the texture, including mirrored ones
+    n_degenerate: int  # faces without area in space; they are left out
+    n_collapsed: int  # faces with an area in space but none in the texture; they are left out
+    n_mirrored: int  # faces that are clockwise in the texture
+    n_overlapping: int  # faces that overlap another in the texture
+    n_unsure: int  # faces for which that could not be decided in bounded time; see `Overlaps`
+    n_charts: int  # charts with area
+    seam_length: float  # total length of the seams, in model units
+    fill: float  # sum of the areas in the texture; overlaps count twice
+    # unit squares of texture space that contain the centroid of a face: 1 except with UDIM tiles
+    # and repeating textures
     n_tiles: int
-    texel_density: float
+    texel_density: float  # texels per model unit: the square root of texels per area
+    # standard deviation of the texel density from face to face, as a share of the mean
     texel_density_variation: float
 
     @property

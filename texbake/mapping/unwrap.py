@@ -247,30 +247,15 @@ def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
 
 @dataclass(frozen=True, kw_only=True)
 class UnwrapReport:
-    """Report of one unwrap.
+    """Report of one unwrap."""
 
-    Attributes
-    ----------
-    mesh : str
-        Name of the mesh.
-    n_faces : int
-        Polygons.
-    options : UnwrapOptions
-        The options of the call, with the padding that an atlas has.
-    tallies : dict of str to int
-        Counts of special cases by name, such as "faces touching a pole".
-    notes : tuple of str
-        Steps that failed and what was done instead; charts that miss a bound, and why.
-    distortion : Distortion or None
-        None if no face has an area in the texture.
-    """
-
-    mesh: str
-    n_faces: int
-    options: UnwrapOptions
-    tallies: Mapping[str, int]
+    mesh: str  # name of the mesh
+    n_faces: int  # polygons
+    options: UnwrapOptions  # the options of the call, with the padding that an atlas has
+    tallies: Mapping[str, int]  # counts of special cases by name, such as "faces touching a pole"
+    # steps that failed and what was done instead; charts that miss a bound, and why
     notes: tuple[str, ...]
-    distortion: Distortion | None
+    distortion: Distortion | None  # none if no face has an area in the texture
     stages: list[StageRecord]
 
     @property

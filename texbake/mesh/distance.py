@@ -63,17 +63,11 @@ class OneSidedDistance:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceDistance:
-    """Distance between two surfaces; each figure is the worse of both ways, in model units.
-
-    Attributes
-    ----------
-    diagonal : float
-        Of the joint bounding box; what the `_relative` figures are relative to.
-    """
+    """Distance between two surfaces; each figure is the worse of both ways, in model units."""
 
     a_to_b: OneSidedDistance
     b_to_a: OneSidedDistance
-    diagonal: float
+    diagonal: float  # of the joint bounding box; what the `_relative` figures are relative to
 
     @property
     def max(self) -> float:

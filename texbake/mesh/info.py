@@ -49,54 +49,37 @@ class MeshInfo:
     For components, edges, duplicate faces and derived figures, vertices of one object at exactly
     the same position count as one, because formats such as STL and glTF split vertices.
     `n_split_vertices` is the number of split vertices. Counts of faces are those of polygons.
-
-    Attributes
-    ----------
-    n_faces, n_triangles : int
-        Polygons of the file, and the triangles that they are cut into.
-    bounds : ((x, y, z), (x, y, z))
-        Least and greatest coordinates of the vertices that faces use, in model units.
-    diagonal, area : float
-        Of the bounding box, and of all faces together; in model units and their squares.
-    n_normals : int or None
-        None where the mesh has none; the same for uvs, tangents and colors.
-    n_components : int
-        Shells of the mesh: connected pieces that share no vertex.
-    n_boundary_edges, n_non_manifold_edges, n_misoriented_edges : int
-        Edges of one face; of more than two; of two that do not agree on which side is outside. The
-        latter two leave out degenerate and duplicate faces, as `check` does.
-    n_degenerate_faces, n_duplicate_faces : int
-        Faces without area; faces with the same three vertices as an earlier one.
-    n_unused_vertices, n_split_vertices : int
-        Vertices of no face; vertices at the place of an earlier one of their object.
-    closed : bool
-        Every edge has exactly two faces.
-    genus : int or None
-        Number of handles over all components; None where the mesh is not a closed, consistently
-        oriented manifold.
     """
 
     name: str
     n_vertices: int
-    n_faces: int
+    n_faces: int  # polygons of the file, and the triangles that they are cut into
     n_triangles: int
+    # least and greatest coordinates of the vertices that faces use, in model units
     bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    # of the bounding box, and of all faces together; in model units and their squares
     diagonal: float
     area: float
     uvs: UvInfo | None
-    n_normals: int | None
+    n_normals: int | None  # none where the mesh has none; the same for uvs, tangents and colors
     has_tangents: bool
     has_colors: bool
     groups: tuple[GroupInfo, ...]
-    n_components: int
+    n_components: int  # shells of the mesh: connected pieces that share no vertex
+    # Edges of one face; of more than two; of two that do not agree on which side is outside. The
+    # latter two leave out degenerate and duplicate faces, as `check` does.
     n_boundary_edges: int
     n_non_manifold_edges: int
     n_misoriented_edges: int
+    # faces without area; faces with the same three vertices as an earlier one
     n_degenerate_faces: int
     n_duplicate_faces: int
+    # vertices of no face; vertices at the place of an earlier one of their object
     n_unused_vertices: int
     n_split_vertices: int
-    closed: bool
+    closed: bool  # every edge has exactly two faces
+    # number of handles over all components; None where the mesh is not a closed, consistently
+    # oriented manifold
     genus: int | None
 
     def to_json(self) -> str:

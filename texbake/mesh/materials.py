@@ -41,22 +41,12 @@ def is_sheared(placing: Placing) -> bool:
 
 @dataclass(frozen=True)
 class Channel:
-    """A quantity that materials have at each point of a surface.
-
-    Attributes
-    ----------
-    default : tuple of float
-        Of a material that does not set it: one number, or three.
-    is_color : bool
-        Whether 8-bit images of it are coded in sRGB.
-    is_bounded : bool
-        Whether its values lie in [0, 1].
-    """
+    """A quantity that materials have at each point of a surface."""
 
     name: str
-    default: tuple[float, ...]
-    is_color: bool = False
-    is_bounded: bool = True
+    default: tuple[float, ...]  # of a material that does not set it: one number, or three
+    is_color: bool = False  # whether 8-bit images of it are coded in sRGB
+    is_bounded: bool = True  # whether its values lie in [0, 1]
 
 
 _CHANNELS = (
@@ -80,78 +70,46 @@ CHANNELS: Mapping[str, Channel] = MappingProxyType({channel.name: channel for ch
 
 @dataclass(frozen=True)
 class ChannelImage:
-    """What a channel reads of an image.
+    """What a channel reads of an image."""
 
-    Attributes
-    ----------
-    data : bytes
-        The content of an image file.
-    name : str
-        Its name in messages. Images of one name are the same.
-    components : tuple of int
-        Components of a texel, counted from red, one for each number of the channel.
-    wraps : (str, str)
-        What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`.
-    placing : ((a, b, c), (d, e, f))
-        Texture coordinates of the mesh, v up, to those of the image.
-    uv_set : int
-        Which set of texture coordinates of the mesh; 0 is `Mesh.uvs`.
-    is_nearest : bool
-        Whether a texel is one color up to its edges, as in pixel art.
-    """
-
-    data: bytes = field(repr=False)
-    name: str = "image"
+    data: bytes = field(repr=False)  # the content of an image file
+    name: str = "image"  # Its name in messages. Images of one name are the same.
+    # components of a texel, counted from red, one for each number of the channel
     components: tuple[int, ...] = (0, 1, 2)
+    # what lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`
     wraps: tuple[str, str] = ("repeat", "repeat")
-    placing: Placing = UNPLACED
-    uv_set: int = 0
-    is_nearest: bool = False
+    placing: Placing = UNPLACED  # texture coordinates of the mesh, v up, to those of the image
+    uv_set: int = 0  # which set of texture coordinates of the mesh; 0 is `Mesh.uvs`
+    is_nearest: bool = False  # whether a texel is one color up to its edges, as in pixel art
 
 
 @dataclass(frozen=True)
 class ChannelSource:
-    """Where the values of a channel come from: factor times image plus offset.
+    """Where the values of a channel come from: factor times image plus offset."""
 
-    Attributes
-    ----------
-    factor : tuple of float
-        Linear, as many numbers as the channel has. For `normal` it scales the vector that the
-        image encodes.
-    image : ChannelImage, optional
-        Linear once decoded; 1 without one, and (0, 0, 1) for `normal`.
-    offset : float
-        Added to the product. It is that of an occlusion whose strength is less than 1.
-    fallback : tuple of float, optional
-        Factor if the image turns out to be damaged; by default `factor`.
-    """
-
+    # Linear, as many numbers as the channel has. For `normal` it scales the vector that the image
+    # encodes.
     factor: tuple[float, ...]
+    # linear once decoded; 1 without one, and (0, 0, 1) for `normal`
     image: ChannelImage | None = None
+    # Added to the product. It is that of an occlusion whose strength is less than 1.
     offset: float = 0.0
+    # factor if the image turns out to be damaged; by default `factor`
     fallback: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeshMaterial:
-    """A material of a mesh file.
-
-    Attributes
-    ----------
-    channels : mapping of str to ChannelSource
-        By names of `CHANNELS`; those that the file does not set are missing.
-    alpha_mode : str
-        `opaque`, `mask` (opaque where alpha is at least `alpha_cutoff`, else not there) or `blend`.
-    is_unlit : bool
-        Shown in its base color, whatever the light.
-    """
+    """A material of a mesh file."""
 
     name: str
+    # by names of `CHANNELS`; those that the file does not set are missing
     channels: Mapping[str, ChannelSource] = field(default_factory=dict)
+    # `opaque`, `mask` (opaque where alpha is at least `alpha_cutoff`, else not there) or `blend`
     alpha_mode: str = "opaque"
     alpha_cutoff: float = 0.5
     is_double_sided: bool = False
-    is_unlit: bool = False
+    is_unlit: bool = False  # shown in its base color, whatever the light
 
     def on_uv_sets(self, uv_sets: Collection[int]) -> MeshMaterial:
         """Return the material without the images that lie on other texture coordinates.
@@ -169,29 +127,19 @@ class MeshMaterial:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Materials:
-    """Which material each face of a mesh has.
+    """Which material each face of a mesh has."""
 
-    Attributes
-    ----------
-    face_materials : (F,) int32
-        Index into `materials`.
-    uv_sets : mapping of int to (T, 2) float64
-        Further sets of texture coordinates, in the rows of `Mesh.uvs`.
-    has_vertex_colors : bool
-        Whether the colors of the mesh's vertices are factors of base color and alpha.
-    missing : tuple of (str, str)
-        What the file asks for and could not be read: a channel, or "" for all of them, and a line
-        that says so.
-    missing_images : tuple of str
-        Names of the images among that, as the file has them.
-    """
-
-    face_materials: IntArray
+    face_materials: IntArray  # (F,) int32: index into `materials`
     materials: tuple[MeshMaterial, ...]
+    # mapping of int to (T, 2) float64: further sets of texture coordinates, in the rows of
+    # `Mesh.uvs`
     uv_sets: Mapping[int, FloatArray] = field(default_factory=dict)
+    # whether the colors of the mesh's vertices are factors of base color and alpha
     has_vertex_colors: bool = False
+    # what the file asks for and could not be read: a channel, or "" for all of them, and a line
+    # that says so
     missing: tuple[tuple[str, str], ...] = ()
-    missing_images: tuple[str, ...] = ()
+    missing_images: tuple[str, ...] = ()  # names of the images among that, as the file has them
 
     def __post_init__(self) -> None:
         ids = self.face_materials

@@ -12,68 +12,40 @@ _AREA_KEPT = 0.02  # change of a sheet's area that is not worth a note
 
 @dataclass(frozen=True, kw_only=True)
 class RemeshReport:
-    """Figures of a run of `remesh`.
-
-    Attributes
-    ----------
-    n_components, n_dropped : int
-        Separate parts of the result, and those that `components` left out.
-    n_crumbs : int
-        Separate parts smaller than a voxel, which are left out.
-    n_cut_off : int
-        Small parts that were cut off at thin places of the mesh, which are left out.
-    n_cavities_kept, n_cavities_filled : int
-        Walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
-        gaps that are closed.
-    n_rooms_untested : int
-        Such rooms that were too small and too many to test whether they are cavities. They count as
-        solid.
-    voxel : float
-        Side of a voxel, in model units.
-    gap : float
-        Gaps up to this width are closed, in model units.
-    surface : str
-        What the result is, `closed` or `open`.
-    reason : str
-        Why it is that, as the end of a sentence.
-    n_holes_filled, n_boundaries : int
-        Loops of the mesh's boundary that were filled, and loops of the boundary of an open result.
-    n_handles_made : int
-        Handles of a closed result that the mesh, if it is one part, does not have.
-    area_ratio : float
-        Area of an open result, as a share of that of the mesh and what fills its holes.
-    thin_share : float
-        Share of the wrap's vertices, before it is simplified, that lie around sheets.
-    distance : OneSidedDistance
-        From the result to the given mesh. It includes the surfaces that close gaps.
-    diagonal : float
-        Of the given mesh.
-    seconds : float
-        Without measuring the distance.
-    """
+    """Figures of a run of `remesh`."""
 
     n_faces_before: int
     n_faces: int
     n_vertices: int
-    n_components: int
+    n_components: int  # separate parts of the result, and those that `components` left out
     n_dropped: int
-    n_crumbs: int
-    n_cut_off: int
+    n_crumbs: int  # separate parts smaller than a voxel, which are left out
+    n_cut_off: int  # small parts that were cut off at thin places of the mesh, which are left out
+    # walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
+    # gaps that are closed
     n_cavities_kept: int
     n_cavities_filled: int
+    # Such rooms that were too small and too many to test whether they are cavities. They count as
+    # solid.
     n_rooms_untested: int
-    voxel: float
-    gap: float
-    surface: str
-    reason: str
+    voxel: float  # side of a voxel, in model units
+    gap: float  # gaps up to this width are closed, in model units
+    surface: str  # what the result is, `closed` or `open`
+    reason: str  # why it is that, as the end of a sentence
+    # loops of the mesh's boundary that were filled, and loops of the boundary of an open result
     n_holes_filled: int
     n_boundaries: int
-    n_handles_made: int
+    n_handles_made: (
+        int  # handles of a closed result that the mesh, if it is one part, does not have
+    )
+    # area of an open result, as a share of that of the mesh and what fills its holes
     area_ratio: float
+    # share of the wrap's vertices, before it is simplified, that lie around sheets
     thin_share: float
+    # From the result to the given mesh. It includes the surfaces that close gaps.
     distance: OneSidedDistance
-    diagonal: float
-    seconds: float
+    diagonal: float  # of the given mesh
+    seconds: float  # without measuring the distance
 
     @property
     def notes(self) -> tuple[str, ...]:

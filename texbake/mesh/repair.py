@@ -32,18 +32,10 @@ from texbake.mesh.weld import weld_rows
 
 @dataclass(frozen=True)
 class RepairReport:
-    """What `repair` did.
+    """What `repair` did."""
 
-    Attributes
-    ----------
-    n_faces : int
-        Polygons of the repaired mesh.
-    counts : dict of str to int
-        How many vertices or polygons each repair changed, by its name.
-    """
-
-    n_faces: int
-    counts: Mapping[str, int]
+    n_faces: int  # polygons of the repaired mesh
+    counts: Mapping[str, int]  # how many vertices or polygons each repair changed, by its name
 
 
 def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, RepairReport]:

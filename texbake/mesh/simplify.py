@@ -44,41 +44,22 @@ _FEW_FACES = "the mesh has no more faces than requested"
 
 @dataclass(frozen=True, kw_only=True)
 class SimplifyReport:
-    """Figures of a run of `simplify`.
+    """Figures of a run of `simplify`."""
 
-    Attributes
-    ----------
-    n_faces_before, n_faces : int
-        Of the given mesh and of the result.
-    n_faces_asked : int, optional
-        `n_faces` is above it where no attempt came down to it, or where the error stopped it.
-    error_asked : float, optional
-        Greatest distance allowed, in model units; `distance.max` is no greater.
-    n_vertices : int
-        Positions of the result.
-    quality : str
-        As requested.
-    method : str
-        How the result was made.
-    notes : tuple of str
-        What was given up to reach the count, or why it was not reached, and whether the distance
-        was measured at fewer points than usual.
-    distance : SurfaceDistance
-        Between the mesh given (a) and the result (b).
-    seconds : float
-        Without measuring the distance.
-    """
-
-    n_faces_before: int
+    n_faces_before: int  # of the given mesh and of the result
+    # `n_faces` is above it where no attempt came down to it, or where the error stopped it
     n_faces_asked: int | None
+    # greatest distance allowed, in model units; `distance.max` is no greater
     error_asked: float | None
     n_faces: int
-    n_vertices: int
-    quality: str
-    method: str
+    n_vertices: int  # positions of the result
+    quality: str  # as requested
+    method: str  # how the result was made
+    # what was given up to reach the count, or why it was not reached, and whether the distance was
+    # measured at fewer points than usual
     notes: tuple[str, ...]
-    distance: SurfaceDistance
-    seconds: float
+    distance: SurfaceDistance  # between the mesh given (a) and the result (b)
+    seconds: float  # without measuring the distance
 
     @property
     def reached(self) -> bool:

@@ -25,27 +25,17 @@ _FACES_OF_A_VERTEX = 4  # of a surface there are about two
 
 @dataclass(frozen=True, eq=False)
 class VertexStream:
-    """Vertices of a stream as rows of a mesh's lists; None for a list that separates no vertices.
+    """Vertices of a stream as rows of a mesh's lists; None for one that separates no vertices."""
 
-    Attributes
-    ----------
-    faces : (F', 3) int32
-        Indices of stream vertices, three distinct ones each. Two of them may lie at one position,
-        as at the poles of many spheres: such faces tie the sides of a seam together.
-    points : (S, 3) float64
-        Positions on the mesh's `UnitGrid`.
-    position_ids : (S,) int32
-    uv_ids, normal_ids, group_ids : (S,) int32, optional
-    object_ids : (S,) int32, optional
-        First group of the object of each vertex, if the mesh has several objects.
-    """
-
+    # (F', 3) int32: indices of stream vertices, three distinct ones each. Two of them may lie at
+    # one position, as at the poles of many spheres: such faces tie the sides of a seam together.
     faces: IntArray
-    points: FloatArray
-    position_ids: IntArray
-    uv_ids: IntArray | None = None
+    points: FloatArray  # (S, 3) float64: positions on the mesh's `UnitGrid`
+    position_ids: IntArray  # (S,) int32
+    uv_ids: IntArray | None = None  # (S,) int32
     normal_ids: IntArray | None = None
     group_ids: IntArray | None = None
+    # (S,) int32: first group of the object of each vertex, if the mesh has several objects
     object_ids: IntArray | None = None
 
     @property

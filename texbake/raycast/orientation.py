@@ -55,22 +55,12 @@ _CLEAR = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class OrientationReport:
-    """What `oriented` did.
+    """What `oriented` did."""
 
-    Attributes
-    ----------
-    mesh : str
-        Name of the mesh.
-    n_parts, n_faces : int
-        Parts that faced inwards as a whole, and faces that were flipped.
-    n_unclear : int
-        Parts that are seen alike from both sides, and were left as they are.
-    """
-
-    mesh: str
-    n_parts: int = 0
+    mesh: str  # name of the mesh
+    n_parts: int = 0  # parts that faced inwards as a whole, and faces that were flipped
     n_faces: int = 0
-    n_unclear: int = 0
+    n_unclear: int = 0  # parts that are seen alike from both sides, and were left as they are
 
     @property
     def notes(self) -> tuple[str, ...]:

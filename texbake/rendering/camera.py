@@ -44,24 +44,13 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Camera:
-    """A perspective camera in world space.
+    """A perspective camera in world space."""
 
-    Attributes
-    ----------
-    eye : (3,) float64
-        Position of the camera.
-    axes : (3, 3) float64
-        Rows are the unit vectors right, up and back (opposite to the view).
-    fov : float
-        Vertical field of view in radians.
-    near : float
-        Distance of the near plane in model units.
-    """
-
-    eye: FloatArray
+    eye: FloatArray  # (3,) float64: position of the camera
+    # (3, 3) float64: rows are the unit vectors right, up and back (opposite to the view)
     axes: FloatArray
-    fov: float
-    near: float
+    fov: float  # vertical field of view in radians
+    near: float  # distance of the near plane in model units
 
     def __post_init__(self) -> None:
         for name in "eye", "axes":  # as kernels take them

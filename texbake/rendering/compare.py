@@ -53,72 +53,47 @@ _MOST_PIECES = 2_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Closeness:
-    """How close one mesh comes to the high-poly mesh.
+    """How close one mesh comes to the high-poly mesh."""
 
-    Attributes
-    ----------
-    mean_deg, median_deg, p95_deg : float
-        Angles in degrees between the shading normals, over the pixels of all views whose center
-        sees the same part of both meshes (depths within 2 % of the diagonal of the joint bounding
-        box). NaN if there are no such pixels.
-    psnr_db : float
-        PSNR of the shaded, sRGB-coded picture of the view in the options, over the pixels that
-        either mesh touches; infinite for equal pictures.
-    ssim : float, optional
-        Mean structural similarity over the same pixels; None if it was not measured.
-    outline_mismatch, depth_mismatch : float
-        Among the pixel centers that see either mesh, the share that sees only one of them, and the
-        share that sees different parts. Of the other values, only PSNR and SSIM include these
-        pixels.
-    n_pixels : int
-        Number of pixels in the angle statistics.
-    """
-
+    # Angles in degrees between the shading normals, over the pixels of all views whose center sees
+    # the same part of both meshes (depths within 2 % of the diagonal of the joint bounding box).
+    # NaN if there are no such pixels.
     mean_deg: float
     median_deg: float
     p95_deg: float
+    # PSNR of the shaded, sRGB-coded picture of the view in the options, over the pixels that either
+    # mesh touches; infinite for equal pictures
     psnr_db: float
+    # mean structural similarity over the same pixels; None if it was not measured
     ssim: float | None
+    # Among the pixel centers that see either mesh, the share that sees only one of them, and the
+    # share that sees different parts. Of the other values, only PSNR and SSIM include these pixels.
     outline_mismatch: float
     depth_mismatch: float
-    n_pixels: int
+    n_pixels: int  # number of pixels in the angle statistics
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Result of comparing a low-poly mesh, with and without its maps, to a high-poly mesh.
+    """Result of comparing a low-poly mesh, with and without its maps, to a high-poly mesh."""
 
-    Attributes
-    ----------
-    mapped : Closeness
-        The low-poly mesh with its maps as a GLB file shows them, without displacement. With a
-        displacement map alone it is displaced, and without any map it is `bare`.
-    bare : Closeness
-        Without its maps.
-    displaced : Closeness, optional
-        With all of its maps; None unless there is a displacement map beside another one.
-    views : tuple of (azimuth, elevation)
-        Views, in degrees, in which angles and silhouettes were measured.
-    high_frame, bare_frame, mapped_frame : Frame
-        Pictures from the view in the options, with one exposure; errors are measured before it.
-    angles_deg : (H, W) float32
-        Angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN where they do
-        not show the same part.
-    names : (str, str)
-        Captions of the pictures of the high-poly and the low-poly mesh.
-    maps : tuple of str
-        Maps that `mapped` shows: `normal map`, `color map` or `displacement map`.
-    """
-
+    # The low-poly mesh with its maps as a GLB file shows them, without displacement. With a
+    # displacement map alone it is displaced, and without any map it is `bare`.
     mapped: Closeness
-    bare: Closeness
+    bare: Closeness  # without its maps
+    # views, in degrees, in which angles and silhouettes were measured
     views: tuple[tuple[float, float], ...]
+    # pictures from the view in the options, with one exposure; errors are measured before it
     high_frame: Frame
     bare_frame: Frame
     mapped_frame: Frame
+    # (H, W) float32: angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN
+    # where they do not show the same part
     angles_deg: FloatImage
-    names: tuple[str, str]
+    names: tuple[str, str]  # captions of the pictures of the high-poly and the low-poly mesh
+    # maps that `mapped` shows: `normal map`, `color map` or `displacement map`
     maps: tuple[str, ...] = ()
+    # with all of its maps; None unless there is a displacement map beside another one
     displaced: Closeness | None = None
     displaced_frame: Frame | None = None
 

@@ -43,35 +43,20 @@ Picture = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelComparison:
-    """How a model differs in pictures from another version of it.
+    """How a model differs in pictures from another version of it."""
 
-    Attributes
-    ----------
-    psnr_db : tuple of float
-        PSNR of each view, of the sRGB codes of those pixels that either model touches; infinite for
-        equal pictures.
-    mean_db : float
-        PSNR of all those pixels of all views together.
-    views : tuple of (azimuth, elevation)
-        In degrees.
-    before, after : tuple of (H, W, 3) uint8
-        The pictures of each view, coded in sRGB.
-    names : (str, str)
-        Of the files.
-    n_faces : (int, int)
-        Triangles of each.
-    notes : tuple of str
-        What of the files the pictures do not show.
-    """
-
+    # PSNR of each view, of the sRGB codes of those pixels that either model touches; infinite for
+    # equal pictures
     psnr_db: tuple[float, ...]
-    mean_db: float
-    views: tuple[tuple[float, float], ...]
-    before: tuple[Picture, ...]
+    mean_db: float  # PSNR of all those pixels of all views together
+    views: tuple[tuple[float, float], ...]  # in degrees
+    before: tuple[
+        Picture, ...
+    ]  # tuple of (H, W, 3) uint8: the pictures of each view, coded in sRGB
     after: tuple[Picture, ...]
-    names: tuple[str, str]
-    n_faces: tuple[int, int]
-    notes: tuple[str, ...] = ()
+    names: tuple[str, str]  # of the files
+    n_faces: tuple[int, int]  # triangles of each
+    notes: tuple[str, ...] = ()  # what of the files the pictures do not show
 
     @property
     def worst_db(self) -> float:

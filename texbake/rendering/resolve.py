@@ -65,39 +65,21 @@ class TexelReport:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """A rendered picture with its data; row 0 is at the top.
+    """A rendered picture with its data; row 0 is at the top."""
 
-    Attributes
-    ----------
-    color : (H, W, 4) float32
-        Linear light and opacity. With a background the opacity is 1. Without one it is the
-        coverage, and the color is not premultiplied.
-    coverage : (H, W) float32
-        Share of the pixel's samples that see a surface.
-    plan : Plan
-        Passes that were run.
-    costs : Costs
-        Time and memory of the passes.
-    sampling : SamplingReport, optional
-        Report on adaptive samples, if the options use them.
-    budget : TimeBudget, optional
-        Report on the time budget, if there was one.
-    texels : TexelReport, optional
-        Counts of the texels, for pictures in texture order.
-    exposure : float, optional
-        Factor of the light, if the picture was exposed; see `texbake.rendering.resolve`.
-    """
-
+    # (H, W, 4) float32: linear light and opacity. With a background the opacity is 1. Without one
+    # it is the coverage, and the color is not premultiplied.
     color: FloatImage
-    coverage: FloatImage
-    plan: Plan
-    costs: Costs
+    coverage: FloatImage  # (H, W) float32: share of the pixel's samples that see a surface
+    plan: Plan  # passes that were run
+    costs: Costs  # time and memory of the passes
     _visibility: VisibilityBuffer
     _near: float
     _normals: FloatImage | None = field(default=None)
-    sampling: SamplingReport | None = None
-    budget: TimeBudget | None = None
-    texels: TexelReport | None = None
+    sampling: SamplingReport | None = None  # report on adaptive samples, if the options use them
+    budget: TimeBudget | None = None  # report on the time budget, if there was one
+    texels: TexelReport | None = None  # counts of the texels, for pictures in texture order
+    # factor of the light, if the picture was exposed; see `texbake.rendering.resolve`
     exposure: float | None = None
 
     @property

@@ -71,28 +71,16 @@ def percent_within(errors: npt.NDArray[Any], bound: float | None) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class SamplingReport:
-    """What adaptive samples achieved; percentages are of the texels or pixels that have data.
+    """What adaptive samples achieved; percentages are of the texels or pixels that have data."""
 
-    Attributes
-    ----------
-    max_error : str, optional
-        As given, or the default; None where a time budget left no time for any bound.
-    sample_percents : dict of int to float
-        Number of samples in a texel or pixel, and the percent of them that have so many.
-    within_percent : float
-        How many have an estimated error within every bound.
-    n_checked, samples_of_check : int
-        How many were sampled again, and with how many other samples each.
-    errors : tuple of ErrorSummary
-        Of each map that has a bound, or of the picture.
-    """
-
+    # as given, or the default; None where a time budget left no time for any bound
     max_error: str | None
+    # number of samples in a texel or pixel, and the percent of them that have so many
     sample_percents: dict[int, float]
-    within_percent: float
-    n_checked: int
+    within_percent: float  # how many have an estimated error within every bound
+    n_checked: int  # how many were sampled again, and with how many other samples each
     samples_of_check: int
-    errors: tuple[ErrorSummary, ...]
+    errors: tuple[ErrorSummary, ...]  # of each map that has a bound, or of the picture
 
     # What is sampled, and the most samples that one of it gets.
     element: ClassVar[str]

@@ -15,24 +15,15 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class BudgetClock:
-    """When the time of a budget began, and what it includes beside the work itself.
+    """When the time of a budget began, and what it includes beside the work itself."""
 
-    Attributes
-    ----------
-    start : float
-        The time of `now` when it began; by default, the present.
-    now : callable
-        Returns the time in seconds.
-    warn : callable, optional
-        Called with a line of text as soon as it is known that the time is too short.
-    finish : callable, optional
-        Does with a part of the result what follows the work, such as writing files, so that it can
-        be timed. The type of that part depends on the work.
-    """
-
+    # the time of `now` when it began; by default, the present
     start: float = field(default_factory=time.perf_counter)
-    now: Callable[[], float] = time.perf_counter
+    now: Callable[[], float] = time.perf_counter  # returns the time in seconds
+    # called with a line of text as soon as it is known that the time is too short
     warn: Callable[[str], None] | None = None
+    # Does with a part of the result what follows the work, such as writing files, so that it can be
+    # timed. The type of that part depends on the work.
     finish: Callable[[Any], None] | None = None
 
     @classmethod
@@ -73,36 +64,18 @@ class Round:
 
 @dataclass(frozen=True)
 class TimeBudget:
-    """What a time budget led to; all times are wall-clock seconds.
+    """What a time budget led to; all times are wall-clock seconds."""
 
-    Attributes
-    ----------
-    work : str
-        What takes the time, `the bake` or `the picture`.
-    seconds : float
-        The time budget.
-    max_error : str
-        The bound that was reached; the same bytes come again with it.
-    why : str
-        Why it is not closer.
-    least_seconds : float
-        Predicted time of the first samples and everything else that is needed: the least budget.
-    before_seconds : float
-        From the beginning to the first samples: reading files, building the ray tree and so on.
-    rounds : tuple of Round
-        In their order.
-    actual_seconds : float
-        Of everything, except what is left to do when this is reported.
-    """
-
-    work: str
-    seconds: float
-    max_error: str
-    why: str
+    work: str  # what takes the time, `the bake` or `the picture`
+    seconds: float  # the time budget
+    max_error: str  # the bound that was reached; the same bytes come again with it
+    why: str  # why it is not closer
+    # predicted time of the first samples and everything else that is needed: the least budget
     least_seconds: float
+    # from the beginning to the first samples: reading files, building the ray tree and so on
     before_seconds: float
-    rounds: tuple[Round, ...]
-    actual_seconds: float = 0.0
+    rounds: tuple[Round, ...]  # in their order
+    actual_seconds: float = 0.0  # of everything, except what is left to do when this is reported
 
     @property
     def choice(self) -> str:

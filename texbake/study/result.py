@@ -220,25 +220,14 @@ class KnobResult(ParetoRanking):
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """Everything that a study measured.
-
-    Attributes
-    ----------
-    inputs : dict of str to str
-        Names of the meshes and the scene that were given.
-    machine : dict of str to str or int
-        What it ran on.
-    seconds : float
-        Time of the whole study.
-    skipped : dict of str to str
-        Names of the knobs that could not be studied on what was given, and why.
-    """
+    """Everything that a study measured."""
 
     options: StudyOptions
-    inputs: dict[str, str]
-    machine: dict[str, Any]
+    inputs: dict[str, str]  # names of the meshes and the scene that were given
+    machine: dict[str, Any]  # what it ran on
     knobs: tuple[KnobResult, ...]
-    seconds: float = 0.0
+    seconds: float = 0.0  # time of the whole study
+    # names of the knobs that could not be studied on what was given, and why
     skipped: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:

@@ -49,15 +49,10 @@ FACE_AXES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class CubeMap:
-    """Six square images of the surroundings of a point.
+    """Six square images of the surroundings of a point."""
 
-    Attributes
-    ----------
-    faces : (6, S, S, C) float32
-        Faces +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0). Read-only. Values that
-        are not finite are replaced by 0, so that no filter can spread them.
-    """
-
+    # (6, S, S, C) float32: faces +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0).
+    # Read-only. Values that are not finite are replaced by 0, so that no filter can spread them.
     faces: npt.NDArray[np.float32]
 
     def __post_init__(self) -> None:

@@ -149,21 +149,15 @@ _LEAST_Z = 0.01
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """Heights of a normal map, and how well they fit it.
+    """Heights of a normal map, and how well they fit it."""
 
-    Attributes
-    ----------
-    heights : (H, W) float32
-        In the unit of the options' width. Their mean is 0, because normals do not determine it.
-    n_steep : int
-        Number of normals too steep for a height field, or not finite, which count as flat.
-    rms_slope_error : float
-        Root mean square difference between the slopes of the heights, as the method computes them,
-        and those of the normals; 0 if the normals are those of a surface.
-    """
-
+    # (H, W) float32: in the unit of the options' width. Their mean is 0, because normals do not
+    # determine it.
     heights: npt.NDArray[np.float32]
+    # number of normals too steep for a height field, or not finite, which count as flat
     n_steep: int
+    # root mean square difference between the slopes of the heights, as the method computes them,
+    # and those of the normals; 0 if the normals are those of a surface
     rms_slope_error: float
 
 

@@ -52,27 +52,16 @@ GREATEST_HALF = 65504.0
 
 @dataclass(frozen=True)
 class Image:
-    """Pixels of an image file, with its metadata and its format.
+    """Pixels of an image file, with its metadata and its format."""
 
-    Attributes
-    ----------
-    pixels : (H, W, C) float32
-        Linear values. Integer codes are scaled to [0, 1].
-    metadata
-        Metadata of the map; empty for other images.
-    bits
-        Bits per channel in the file: 8, 16 or 32.
-    is_float
-        Whether the file stores floats (half or single) instead of integer codes.
-    name
-        File name, for messages.
-    """
-
+    # (H, W, C) float32: linear values. Integer codes are scaled to [0, 1].
     pixels: npt.NDArray[np.float32]
+    # metadata of the map; empty for other images
     metadata: dict[str, Value] = field(default_factory=dict)
-    bits: int = 32
+    bits: int = 32  # bits per channel in the file: 8, 16 or 32
+    # whether the file stores floats (half or single) instead of integer codes
     is_float: bool = True
-    name: str = "image"
+    name: str = "image"  # file name, for messages
 
 
 @dataclass(frozen=True)

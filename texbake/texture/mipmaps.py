@@ -38,21 +38,12 @@ _BAND_VALUES = 1 << 20
 
 @dataclass(frozen=True, eq=False)
 class MipChain:
-    """An image and its mip levels, finest first.
+    """An image and its mip levels, finest first."""
 
-    Attributes
-    ----------
-    texels : (N, C) float32
-        All levels one after another, rows from top to bottom. Read-only.
-    offsets : (L,) int64
-        Index of the first texel of each level.
-    sizes : (L, 2) int64
-        Height and width of each level.
-    """
-
+    # (N, C) float32: all levels one after another, rows from top to bottom. Read-only.
     texels: npt.NDArray[np.float32]
-    offsets: npt.NDArray[np.int64]
-    sizes: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]  # (L,) int64: index of the first texel of each level
+    sizes: npt.NDArray[np.int64]  # (L, 2) int64: height and width of each level
 
     def __post_init__(self) -> None:
         for name in "texels", "offsets", "sizes":

@@ -49,21 +49,11 @@ class PlacedImage:
 
 @dataclass(frozen=True, eq=False)
 class PackedTextures:
-    """Several images in one.
+    """Several images in one."""
 
-    Attributes
-    ----------
-    pixels : (H, W, C) float32
-        0 outside the images and their padding.
-    places : tuple of PlacedImage
-        The place of each image, in the order of the input.
-    scale : float
-        Factor by which all images were scaled down; 1 if texels are copied one to one.
-    """
-
-    pixels: FloatImage
-    places: tuple[PlacedImage, ...]
-    scale: float
+    pixels: FloatImage  # (H, W, C) float32: 0 outside the images and their padding
+    places: tuple[PlacedImage, ...]  # the place of each image, in the order of the input
+    scale: float  # factor by which all images were scaled down; 1 if texels are copied one to one
 
     @property
     def filled(self) -> float:

@@ -15,22 +15,12 @@ DATA_SUFFIXES = (".png", ".exr", ".tif", ".tiff", ".tga")
 
 @dataclass(frozen=True)
 class NormalMapReport:
-    """The normal map that `height_to_normal_file` made.
+    """The normal map that `height_to_normal_file` made."""
 
-    Attributes
-    ----------
-    width, height : int
-        Texels.
-    scale : float
-        Height that a change of 1 in the image stood for.
-    image_width : float
-        Width of the image in the units of the heights.
-    """
-
-    width: int
+    width: int  # texels
     height: int
-    scale: float
-    image_width: float
+    scale: float  # height that a change of 1 in the image stood for
+    image_width: float  # width of the image in the units of the heights
 
     def table(self) -> Rows:
         """Return rows of a label and a figure."""

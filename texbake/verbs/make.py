@@ -39,21 +39,12 @@ _FILES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Relief:
-    """A procedure that raises a surface along its smooth normals, which cannot tear it.
+    """A procedure that raises a surface along its smooth normals, which cannot tear it."""
 
-    Attributes
-    ----------
-    procedure : str
-        Such as `worley`; its values are in 0 to 1.
-    height : float
-        How far a value of 1 raises the surface, in model units; a negative one sinks it.
-    scale : float
-        Factor of positions for the procedure.
-    """
-
-    procedure: str
+    procedure: str  # such as `worley`; its values are in 0 to 1
+    # how far a value of 1 raises the surface, in model units; a negative one sinks it
     height: float = 0.02
-    scale: float = 8.0
+    scale: float = 8.0  # factor of positions for the procedure
 
 
 @verb(

@@ -18,16 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class HeightMapReport:
-    """The heights that `normal_to_height_file` made.
-
-    Attributes
-    ----------
-    mid, scale : float
-        Of the file: a value v means the height (v - mid) * scale.
-    """
+    """The heights that `normal_to_height_file` made."""
 
     field: HeightField
-    mid: float
+    mid: float  # of the file: a value v means the height (v - mid) * scale
     scale: float
 
     def table(self) -> Rows:

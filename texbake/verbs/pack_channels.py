@@ -36,19 +36,11 @@ _LETTERS = "rgba"
 
 @dataclass(frozen=True)
 class ChannelsReport:
-    """The image that `pack_channel_files` made, or that `split_channel_files` read.
+    """The image that `pack_channel_files` made, or that `split_channel_files` read."""
 
-    Attributes
-    ----------
-    width, height : int
-        Texels.
-    channels : tuple of str
-        What each channel comes from, or goes to.
-    """
-
-    width: int
+    width: int  # texels
     height: int
-    channels: tuple[str, ...]
+    channels: tuple[str, ...]  # what each channel comes from, or goes to
 
     def table(self) -> Rows:
         """Return rows of a label and a figure."""

@@ -32,47 +32,25 @@ _UNSTEADY = frozenset({"stages", "seconds", "threads", "max_memory", "budget"})
 
 @dataclass(frozen=True)
 class InputSize:
-    """The size of an input, as far as it is known without reading it.
+    """The size of an input, as far as it is known without reading it."""
 
-    Attributes
-    ----------
-    n_bytes : int
-        Length of the file.
-    n_faces : int
-        About how many triangles; 0 for files that are not meshes.
-    """
-
-    n_bytes: int
-    n_faces: int
+    n_bytes: int  # length of the file
+    n_faces: int  # about how many triangles; 0 for files that are not meshes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One step of one asset, to be run.
+    """One step of one asset, to be run."""
 
-    Attributes
-    ----------
-    settings : dict
-        All options, as `StepKind.settings` returns them.
-    inputs : dict of str to tuple of Path
-        By role; a role that was not given is missing.
-    outputs : dict of str to Path
-        Path of each output, all in one empty folder. An output without a suffix is a folder, which
-        the step makes.
-    threads : int
-        No result may depend on it.
-    most_memory : int, optional
-        Bytes that the step should not exceed if it can avoid it; no result may depend on it.
-    asset : str
-        Name of the asset; only kinds with `names_asset` may use it.
-    """
-
-    settings: Settings
-    inputs: Mapping[str, tuple[Path, ...]]
+    settings: Settings  # all options, as `StepKind.settings` returns them
+    inputs: Mapping[str, tuple[Path, ...]]  # by role; a role that was not given is missing
+    # Path of each output, all in one empty folder. An output without a suffix is a folder, which
+    # the step makes.
     outputs: Mapping[str, Path]
-    threads: int
+    threads: int  # no result may depend on it
+    # bytes that the step should not exceed if it can avoid it; no result may depend on it
     most_memory: int | None = None
-    asset: str = ""
+    asset: str = ""  # name of the asset; only kinds with `names_asset` may use it
 
     def input(self, role: str) -> Path | None:
         """Return the only file of a role, or None where it was not given."""
@@ -86,49 +64,28 @@ class Job:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepKind:
-    """A kind of step.
+    """A kind of step."""
 
-    Attributes
-    ----------
-    name : str
-        What `do` says in a pipeline file.
-    does : str
-        One line for a table of all kinds.
-    options : type
-        Dataclass of its options, which checks them; it imports no numpy.
-    without : tuple of str
-        Fields of that class that are not options in a pipeline: files, which are `inputs`, and
-        `threads`.
-    required : tuple of str
-        Fields that must be given although they have a default.
-    outputs : callable
-        Takes settings and returns the files that the step makes, name to file name. A reference to
-        the step alone means the first. A file name without a suffix is a folder.
-    run : callable
-        Runs a `Job` and returns figures of it as plain values for JSON; imports heavy modules when
-        it is called. It raises `TexbakeError` where the asset is at fault.
-    memory : callable
-        Takes settings and sizes of the inputs and estimates the most bytes that the step holds.
-    check : callable, optional
-        Raises `OptionError` where settings contradict the roles that are given.
-    revision : int
-        Incremented whenever the same settings give other results than before.
-    names_asset : bool
-        Whether the result contains the name of the asset.
-    """
-
-    name: str
-    does: str
-    options: type
+    name: str  # what `do` says in a pipeline file
+    does: str  # one line for a table of all kinds
+    options: type  # dataclass of its options, which checks them; it imports no numpy
     inputs: tuple[Reads, ...]
+    # Takes settings and returns the files that the step makes, name to file name. A reference to
+    # the step alone means the first. A file name without a suffix is a folder.
     outputs: Callable[[Settings], dict[str, str]]
+    # Runs a `Job` and returns figures of it as plain values for JSON; imports heavy modules when it
+    # is called. It raises `TexbakeError` where the asset is at fault.
     run: Callable[[Job], dict[str, Any]]
+    # takes settings and sizes of the inputs and estimates the most bytes that the step holds
     memory: Callable[[Settings, Sizes], int]
+    # fields of that class that are not options in a pipeline: files, which are `inputs`, and
+    # `threads`
     without: tuple[str, ...] = ("threads",)
-    required: tuple[str, ...] = ()
+    required: tuple[str, ...] = ()  # fields that must be given although they have a default
+    # raises `OptionError` where settings contradict the roles that are given
     check: Callable[[Settings, frozenset[str]], None] | None = None
-    revision: int = 1
-    names_asset: bool = False
+    revision: int = 1  # incremented whenever the same settings give other results than before
+    names_asset: bool = False  # whether the result contains the name of the asset
 
     @property
     def choices(self) -> list[str]:

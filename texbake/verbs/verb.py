@@ -30,56 +30,34 @@ Rows = list[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Reads:
-    """A file that a verb reads: an argument of the command, or an option if it is not required.
+    """A file that a verb reads: an argument of the command, or an option if it is not required."""
 
-    Attributes
-    ----------
-    name : str
-        Parameter of the function.
-    kind : str
-        `mesh`, `image`, `scene`, `camera`, or another with `suffixes` of its own.
-    role : str, optional
-        Its key in a pipeline file; "" for `name`, None where a step does not take it.
-    argument : bool
-        Whether it is an argument although it is not required.
-    """
-
-    name: str
-    kind: str = "mesh"
+    name: str  # parameter of the function
+    kind: str = "mesh"  # `mesh`, `image`, `scene`, `camera`, or another with `suffixes` of its own
     help: str = ""
     _: KW_ONLY
     required: bool = True
     many: bool = False
+    # its key in a pipeline file; "" for `name`, None where a step does not take it
     role: str | None = ""
     suffixes: tuple[str, ...] = ()
     metavar: str | None = None
     flags: tuple[str, ...] = ()
-    argument: bool = False
+    argument: bool = False  # whether it is an argument although it is not required
 
 
 @dataclass(frozen=True)
 class Writes:
-    """A file that a verb writes; the one called `output` is required.
+    """A file that a verb writes; the one called `output` is required."""
 
-    Attributes
-    ----------
-    name : str
-        Parameter of the function.
-    kind : str
-        A key of `OUTPUT_CHECKS`. The function checks the format of an `image`, and all of `images`,
-        which are one or a folder.
-    over : str
-        The input that it may replace.
-    like : str
-        The inputs whose names it takes where they are several; then it is a folder.
-    """
-
-    name: str
+    name: str  # parameter of the function
+    # A key of `OUTPUT_CHECKS`. The function checks the format of an `image`, and all of `images`,
+    # which are one or a folder.
     kind: str
     help: str
     _: KW_ONLY
-    over: str = ""
-    like: str = ""
+    over: str = ""  # the input that it may replace
+    like: str = ""  # the inputs whose names it takes where they are several; then it is a folder
     suffixes: tuple[str, ...] = ()
     metavar: str | None = None
 
@@ -115,31 +93,18 @@ PAGE = Writes(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verb:
-    """A declaration.
-
-    Attributes
-    ----------
-    run : callable
-        The public function.
-    parts : tuple
-        Files and options, in the order of the help page.
-    sections : mapping of str to sequence of str
-        Options by headings of the help page; all others come first.
-    common : sequence of str
-        Options of sections that `--help` describes as well, because most people use them.
-    table : callable
-        Makes rows of a label and a figure from the result.
-    prepare : callable
-        Turns values of the command into parameters of the function.
-    """
+    """A declaration."""
 
     name: str
-    run: Callable[..., JobResult[Any]]
-    parts: tuple[Any, ...]
+    run: Callable[..., JobResult[Any]]  # the public function
+    parts: tuple[Any, ...]  # files and options, in the order of the help page
     examples: str
+    # options by headings of the help page; all others come first
     sections: Mapping[str, Sequence[str]]
+    # options of sections that `--help` describes as well, because most people use them
     common: Sequence[str]
-    table: Callable[[Any], Rows]
+    table: Callable[[Any], Rows]  # makes rows of a label and a figure from the result
+    # turns values of the command into parameters of the function
     prepare: Callable[[dict[str, Any]], dict[str, Any]]
 
     @property

@@ -24,15 +24,9 @@ from texbake.texture.value_range import channel_ranges, height_range
 
 @dataclass(frozen=True, eq=False)
 class PartsResult:
-    """Everything that `bake_parts` made.
+    """Everything that `bake_parts` made."""
 
-    Attributes
-    ----------
-    targets : dict of BakeTarget to BakeResult
-        The maps of each texture set and tile.
-    """
-
-    targets: dict[BakeTarget, BakeResult]
+    targets: dict[BakeTarget, BakeResult]  # the maps of each texture set and tile
     report: PartsReport
 
     def write(self, files: Mapping[BakeTarget, Mapping[str, Path]]) -> list[WrittenMap]:
@@ -95,30 +89,19 @@ class PartFigures:
 
 @dataclass(frozen=True)
 class PartsReport:
-    """Figures of a bake of many parts.
-
-    Attributes
-    ----------
-    matching : Matching or None
-        If parts were matched by name.
-    n_crossing, n_outside : int
-        Faces that cross the border of a UDIM tile, and faces that lie in none.
-    n_overlapping : int
-        Texels that more than one part covers, except by islands that are stacked.
-    without_texel : tuple of str
-        Parts that cover no texel of a set of maps that they have faces on.
-    orientations : dict of str to OrientationReport
-        What was flipped of the high-poly mesh of each low-poly part.
-    """
+    """Figures of a bake of many parts."""
 
     options: PartsOptions
-    matching: Matching | None
+    matching: Matching | None  # if parts were matched by name
     parts: list[PartFigures]
     targets: dict[BakeTarget, BakeReport]
-    n_crossing: int = 0
+    n_crossing: int = 0  # faces that cross the border of a UDIM tile, and faces that lie in none
     n_outside: int = 0
+    # texels that more than one part covers, except by islands that are stacked
     n_overlapping: int = 0
+    # parts that cover no texel of a set of maps that they have faces on
     without_texel: tuple[str, ...] = ()
+    # what was flipped of the high-poly mesh of each low-poly part
     orientations: dict[str, OrientationReport] = field(default_factory=dict)
     stages: list[StageRecord] = field(default_factory=list)
 

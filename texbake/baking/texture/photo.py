@@ -37,24 +37,15 @@ _LEAST_UP = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoCamera:
-    """A perspective camera.
+    """A perspective camera."""
 
-    Attributes
-    ----------
-    position, target : (x, y, z)
-        Position of the camera, and the point in the middle of its picture; model space.
-    up : (x, y, z)
-        Direction that is up in the picture; of any length, but not along the view.
-    fov : float
-        Vertical field of view in degrees, above 0 and below 180.
-    aspect : float, optional
-        Width of the picture divided by its height; None takes it from the photograph's pixels.
-    """
-
+    # position of the camera, and the point in the middle of its picture; model space
     position: Vector
     target: Vector
+    # direction that is up in the picture; of any length, but not along the view
     up: Vector = (0.0, 1.0, 0.0)
-    fov: float = 35.0
+    fov: float = 35.0  # vertical field of view in degrees, above 0 and below 180
+    # width of the picture divided by its height; None takes it from the photograph's pixels
     aspect: float | None = None
 
     def __post_init__(self) -> None:
@@ -138,26 +129,17 @@ def _is_number(value: object) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photo:
-    """A photograph, with its camera or with a mesh that is unwrapped onto it.
+    """A photograph, with its camera or with a mesh that is unwrapped onto it."""
 
-    Attributes
-    ----------
-    image : path, Image or (H, W, C) float32
-        An array holds linear colors, gray or RGB. The second channel of two and the fourth of four
-        is opacity, by which pixels are weighted; a pixel that is not finite has none.
-    camera : PhotoCamera or 4 x 4 numbers, optional
-        A camera, or a matrix as in `read_camera`.
-    mapped : Mesh, optional
-        Instead of a camera: the faces of the baked mesh, in the same order, with texture
-        coordinates in the photograph. Whatever lies outside the unit square is not in it.
-    name : str, optional
-        Name in messages and reports; None takes the name of the file.
-    """
-
+    # path, Image or (H, W, C) float32: an array holds linear colors, gray or RGB. The second
+    # channel of two and the fourth of four is opacity, by which pixels are weighted; a pixel that
+    # is not finite has none.
     image: PathLike | Image | npt.NDArray[np.float32]
-    camera: PhotoCamera | Matrix | None = None
+    camera: PhotoCamera | Matrix | None = None  # A camera, or a matrix as in `read_camera`
+    # Instead of a camera: the faces of the baked mesh, in the same order, with texture coordinates
+    # in the photograph. Whatever lies outside the unit square is not in it.
     mapped: Mesh | None = None
-    name: str | None = None
+    name: str | None = None  # name in messages and reports; None takes the name of the file
 
     def __post_init__(self) -> None:
         if (self.camera is None) == (self.mapped is None):

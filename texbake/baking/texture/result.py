@@ -30,36 +30,22 @@ class PhotoShare:
 
 @dataclass(frozen=True)
 class TextureReport:
-    """Figures of one texture bake.
-
-    Attributes
-    ----------
-    source : str
-        Name of the procedure, or number of photographs.
-    scale : (x, y, z) or None
-        Factor that positions were multiplied by for a procedure.
-    texels, texels_covered, texels_unseen : int
-        Texels of the texture, those that the mesh covers, and those among them that no photograph
-        shows.
-    texels_overlapping : float
-        Samples that several faces cover, in texels; the first face wins.
-    faces_outside_tile : int
-        Faces with a corner outside the unit square.
-    padding_meets : int
-        Texels where the padding of two charts meets.
-    """
+    """Figures of one texture bake."""
 
     mesh: str
     n_faces: int
     options: TextureBakeOptions
-    source: str
+    source: str  # name of the procedure, or number of photographs
+    # factor that positions were multiplied by for a procedure
     scale: tuple[float, float, float] | None
+    # texels of the texture, those that the mesh covers, and those among them that no photograph
+    # shows
     texels: int
     texels_covered: int
     texels_unseen: int
-    texels_overlapping: float
-    faces_outside_tile: int
-    padding_meets: int
+    texels_overlapping: float  # samples that several faces cover, in texels; the first face wins
+    faces_outside_tile: int  # faces with a corner outside the unit square
+    padding_meets: int  # texels where the padding of two charts meets
     photos: tuple[PhotoShare, ...]
     stages: tuple[StageRecord, ...]
 
@@ -142,20 +128,12 @@ class TextureReport:
 
 @dataclass(frozen=True, eq=False)
 class TextureBake:
-    """A baked texture.
+    """A baked texture."""
 
-    Attributes
-    ----------
-    values : (H, W, C) float32
-        Linear values, padded and filled.
-    texel_faces : (H, W) int32
-        Face of the mesh that owns each texel, -1 for none.
-    has_color : (H, W) bool
-        Covered texels that have a value of their own, before padding and filling.
-    """
-
-    values: Float32Array
+    values: Float32Array  # (H, W, C) float32: linear values, padded and filled
+    # (H, W) int32: face of the mesh that owns each texel, -1 for none
     texel_faces: npt.NDArray[np.int32]
+    # (H, W) bool: covered texels that have a value of their own, before padding and filling
     has_color: npt.NDArray[np.bool_]
     report: TextureReport
 

@@ -44,25 +44,14 @@ SETTINGS = "SETTINGS.txt"
 
 @dataclass(frozen=True, kw_only=True)
 class ExportResult:
-    """What `export_asset` wrote.
-
-    Attributes
-    ----------
-    textures : tuple of Path
-        Images that the mesh file refers to instead of containing them.
-    settings : Path
-        The text that says what to set in the program.
-    layers : Path, optional
-        The EXR file of all maps, if `ExportOptions.layers` is set.
-    notes : tuple of str
-        What was assumed or could not be done, a sentence each.
-    """
+    """What `export_asset` wrote."""
 
     mesh: Path
-    textures: tuple[Path, ...]
+    textures: tuple[Path, ...]  # images that the mesh file refers to instead of containing them
     maps: tuple[ExportedMap, ...]
-    settings: Path
-    layers: Path | None = None
+    settings: Path  # the text that says what to set in the program
+    layers: Path | None = None  # the EXR file of all maps, if `ExportOptions.layers` is set
+    # what was assumed or could not be done, a sentence each
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -137,26 +137,14 @@ def _memory(item: Measurement) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BenchResult:
-    """Everything that the bench measured.
-
-    Attributes
-    ----------
-    machine : dict of str to str or int
-        What it ran on.
-    versions : dict of str to str
-        Versions of the programs, by title.
-    missing : dict of str to str
-        Programs that are not installed, by title, and why they are not.
-    seconds : float
-        Time of the whole bench.
-    """
+    """Everything that the bench measured."""
 
     options: BenchOptions
-    machine: dict[str, Any]
-    versions: dict[str, str]
-    missing: dict[str, str]
+    machine: dict[str, Any]  # what it ran on
+    versions: dict[str, str]  # versions of the programs, by title
+    missing: dict[str, str]  # programs that are not installed, by title, and why they are not
     contests: tuple[Contest, ...]
-    seconds: float = 0.0
+    seconds: float = 0.0  # time of the whole bench
     inputs: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
