@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import UvError
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -84,12 +84,6 @@ def test_on_a_plane_normals_follow_the_slope(wall, form, height):
     expected = tilted(wave_slopes(wall, height))
     assert np.ptp(expected[..., 0]) > 0.5
     np.testing.assert_allclose(found, expected, atol=WAVE_ERROR * abs(height) * 2.3)
-
-
-def test_on_a_plane_both_forms_are_the_same(wall):
-    first, second = (on_wall(wall, bump(WAVES, height=0.7, form=form)) for form in FORMS)
-    # The corners of the wall have one and the same normal, so that N_u and N_v are exactly 0.
-    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -344,13 +338,6 @@ def test_light_in_object_space_is_the_same_unless_axes_are_scaled_apart():
         assert np.abs(apart[0] - apart[1]).max() > 0.02
 
 
-def test_metals_and_shine_are_not_embossed(wall):
-    lighting = lamps((-0.6, 0.3, -1.0))
-    flat = Material(shading="metallic-roughness", metalness=1.0)
-    embossed = replace(flat, bump_map=bump(WAVES, form="emboss").bump_map)
-    np.testing.assert_array_equal(wall.light(flat, lighting), wall.light(embossed, lighting))
-
-
 def test_a_point_light_embosses_from_where_it_is(wall):
     position = np.array([1.0, 0.5, 1.5])
     lighting = Lighting(
@@ -365,13 +352,6 @@ def test_a_point_light_embosses_from_where_it_is(wall):
 def test_what_cannot_be_a_bump_map_is_one_line():
     with pytest.raises(UvError):
         normals_of(cube(), bump(WAVES), FACING, CLOSE)
-    for fields, words in (
-        ({"form": "phong"}, "form: phong is not one of blinn, exact, emboss, emboss-normalized"),
-        ({"light_space": "tangent"}, "light_space: tangent is not one of world, object"),
-        ({"height": float("nan")}, "height: nan is not a finite number"),
-    ):
-        with pytest.raises(OptionError, match=words):
-            bump(WAVES, **fields)
 
 
 def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second():

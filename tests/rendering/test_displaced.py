@@ -4,12 +4,11 @@ from displaced_mesh import are_closed, displace
 
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.shapes import cube, icosphere
 from texbake.mesh.weld import weld_rows
 from texbake.rendering.camera import Camera
 from texbake.rendering.displaced import BaseSurface, EdgeView, displaced
 from texbake.rendering.options import RenderOptions
-from texbake.texture.lookup import lookup
 
 
 def edges_of(mesh):
@@ -36,36 +35,6 @@ def without_uvs_to_speak_of(mesh):
     corners = np.array([[0, 0], [1, 0], [0, 1]], float)
     ids = np.tile(np.arange(3, dtype=np.int32), (mesh.n_faces, 1))
     return mesh.replace(uvs=corners, uv_faces=ids)
-
-
-@pytest.mark.parametrize("level", [0, 1, 2, 3])
-def test_no_displacement_cuts_and_moves_nothing(level):
-    mesh = without_uvs_to_speak_of(icosphere(1))
-    n = 2**level
-    # Each face spans n texels along its legs and 1.4 n along its third edge.
-    cut = displace(mesh, np.zeros((n, n), np.float32), edge_texels=1.5)
-    assert cut.n_faces == 80 * 4**level
-    # Euler: a closed surface of genus 0 has F / 2 + 2 vertices.
-    assert cut.n_vertices == cut.n_faces // 2 + 2
-    assert are_closed(edges_of(cut))
-    # The pieces of each face follow one another and are all alike, as it is itself.
-    corners = mesh.positions[mesh.faces]
-    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    pieces = cut.positions[cut.faces]
-    piece_vectors = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
-    np.testing.assert_allclose(
-        piece_vectors, np.repeat(vectors, 4**level, axis=0) / 4**level, atol=1e-14
-    )
-
-
-def test_a_plane_follows_any_heights_exactly():
-    heights = np.random.default_rng(3).uniform(-1, 1, (24, 40)).astype(np.float32)
-    cut = displace(plane(), heights, edge_texels=0.7)
-    x, y, z = cut.positions.T
-    expected = lookup(heights[..., None], np.stack([x, y], axis=1), wrap="clamp")[:, 0]
-    # A point of the diagonal lies in two triangles; both are weighed, to rounding.
-    np.testing.assert_allclose(z, expected, atol=1e-6)
-    assert cut.n_vertices > 2 * 24 * 40
 
 
 @pytest.mark.parametrize("edge_texels", [0.6, 1.0, 5.0, 100.0])
@@ -124,14 +93,6 @@ def test_a_vertex_without_normal_stays():
     cut = displace(line, np.ones((4, 4), np.float32))
     assert cut.n_faces > 1
     assert not cut.positions[:, 1:].any()
-
-
-def test_pieces_stay_within_their_bound():
-    heights = np.zeros((1000, 1000), np.float32)
-    for bound in 1, 2, 3, 100, 801:
-        cut = displace(plane(), heights, max_triangles=bound)
-        # An edge at the border has one triangle, so that nearly any number can be reached.
-        assert max(2, bound - 1) <= cut.n_faces <= max(2, bound)
 
 
 @pytest.mark.parametrize("lift", [0.0, 0.2])

@@ -87,28 +87,6 @@ def test_one_channel_stands_for_a_number_or_for_all_three(wall):
     np.testing.assert_allclose(first.color[..., 3][sure], expected[sure], rtol=1e-6)
 
 
-def test_wraps_go_on_as_they_say(wall):
-    uvs = wall.mesh().uvs * 3 - 1
-    beyond = wall.uvs * 3 - 1
-    inside = ((beyond > 0) & (beyond < 1)).all(-1)
-    assert 10 < inside.sum() < 350
-    for wrap, where in (
-        ("repeat", beyond % 1),
-        ("clamp", np.clip(beyond, 1e-9, 1 - 1e-9)),
-        ("mirror", 1 - np.abs(beyond % 2 - 1)),
-    ):
-        image = ImageTexture(image=TEXELS, filter="nearest", wrap=wrap)
-        expected, _ = nearest(TEXELS, where)
-        x, y = np.moveaxis(beyond * (9, 6), -1, 0)
-        sure = np.minimum(np.abs(x - np.round(x)), np.abs(y - np.round(y))) > 1e-4
-        found = wall.light(unlit(image), uvs=uvs)
-        np.testing.assert_array_equal(found[sure], expected[sure])
-    image = ImageTexture(image=TEXELS, filter="nearest", wrap="border", border=(0.1, 0.2, 0.3))
-    found = wall.light(unlit(image), uvs=uvs)
-    expected = np.broadcast_to(np.float32((0.1, 0.2, 0.3)), (16, 24, 3))
-    np.testing.assert_array_equal(found[~inside], expected[~inside])
-
-
 def test_an_image_repeats_where_coordinates_leave_the_unit_square_and_else_is_clamped():
     assert wrap_of(None) == wrap_of(np.empty((0, 2))) == "clamp"
     assert wrap_of(np.array([[0.0, 1.0], [0.5, 0.2]])) == "clamp"
@@ -128,18 +106,6 @@ def test_codes_are_decoded_as_the_slot_has_them(wall, tmp_path):
     np.testing.assert_allclose(as_data[sure], expected[sure], rtol=1e-6)
     as_number = wall.frame(unlit((1.0,) * 3, opacity=texture)).color[..., 3]
     np.testing.assert_allclose(as_number[sure], expected[sure][:, 0], rtol=1e-6)
-
-
-def test_bilinear_is_the_weighted_mean_of_four(wall):
-    found = wall.light(unlit(ImageTexture(image=TEXELS, filter="bilinear", wrap="repeat")))
-    x, y = wall.uvs[..., 0] * 9 - 0.5, (1 - wall.uvs[..., 1]) * 6 - 0.5
-    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
-    expected = 0.0
-    for dj in (0, 1):
-        for di in (0, 1):
-            weight = np.abs(1 - di - (x - i)) * np.abs(1 - dj - (y - j))
-            expected = expected + weight[..., None] * TEXELS[(j + dj) % 6, (i + di) % 9]
-    np.testing.assert_allclose(found, expected, atol=2e-6)
 
 
 def test_the_filter_of_the_options_goes_before_that_of_the_image(wall):

@@ -23,7 +23,6 @@ from texbake.rendering.scene.material import (
     Material,
     NormalMap,
     Parallax,
-    Reflection,
 )
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, apply_mapping, camera_of
@@ -61,18 +60,6 @@ READERS: dict[str, dict[str, Any]] = {
     "vertex rate": {"base_color": IMAGE, "shading_rate": "vertex"},
     "opacity": {"opacity": HEIGHTS},
 }  # fmt: skip
-NOT_READERS: dict[str, dict[str, Any]] = {
-    "plain": {},
-    "solid": {"base_color": SOLID},
-    "solid bumps": {"bump_map": BumpMap(texture=SOLID)},
-    "solid relief": {"displacement": Displacement(texture=SOLID, height=0.2, edge_px=8.0)},
-    "a strength of 0": {"normal_map": NormalMap(texture=NORMALS, strength=0.0)},
-    "a factor of 0": {"base_color": replace(IMAGE, factor=0.0)},
-    "a slot that is not read": {"shading": "lambert", "roughness": HEIGHTS},
-    "a perfect mirror": {"base_color": IMAGE, "reflection": Reflection(strength=1.0),
-                         "alpha_mode": "opaque"},
-    "parallax alone": {"parallax": Parallax(texture=HEIGHTS)},
-}  # fmt: skip
 
 
 def scene_of(*items: SceneObject) -> Scene:
@@ -107,15 +94,6 @@ def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     assert n_mapped == [BALL.mesh.name]
     (row,) = (row for row in plan_rows(found.plan, found.costs) if row.name == "mapping")
     assert row.milliseconds and row.n_bytes and not row.skipped
-
-
-@pytest.mark.parametrize("name", NOT_READERS)
-def test_a_mapping_that_nothing_reads_is_not_computed(name: str, n_mapped: list[str]) -> None:
-    item = replace(BALL, material=Material(**NOT_READERS[name]))
-    found = render_scene(scene_of(item), OPTIONS)
-    bare = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
-    assert not n_mapped and not found.plan.has("mapping")
-    assert found.color.tobytes() == bare.color.tobytes()
 
 
 @pytest.mark.parametrize("buffer", BUFFERS)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import UvError
 from texbake.rendering.effect import Activation, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.scene.material import Material, Parallax
@@ -101,20 +101,6 @@ def test_the_first_hill_on_the_way_hides_what_is_behind(wall):
     assert (np.linalg.norm(single - expected, axis=-1) > 0.01).mean() > 0.2
 
 
-def test_more_layers_miss_less(wall):
-    values = np.zeros((128, 128), np.float32)
-    values[:, ::16] = 1.0  # thin walls
-    everything = moved_to(wall, Parallax(texture=heights(values), depth=0.1, layers=10_000))
-    off = [
-        np.linalg.norm(
-            moved_to(wall, Parallax(texture=heights(values), depth=0.1, layers=n)) - everything,
-            axis=-1,
-        ).mean()
-        for n in (1, 4, 16, 64)
-    ]
-    assert off == sorted(off, reverse=True) and off[0] > 3 * off[3]
-
-
 def test_the_map_is_scaled_turned_and_multiplied_like_any_other(wall):
     n = 64
     u = np.broadcast_to((np.arange(n) + 0.5) / n, (n, n))
@@ -196,10 +182,3 @@ def test_what_cannot_be_a_parallax_map_is_one_line(wall):
             uvs=None,
             uv_faces=None,
         )
-    for fields, words in (
-        ({"depth": -0.1}, "depth: -0.1 is out of range; it must be 0 or more"),
-        ({"depth": float("nan")}, "depth"),
-        ({"layers": 0}, "layers: 0 is out of range; it must be 1 or more"),
-    ):
-        with pytest.raises(OptionError, match=words):
-            Parallax(texture=texture, **fields)

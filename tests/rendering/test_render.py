@@ -1,15 +1,13 @@
 import numpy as np
 import pytest
 
-from texbake.errors import FileError, OptionError, UvError
-from texbake.mesh.mesh import Mesh
+from texbake.errors import FileError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.surfaces import PLACED_OBJECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render, render_scene
-from texbake.rendering.results import Results
+from texbake.rendering.render import render
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import Image, read_image, write_image
@@ -116,14 +114,6 @@ def test_a_texture_lies_in_perspective_where_rays_meet_the_plane():
     np.testing.assert_allclose(u, expected, atol=2e-5)
 
 
-def test_an_albedo_of_the_base_color_is_the_base_color():
-    mesh = uv_sphere(12, 24)
-    albedo = np.full((3, 5, 3), decode_srgb(SMALL.base_color), np.float32)
-    assert everything_of(render(mesh, albedo=albedo, options=SMALL)) == everything_of(
-        render(mesh, options=SMALL)
-    )
-
-
 def test_maps_come_from_files(tmp_path):
     mesh = uv_sphere(12, 24)
     colors = np.random.default_rng(2).integers(0, 256, (8, 8, 3), np.uint8)
@@ -159,37 +149,6 @@ def test_displacement_carries_the_frame_of_the_base_along():
     assert np.count_nonzero(apart > 1e-6) < 0.002 * len(apart)
 
 
-def test_nothing_in_a_frame_is_not_a_number():
-    rng = np.random.default_rng(5)
-    positions = rng.normal(size=(60, 3))
-    positions[10:20] = positions[0]  # faces without area, vertices without normal
-    faces = rng.integers(0, 60, (200, 3)).astype(np.int32)
-    normals = np.where(rng.random((60, 1)) < 0.5, 0.0, rng.normal(size=(60, 3)))
-    mesh = Mesh(
-        positions=positions,
-        faces=faces,
-        normals=normals,
-        normal_faces=faces,
-        uvs=rng.normal(size=(60, 2)) * (rng.random((60, 1)) < 0.7),
-        uv_faces=faces,
-    )
-    normal_map = rng.normal(size=(8, 8, 3)).astype(np.float32)
-    normal_map[::2] = 0.0
-    for back_faces in "cull", "show":
-        for distance in 0.2, 5.0:
-            options = RenderOptions(
-                width=64, height=64, view=(10, 20, distance), back_faces=back_faces
-            )
-            frame = render(mesh, normal_map=normal_map, options=options)
-            assert (frame.face_ids >= 0).any()
-            for values in frame.color, frame.normals, frame.coverage:
-                assert np.isfinite(values).all()
-            assert not np.isnan(frame.depths).any()
-            lengths = np.linalg.norm(frame.normals, axis=-1)
-            # Unit, but where samples of a pixel may cancel to any length; float32.
-            assert np.isclose(lengths[frame.coverage == 1], 1.0, atol=1e-6).all()
-
-
 def test_a_back_face_is_shown_with_its_normal_turned():
     options = RenderOptions(width=64, height=64, view=(180.0, 0.0), back_faces="show")
     frame = render(plane(), options=options)
@@ -218,30 +177,6 @@ def test_without_background_the_opacity_is_the_coverage(tmp_path):
     np.testing.assert_allclose(written, opaque.color[..., :3].clip(0, 1), atol=0.0046)
 
 
-def test_a_frame_tells_depth_and_face():
-    options = RenderOptions(width=64, height=64, view=(0.0, 0.0, 3.0))
-    frame = render(cube(), options=options)
-    front = [
-        i for i, face in enumerate(cube().faces) if (cube().positions[face][:, 2] == 0.5).all()
-    ]
-    assert frame.face_ids[32, 32] in front
-    assert frame.depths[32, 32] == pytest.approx(2.5, rel=1e-6)
-    assert frame.face_ids[0, 0] == -1
-    assert frame.depths[0, 0] == np.inf
-    assert not frame.normals[0, 0].any()
-
-
-def test_maps_that_do_not_fit_are_errors(tmp_path):
-    with pytest.raises(UvError, match="cube: it has no texture coordinates"):
-        render(cube(), normal_map=flat(0, 0, 1))
-    with pytest.raises(OptionError, match="normal map: the shape"):
-        render(plane(), normal_map=np.zeros((4, 4, 2), np.float32))
-    with pytest.raises(OptionError, match="displacement: a height is not finite"):
-        render(plane(), displacement=np.full((4, 4), np.nan, np.float32))
-    with pytest.raises(FileError):
-        render(plane(), albedo=tmp_path / "absent.png")
-
-
 def test_progress_tells_the_stages():
     told = []
 
@@ -255,21 +190,6 @@ def test_progress_tells_the_stages():
 
     render(plane(), options=SMALL, progress=Sink())
     assert told == ["place", "rasterize", "prepare light and textures", "shade"]
-
-
-def test_the_results_of_a_pass_are_copied_once_however_many_objects_there_are(monkeypatch):
-    copies = []
-    make = Results.__init__
-    monkeypatch.setattr(
-        Results, "__init__", lambda self, *values: (copies.append(self), make(self, *values))[1]
-    )
-
-    def n_copies(n_objects):
-        copies.clear()
-        render_scene(Scene(objects=(SceneObject(mesh=cube()),) * n_objects), SMALL)
-        return len(copies)
-
-    assert n_copies(20) == n_copies(2) > 0
 
 
 @pytest.mark.parametrize("stops", [FileError("it is gone"), KeyboardInterrupt()])

@@ -295,18 +295,11 @@ WRONG = [
          "camera: position and target belong together; give both or neither"),
         ("[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]",
          "camera.position: it is the same as the target; move one of them"),
-        ("[camera]\nposition = [0, 4, 0]\ntarget = [0, 0, 0]",
-         "camera.up: it is parallel to the view; give another direction"),
-        ("[camera]\nposition = [0, 4, 0]\ntarget = [0, 0]",
-         "camera.target: [0, 0] is not a list of three numbers"),
         ("[camera]\nview = [1]",
          "camera.view: [1] is neither [azimuth, elevation] nor [azimuth, elevation, distance]"),
         ("[camera]\nview = [1, 2, 0]",
          "camera.view: [1, 2, 0] has a distance that is not above 0"),
-        ("[camera]\nnear = 1",
-         "camera.near: it belongs to a camera with a position; give that too"),
         ("[render]\nwidth = 1.5", "render.width: 1.5 is not a whole number; give one such as 4"),
-        ("[render]\nup = 'x'", "render.up: 'x' is not one of y, z"),
         ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
          "supersampling, background, exposure, back_faces, edges, interpolation, filter, buffer, "
          "mapping_order, bounces, "
@@ -315,11 +308,8 @@ WRONG = [
          "'#rrggbb', or a list of three linear numbers"),
         ("[fog]\nmode = 'lineal'",
          "fog.mode: 'lineal' is not one of linear, exp, exp2; did you mean 'linear'?"),
-        ("[fog]\nend = -1", "fog.end: -1.0 is not beyond the start, 0.0"),
         ("[ambient]\ncolor = [-1, 0, 0]",
          "ambient.color: [-1, 0, 0] is not a color; its numbers must be 0 or more"),
-        ("[environment]\nfaces = ['a']",
-         "environment.faces: ['a'] is not a list of six files: +x, -x, +y, -y, +z, -z"),
         ("[materials]\nred = {roughnes = 1}",
          "materials.red.roughnes: unknown key; did you mean 'roughness'?"),
     ]),
@@ -330,84 +320,48 @@ WRONG = [
          "angle: a point light does not use it; leave it out"),
         ("kind = 'directional'\nposition = [0, 1, 0]",
          "position: a directional light does not use it; leave it out"),
-        ("kind = 'spot'\nposition = [0, 1, 0]\ntarget = [0, 1, 0]",
-         "direction: (0.0, 0.0, 0.0) is not a direction"),
         ("kind = 'directional'\nintensity = true",
          "intensity: true is not a number; give one such as 0.5"),
-        ("kind = 'directional'\nshadow = {size = 0}",
-         "shadow.size: 0 is out of range; it must be 1 to 16384"),
     ]),
     *((f"{BALL}material = {{{text}}}", f"objects[0].material.{message}") for text, message in [
         ("roughness = 'shiny'", "roughness: 'shiny' is not a number; give one from 0 to 1, "
          "an image or a procedure"),
         ("roughness = 2", "roughness: 2 is out of range; give one from 0 to 1, "
          "an image or a procedure"),
-        ("opacity = nan",
-         "opacity: nan is not a number; give one from 0 to 1, an image or a procedure"),
         ("base_color = 'none.png'",
          "base_color.image: {folder}/none.png: there is no such file; check its name"),
         ("base_color = {image = 'gray.png', filter = 'cubic'}", "base_color.filter: 'cubic' is not "
          "one of nearest, bilinear, bicubic, trilinear, ewa, supersampled; did you mean "
          "'bicubic'?"),
-        ("base_color = {image = 'gray.png', scael = 2}",
-         "base_color.scael: unknown key; did you mean 'scale'?"),
         ("base_color = {filter = 'ewa'}", "base_color.image: it is missing; it must be given"),
         ("base_color = [1, 2]", "base_color: [1, 2] is not a color; give a number, [r, g, b] "
          "(linear), '#rrggbb' (sRGB), an image or a procedure"),
         ("base_color = '#12'",
          "base_color: '#12' is not a color; write '#rrggbb', or a list of three linear numbers"),
-        ("base_color = {procedure = 'marbel'}", "base_color.procedure: 'marbel' is not one of "
-         "checker, stripes, noise, value_noise, fractal, turbulence, marble, wood, granite, "
-         "worley, gradient, "
-        "radial; "
-         "did you mean 'marble'?"),
         ("base_color = {procedure = 'marble', sed = 1}",
          "base_color.sed: unknown key of marble; did you mean 'seed'?"),
         ("base_color = {procedure = 'marble', seed = 'x'}",
          "base_color.seed: 'x' is not a whole number; give one such as 7"),
-        ("shading = 'phong'", "shading: 'phong' is not one of unlit, lambert, blinn-phong, "
-         "metallic-roughness; did you mean 'blinn-phong'?"),
         ("projected = [{texture = 'gray.png'}]",
          "projected[0].position: it is missing; give position and target, or a matrix"),
-        ("projected = [{texture = 'gray.png', position = [0, 0, 0], target = [0, 0, 0]}]",
-         "projected[0].position: it is the same as the target; move one of them"),
-        ("projected = [{texture = 'gray.png', position = [0, 0, 1], target = [0, 0, 0], fov = 0}]",
-         "projected[0].fov: 0 is out of range; it must be above 0 and below 180"),
         ("projected = [{texture = 'gray.png', matrix = 'matrix.txt', fov = 3}]",
          "projected[0].fov: it conflicts with the matrix; give only one"),
     ]),
     *((f"[[objects]]\n{text}", f"objects[0].{message}") for text, message in [
         ("name = 'x'", "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"),
         ("mesh = 'no.obj'", "mesh: {folder}/no.obj: there is no such file; check its name"),
-        ("mesh = 'gray.png'", "mesh: {folder}/gray.png: '.png' is not the suffix of a mesh file; "
-         "give one of .obj, .ply, .stl, .off, .glb, .gltf, .fbx, .usd, .usda, .usdc, .usdz, .dae, "
-         ".zae, .3mf, .3dxml, .xaml"),
         ("mesh = 'ball.obj'\nshape = 'cube'", "shape: it conflicts with the mesh; give only one"),
         ("mesh = 'ball.obj'\nradius = 2",
          "radius: it belongs to a shape, and this object has a mesh"),
-        ("shape = 'spere'", "shape: 'spere' is not one of plane, cylinder, cone, sphere, torus, "
-         "mobius, revolution, bezier, height-field, cylindrical-range, depth-image, "
-         "cube, icosphere, orange; did you mean "
-         "'sphere'?"),
         ("shape = 'sphere'\nminor_radius = 3", "minor_radius: the shape sphere does not use it"),
-        ("shape = 'sphere'\nlevel = 3", "level: the shape sphere does not use it"),
-        ("shape = 'revolution'", "profile: the shape revolution needs it"),
-        ("shape = 'cube'\nmapping = 'sperical'", "mapping.method: 'sperical' is not one of atlas, "
-         "planar, cylindrical, spherical, box, two-part, parametric, projector; "
-         "did you mean 'spherical'?"),
         ("shape = 'cube'\nmapping = {method = 'spherical', padding = 1}",
          "mapping.padding: the method spherical does not use it"),
-        ("shape = 'cube'\nmapping = {axis = 'y'}",
-         "mapping.method: it is missing; it must be given"),
         ("shape = 'cube'\nscale = 0",
          "scale: it is singular and flattens the object; stretch none by 0"),
         ("shape = 'cube'\nmatrix = [1, 2]",
          "matrix: [1, 2] is neither 16 numbers, row by row, nor a file of them"),
-        ("shape = 'cube'\nmatrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1]",
-         "matrix: its last row is not 0, 0, 0, 1; only affine maps place objects"),
         ("shape = 'cube'\nmatrix = 'matrix.txt'\nscale = 2",
          "scale: it conflicts with the matrix; give only one"),
-        ("shape = 'cube'\ntranslate = 'up'", "translate: 'up' is not a list of three numbers"),
         ("shape = 'cube'\nmaterial = 'red'",
          "material: there is no 'red'; the file has no [materials.NAME]"),
         ("shape = 'cube'\nmaterial = 'rde'\n[materials.red]",

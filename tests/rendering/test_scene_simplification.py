@@ -188,35 +188,6 @@ def test_an_unlit_mirror_needs_its_normal_map() -> None:
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))
 
 
-@pytest.mark.parametrize(
-    ("lighting", "counts"),
-    [
-        (Lighting(lights=(LIGHT,)), False),
-        (Lighting(lights=(LIGHT,), environment=Environment(color=(1.0, 1.0, 1.0))), False),
-        (
-            Lighting(
-                lights=(LIGHT,),
-                environment=Environment(color=(1.0, 1.0, 1.0), lighting=True, intensity=0.0),
-            ),
-            False,
-        ),
-        (AMBIENT, True),
-        (Lighting(ambient=Ambient(ground=(0.1, 0.0, 0.0))), True),
-        (Lighting(environment=Environment(color=(1.0, 1.0, 1.0), lighting=True)), True),
-    ],
-)
-def test_occlusion_counts_where_there_is_ambient_light(lighting: Lighting, counts: bool) -> None:
-    scene = scene_of(lighting, **LAMBERT, occlusion=IMAGE)
-    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
-    if counts:
-        with pytest.raises(FileError, match=r"missing\.png"):
-            draw(prepared, camera)
-    else:
-        draw(prepared, camera)
-        told = {item.name: item.why for item in plan_of(prepared, camera).left_out}
-        assert told["occlusion map"] == "there is no ambient light"
-
-
 @pytest.mark.parametrize("gate", ["round", "rectangle"])
 @pytest.mark.parametrize(
     ("degrees", "meets"), [(0.0, True), (49.0, True), (90.0, False), (180.0, False)]
@@ -249,24 +220,6 @@ def test_a_spot_that_shines_past_all_objects_is_dark(
     told = [item.why for item in plan.left_out if item.name == "lights"]
     assert told == ["its cone meets no object"]
     assert not plan.has("light profiles") and not plan.has("shadow maps")
-
-
-@pytest.mark.parametrize(("x", "hits"), [(0.0, True), (1.5, False), (4.5, False), (-4.5, False)])
-def test_a_picture_that_is_aimed_elsewhere_is_not_read(x: float, hits: bool) -> None:
-    # Along -z, the unit square of the picture around (x + 0.5, 0.5). The ball has the radius 1.
-    matrix = np.array([[1.0, 0, 0, -x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    scene = scene_of(
-        AMBIENT, **LAMBERT, projected=(ProjectedTexture(texture=IMAGE, matrix=matrix),)
-    )
-    prepared, camera = prepare(scene, OPTIONS), camera_of(scene, OPTIONS)
-    if hits:
-        with pytest.raises(FileError, match=r"missing\.png"):
-            draw(prepared, camera)
-    else:
-        # Its pixels tell where bounding boxes do not.
-        assert plan_of(prepared, camera).has("projected textures") == (x == 1.5)
-        bare = prepare(scene_of(AMBIENT, **LAMBERT), OPTIONS)
-        np.testing.assert_array_equal(draw(prepared, camera).color, draw(bare, camera).color)
 
 
 FRONT = CameraView(position=(0.0, 0.0, 6.0), target=(0.0, 0.0, 0.0))

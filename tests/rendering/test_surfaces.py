@@ -308,14 +308,5 @@ def test_what_cannot_displace_is_one_line():
     ):  # fmt: skip
         with pytest.raises(error, match=words):
             displaced(mesh, holder)
-    for fields, words in (
-        ({"edge_px": 0.0}, "edge_px: 0.0 is out of range; it must be above 0"),
-        ({"edge_px": float("nan")}, "edge_px"),
-        ({"height": float("inf")}, "height: inf"),
-        ({"mid": float("nan")}, "mid: nan"),
-        ({"space": "world"}, "space: world is not one of tangent, object"),
-    ):
-        with pytest.raises(OptionError, match=words):
-            Displacement(texture=image(NOISE), **fields)
     with pytest.raises(OptionError, match="a procedure has one height"):
         Displacement(texture=ProcedureTexture(procedure="noise"), vector=True)

@@ -103,18 +103,6 @@ def test_parallax_moves_the_coordinates_of_all_sets_to_the_same_place():
     assert np.abs(expected - picture(mesh, Material(base_color=placed))).max() > 0.1
 
 
-def test_only_sets_that_are_looked_up_are_interpolated():
-    mesh = with_second(plane(2, 2), turned)
-    material = Material(shading="unlit", base_color=image())
-    scene = Scene(objects=(SceneObject(mesh=mesh, material=material),), view=VIEW)
-    plan = render_scene(scene, OPTIONS).plan
-    assert plan.has("texture coordinates") and not plan.has("further texture coordinates")
-    (item,) = scene.objects
-    only = replace(item, material=replace(material, base_color=image(uv_set="second")))
-    plan = render_scene(replace(scene, objects=(only,)), OPTIONS).plan
-    assert plan.has("further texture coordinates") and not plan.has("texture coordinates")
-
-
 @pytest.mark.parametrize("slots", [
     {"base_color": image(uv_set="TEXCOORD_0")},
     {"base_color": ProcedureTexture(procedure="checker", space="uv", uv_set="TEXCOORD_0")},

@@ -10,8 +10,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render_scene
-from texbake.rendering.scene.lights import Ambient, AmbientOcclusion, Environment, Light, Lighting
+from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting
 from texbake.rendering.scene.material import BumpMap, Material, NormalMap, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
@@ -91,19 +90,6 @@ def test_small_triangles_come_to_look_as_shaded_per_pixel(shading: str, metalnes
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
 
 
-def test_normals_are_shown_at_pixels() -> None:
-    sphere = uv_sphere(8, 16)
-    options = RenderOptions(width=32, height=32, buffer="normals")
-    frames = [
-        render_scene(
-            Scene(objects=(SceneObject(mesh=sphere, material=Material(shading_rate=rate)),)),
-            options,
-        )
-        for rate in ("pixel", "vertex")
-    ]
-    np.testing.assert_array_equal(frames[0].color, frames[1].color)
-
-
 def test_bumps_between_the_corners_do_not_show() -> None:
     heights = np.zeros((64, 64, 1), np.float32)
     heights[16:48, 16:48] = 1.0
@@ -171,16 +157,3 @@ def test_mirrors_and_kept_normals_stay_per_pixel() -> None:
     frame = draw(prepare(scene, OPTIONS), CAMERA, keep=("normals",))
     assert frame.normals is not None
     np.testing.assert_allclose(frame.normals[30, 30], (0.0, 0.0, 1.0), atol=1e-6)
-
-
-def test_the_plan_says_what_is_shaded_per_vertex() -> None:
-    light = Lighting(
-        lights=(LAMP,), ambient=Ambient(color=(0.1,) * 3), occlusion=AmbientOcclusion(radius=1.0)
-    )
-    item = SceneObject(mesh=plane(), material=Material(shading_rate="vertex"), name="floor")
-    plan = plan_of(prepare(Scene(objects=(item,), lighting=light), OPTIONS), CAMERA)
-    assert plan.has("vertex light") and not plan.has("occlusion picture")
-    told = [
-        (item.requested_by, item.why) for item in plan.left_out if item.name == "ambient occlusion"
-    ]
-    assert told == [('object "floor"', "it is shaded per vertex")]

@@ -171,12 +171,6 @@ def test_a_picture_of_nothing():
     assert not frame.coverage.any() and not frame.sampling.warnings
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 7), (2, 2), (5, 1)])
-def test_small_pictures(size):
-    frame = render_scene(bumpy_ball(), replace(OPTIONS, width=size[0], height=size[1]))
-    assert frame.color.shape == (size[1], size[0], 4) and np.isfinite(frame.color).all()
-
-
 def test_normals_are_of_the_pixels_that_coverage_and_depths_are_of():
     frame = render(icosphere(2), options=OPTIONS)
     plain = render(icosphere(2), options=replace(OPTIONS, max_error=None))
