@@ -5,6 +5,7 @@ The figures were measured as the peak resident memory of processes, and rounded 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -52,3 +53,11 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
     """
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
+
+
+def memory_left(limit: str | int | None, needed: int) -> float:
+    """Bytes that a limit leaves beside those needed: below 0 if it is exceeded.
+
+    Infinite without a limit.
+    """
+    return math.inf if limit is None else parse_bytes(limit) - needed

@@ -13,6 +13,7 @@ from texbake.baking.memory import (
     STREAMED_FACE,
     TREE_FACE,
     bake_memory,
+    memory_left,
     parse_bytes,
 )
 from texbake.durations import parse_seconds
@@ -359,10 +360,9 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         return int(min(max(fitting, least), greatest))
 
     def _memory_left(self, n_high_faces: int, n_low_faces: int) -> float:
-        """Bytes of `max_memory` that a bake with one ray tree leaves; infinite without a limit."""
         n_texels = self.width_px * self.height_px
         needed = bake_memory(n_high_faces, n_low_faces, n_texels, self.maps)
-        return math.inf if self.max_memory is None else parse_bytes(self.max_memory) - needed
+        return memory_left(self.max_memory, needed)
 
     def colors_are_srgb(self, mesh_name: str) -> bool:
         """Whether the vertex colors of a mesh, which is called as its file, are sRGB."""
