@@ -45,9 +45,6 @@ def test_a_bake_without_faults_warns_of_nothing():
         ("rays", "6,000 cast, 0 missed, 4 past back faces"),
         ("overlap, outside", "0 texels, 0 triangles"),
         ("surface distance", "least 0, median 0.02, greatest 0.04"),
-        ("  cast rays", "1.25 s"),
-        ("  pad", "0.50 s"),
-        ("total", "1.75 s, peak memory 3.00 GB"),
     ]
 
 
@@ -74,7 +71,6 @@ def test_a_bake_without_faults_warns_of_nothing():
          ("overlap, outside", "2 texels, 1 triangle")),
         ({"distance_percentiles": {}}, ("surface distance", "least 0, median 0, greatest 0")),
         ({"options": BakeOptions(size=8)}, ("size", "8 x 8, 1 sample per texel")),
-        ({"stages": []}, ("total", "0.00 s")),
     ],
 )  # fmt: skip
 def test_a_figure_changes_its_row_and_no_other(changes, row):
@@ -199,9 +195,6 @@ def test_the_report_of_parts_names_each_on_each_set():
         ("  a_low", "from a_high, b_high on skin 1001: 12 triangles, 1,000 texels, 0.500 % missed"),
         ("  d_low", "from d_high on 1002: 1 triangle, 0 texels, 0.000 % missed"),
         ("sets of maps", "skin 1001, 1002"),
-        ("  cast rays", "1.25 s"),
-        ("  pad", "0.50 s"),
-        ("total", "1.75 s"),
     ]
     alone = replace(report, matching=None, targets={ones[0]: PLAIN})
     assert alone.table()[0] == ("parts", "") and ("sets of maps", "1") in alone.table()
@@ -238,9 +231,6 @@ def test_the_report_of_a_texture_is_read_as_that_of_maps():
         ("scale", "2"),
         ("texels covered", "1,000 of 2,048"),
         ("texels unseen", "0 (0.00 %)"),
-        ("  cast rays", "1.25 s"),
-        ("  pad", "0.50 s"),
-        ("total", "1.75 s"),
     ]
     photos = (PhotoShare("a.jpg", 12, 75.0), PhotoShare("b.jpg", 0, 0.0))
     other = replace(
@@ -253,7 +243,7 @@ def test_the_report_of_a_texture_is_read_as_that_of_maps():
     assert table["  a.jpg"] == "12 texels, 75.0 % of the color"
     assert "scale" not in dict(replace(report, scale=None).table())
     assert other.warnings == [
-        "250 texels (25.00 %) are in no photograph and are left black; see them with `unseen_map`",
+        "no photograph shows 250 texels (25.00 %), left black; see them with `unseen_map`",
         "texture coordinates overlap on 3 texels; the first face wins",
         "1 face extends outside the unit square; the parts outside are not baked",
         "the padding of two charts meets on 2 texels; use less `padding` or leave more room "
@@ -261,5 +251,5 @@ def test_the_report_of_a_texture_is_read_as_that_of_maps():
         "b.jpg: it shows no texel; check its camera",
     ]
     filled = replace(report, texels_unseen=1)
-    assert "are filled from the colors around them;" in filled.warnings[0]
+    assert "filled from the colors around them;" in filled.warnings[0]
     assert other.to_json()["unseen_percent"] == 25.0 and other.to_json()["seconds"] == 1.75
