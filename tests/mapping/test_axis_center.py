@@ -1,13 +1,10 @@
 """The axis of prisms, cones and pyramids, against where they were made."""
 
-import math
-
 import numpy as np
 import pytest
 
 from texbake.mapping.classical.cylindrical import center_about_axis
 from texbake.mapping.classical.frames import center_of, frame_about
-from texbake.mapping.unwrap import UnwrapOptions, unwrap
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 
@@ -39,17 +36,6 @@ def test_the_axis_of_a_prism_runs_through_its_middle(sides: int, tip: bool, axis
     mesh = upright.replace(positions=upright.positions[:, [2, 0, 1]] @ frame * 4.0 + place)
     center = frame @ (center_about_axis(mesh, None, frame) - place)
     np.testing.assert_allclose(center[:2], 0.0, atol=1e-8)
-
-
-def test_the_sides_of_a_triangular_prism_are_equally_wide() -> None:
-    uvs = unwrap(prism(3, turn=math.pi), UnwrapOptions(method="cylindrical")).corner_uvs()
-    wide = np.ptp(uvs[..., 0], axis=1)
-    np.testing.assert_allclose(wide, 1.0 / 3.0, atol=1e-12)
-
-
-def test_a_given_center_is_kept() -> None:
-    center = center_about_axis(prism(3), (1.0, 2.0, 3.0), frame_about("y"))
-    np.testing.assert_array_equal(center, (1.0, 2.0, 3.0))
 
 
 @pytest.mark.parametrize(

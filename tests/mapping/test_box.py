@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.models import model, real
 from texbake.errors import OptionError
 from texbake.mapping.classical.box import box, box_sides
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
@@ -181,32 +180,9 @@ def test_opposite_windings_are_opposite_sides():
     assert box_sides(mesh).sides.tolist() == [4, 5]
 
 
-def test_a_file_that_repeats_vertices_gets_the_same_sides():
-    mesh = noisy_slope(0.3, 20)
-    soup = Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-    )
-    assert np.array_equal(box_sides(soup).sides, box_sides(mesh).sides)
-    assert np.array_equal(mapped(soup).corners, mapped(mesh).corners)
-
-
 def test_padding_that_leaves_nothing_is_one_clear_error():
     with pytest.raises(OptionError, match=r"padding: 5 texels .* leave nothing of 20 x 20"):
         mapped(cube(), size=20, padding=5)
-
-
-@pytest.mark.parametrize("name", ["scan", *real("meshes/nefertiti-lowres.obj")])
-def test_flecks_of_a_scan_are_gone(name):
-    mesh = model(name)
-    by_normal = (face_normals(mesh) @ SIDES.T).argmax(axis=1)
-    before, after = _region_sizes(mesh, by_normal), _region_sizes(mesh, box_sides(mesh).sides)
-    assert len(after) < len(before) / 5
-    assert (after == 1).sum() < (before == 1).sum() / 10
-
-
-def test_a_sponge_of_cubes_is_left_as_it_is():
-    assert box_sides(model("sponge")).n_joined == 0
 
 
 def _region_sizes(mesh, sides):

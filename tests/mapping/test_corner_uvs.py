@@ -1,14 +1,23 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
 from texbake import unwrap
-from texbake.errors import OptionError
-from texbake.mapping.corner_uvs import faces_of_group, joined_corners, selected, with_coordinates
+from texbake.errors import OptionError, UvError
+from texbake.mapping.corner_uvs import (
+    faces_of_group,
+    joined_corners,
+    measurable_uvs,
+    selected,
+    signed_areas,
+    surface_areas,
+)
+from texbake.mapping.distortion import distortion
+from texbake.mapping.layout import draw_layout
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.shapes import cube, plane
 
 
 def test_corners_come_back_bit_for_bit() -> None:
@@ -20,11 +29,6 @@ def test_corners_come_back_bit_for_bit() -> None:
         (v, *uv) for v, uv in zip(faces.ravel(), map(tuple, corners.reshape(-1, 2)), strict=True)
     }
     assert len(uvs) == len(keys)
-
-
-def test_coordinates_come_in_the_order_of_their_first_use() -> None:
-    _, uv_faces = joined_corners(cube().faces, np.arange(72.0).reshape(12, 3, 2))
-    assert np.array_equal(uv_faces.ravel(), np.arange(36))
 
 
 def test_equal_places_of_different_vertices_stay_apart() -> None:
@@ -40,14 +44,6 @@ def test_minus_zero_is_zero() -> None:
     uvs, _ = joined_corners(np.array([[0, 1, 2], [0, 1, 2]], np.int32), corners)
     assert len(uvs) == 3
     assert not np.signbit(uvs).any()
-
-
-def test_everything_else_is_shared() -> None:
-    mesh = icosphere(1)
-    mapped = with_coordinates(mesh, np.zeros((mesh.n_faces, 3, 2)))
-    assert np.shares_memory(mapped.positions, mesh.positions)
-    assert np.shares_memory(mapped.faces, mesh.faces)
-    assert plane(1, 1).uvs is not None
 
 
 def grouped(mesh: Mesh) -> Mesh:
@@ -88,3 +84,24 @@ def test_other_groups_without_coordinates_are_counted() -> None:
     mapped, report = unwrap_with_report(grouped(cube()), method="planar", only="b")
     assert report.tallies["faces of other groups without coordinates"] == 8
     assert (mapped.corner_uvs()[0] == 0.0).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_area_in_a_coordinate_plane_is_the_flat_one(seed: int) -> None:
+    corners = np.random.default_rng(seed).integers(-99, 99, (5, 3, 2)).astype(float)
+    lifted = np.concatenate([corners, np.full((5, 3, 1), 7.0)], axis=2)
+    assert np.array_equal(surface_areas(lifted), np.abs(signed_areas(corners)))
+
+
+@pytest.mark.parametrize("far", [1e76, 1e200, 1.7e308])
+def test_coordinates_too_far_out_to_be_measured_are_one_clear_error(far: float) -> None:
+    mesh = plane(2, 2).replace(uvs=(plane(2, 2).uvs * 2.0 - 1.0) * far)
+    for measure in (measurable_uvs, distortion, draw_layout, layout_svg):
+        with pytest.raises(UvError, match=r"tiles from the origin"):
+            measure(mesh)
+
+
+def test_coordinates_that_can_be_measured_come_back_as_they_are() -> None:
+    mesh = plane(2, 2).replace(uvs=plane(2, 2).uvs * 1e75)
+    assert np.array_equal(measurable_uvs(mesh), mesh.corner_uvs())
+    assert np.isfinite(signed_areas(mesh.corner_uvs()) ** 2).all()

@@ -11,11 +11,10 @@ from tests.models import BROKEN, model, real
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import cut, xatlas_charts
-from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
+from texbake.mapping.atlas.cutting.cut import cut_charts
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
-from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
 
@@ -47,54 +46,6 @@ def test_a_cube_comes_apart_in_squares() -> None:
     lengths = np.sort(np.linalg.norm(edges, axis=2), axis=1)
     assert lengths / lengths[0, 0] == pytest.approx(np.tile([1.0, 1.0, 2.0**0.5], (12, 1)), 1e-9)
     assert (cut.n_charts, cut.n_ignored) == (6, 0)
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1e-3, 0.7, 1e3, 1e6])
-def test_scale_changes_no_bit(scale: float) -> None:
-    mesh = grid_sphere(24, 48)
-    whole = cut_charts(mesh)
-    scaled = cut_charts(mesh.replace(positions=mesh.positions * scale))
-    assert np.array_equal(scaled.faces, whole.faces)
-    assert np.array_equal(scaled.uvs, whole.uvs)
-
-
-@pytest.mark.parametrize("direction", [(1, 1, 1), (-1, 0.3, 0), (0, 0, 1)])
-def test_a_move_changes_charts_only_by_rounding(direction: tuple[float, ...]) -> None:
-    mesh = grid_sphere(24, 48)
-    moved = mesh.replace(positions=mesh.positions + 2e6 * np.array(direction))
-    # A point may fall into the next cell of the grid.
-    assert np.abs(snap_points(moved) - snap_points(mesh)).max() <= 2.0**-20
-    whole, cut = cut_charts(mesh), cut_charts(moved)
-    assert np.array_equal(cut.faces, whole.faces)
-    assert np.abs(cut.uvs - whole.uvs).max() < 4.0 * 2.0**-20
-
-
-@pytest.mark.parametrize("name", ["figure", *real("pairs/skull/low.obj")])
-def test_figures_have_the_same_charts_at_any_scale_and_place(name: str) -> None:
-    mesh = model(name)
-    whole = cut_charts(mesh)
-    for scale in (1e-6, 1e6):
-        assert np.array_equal(
-            cut_charts(mesh.replace(positions=mesh.positions * scale)).uvs, whole.uvs
-        )
-    size = np.ptp(mesh.positions, axis=0).max()
-    moved = cut_charts(mesh.replace(positions=mesh.positions + 1e6 * size))
-    assert np.array_equal(moved.faces, whole.faces)
-    assert np.abs(moved.uvs - whole.uvs).max() < 4.0 * 2.0**-20
-
-
-def test_points_that_no_face_uses_do_not_matter() -> None:
-    mesh = plane(2, 2)
-    stray = np.concatenate([mesh.positions, [[1.7e308, -1.7e308, 0.0]]])
-    assert np.array_equal(cut_charts(mesh.replace(positions=stray)).uvs, cut_charts(mesh).uvs)
-
-
-def test_charts_agree_with_the_coordinates() -> None:
-    mesh = grid_sphere(16, 32)
-    cut = cut_charts(mesh)
-    found = chart_ids(mesh.replace(uvs=cut.uvs, uv_faces=cut.faces))
-    pairs = np.unique(np.stack([found, cut.chart_ids[cut.faces[:, 0]]], axis=1), axis=0)
-    assert len(pairs) == cut.n_charts == found.max() + 1
 
 
 @pytest.mark.parametrize(
@@ -225,14 +176,6 @@ def test_charts_of_parts_and_broken_meshes_neither_overlap_nor_mirror(
     assert charts.notes == ()
 
 
-@pytest.mark.parametrize("quality", ["fast", "best"])
-def test_the_number_of_threads_changes_no_bit(quality: str) -> None:
-    mesh = noisy_sphere(20, 0.01)
-    one, three = (cut_charts(mesh, quality=quality, threads=threads) for threads in (1, 3))
-    assert np.array_equal(one.faces, three.faces)
-    assert np.array_equal(one.uvs, three.uvs)
-
-
 @pytest.mark.parametrize("n", [4, 24])
 def test_faces_of_different_regions_share_no_chart(n: int) -> None:
     mesh = grid_sphere(n, 2 * n)
@@ -249,13 +192,6 @@ def test_progress_tells_of_all_faces() -> None:
         assert sum(steps) == mesh.n_faces
 
 
-def test_vertices_that_a_file_repeats_cut_nothing() -> None:
-    mesh = noisy_sphere(12, 0.003)
-    soup = mesh.positions[mesh.faces].reshape(-1, 3)
-    apart = Mesh(positions=soup, faces=np.arange(len(soup)).reshape(-1, 3))
-    assert cut_charts(apart).n_charts == cut_charts(mesh).n_charts
-
-
 def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
     positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0], [9, 9, 9]]
     mesh = Mesh(positions=positions, faces=[[4, 4, 4], [0, 1, 2], [1, 1, 2]])
@@ -264,11 +200,3 @@ def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
     assert charts.faces[2].tolist() in ([charts.faces[1, 1]] * 3, [charts.faces[1, 2]] * 3)
     assert len(set(charts.faces[0].tolist())) == 1
     assert len(charts.uvs) == 3
-
-
-@pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)])
-def test_points_on_a_line_have_no_charts_whichever_way_the_line_leads(signs):
-    points = np.arange(4.0)[:, None] * np.array(signs)
-    line = Mesh(positions=points, faces=np.array([[0, 1, 2], [1, 2, 3]], np.int32))
-    with pytest.raises(UnwrapError, match="none of its 2 faces has an area"):
-        cut_charts(line)

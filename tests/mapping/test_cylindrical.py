@@ -81,21 +81,6 @@ def test_heights_and_angles_are_measured_from_the_center():
     assert found.tallies == {"faces touching the axis": 1}
 
 
-def test_a_flat_mesh_has_one_height():
-    mesh = Mesh(positions=[[1, 5, 1], [3, 5, 1], [1, 5, 4]], faces=[[0, 1, 2]])
-    assert not mapped(mesh).corners[..., 1].any()
-    assert np.isfinite(mapped(mesh, caps=True).corners).all()
-
-
-def test_without_caps_ends_get_the_formula():
-    n_sides = 12
-    found = mapped(prism(n_sides))
-    assert found.tallies == {"faces touching the axis": 2 * n_sides}
-    t = found.corners[2 * n_sides :, :, 1]
-    assert np.array_equal(np.unique(t), [0.0, 1.0])
-    assert np.ptp(found.corners[..., 0], axis=1).max() == pytest.approx(1.0 / n_sides, abs=1e-12)
-
-
 @pytest.mark.parametrize("height", [0.5, 2.0, 40.0])
 @pytest.mark.parametrize("theta", [(-180.0, 180.0), (0.0, 90.0)])
 def test_side_and_caps_have_one_density_and_none_is_mirrored(theta, height):

@@ -11,8 +11,6 @@ from texbake.mapping.distortion import distortion
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
-Array = npt.NDArray[np.float64]
-
 
 def mapped(mesh: Mesh, matrix: npt.ArrayLike) -> Mesh:
     """A mesh whose coordinates went through a linear map."""
@@ -150,18 +148,6 @@ def test_a_wide_texture_is_measured_in_square_texels() -> None:
     mesh = mapped(plane(), [[0.5, 0.0], [0.0, 1.0]])
     assert distortion(mesh, size=(2048, 1024)).stretch.l2 == pytest.approx(1.0)
     assert distortion(mesh, size=1024).stretch.quasi_conformal == pytest.approx(2.0)
-
-
-def test_the_same_square_twice_overlaps() -> None:
-    square = plane()
-    both = np.concatenate([square.faces, square.faces + 4])
-    mesh = Mesh(
-        positions=np.concatenate([square.positions, square.positions + np.array([0, 0, 1])]),
-        faces=both,
-        uvs=square.uvs,
-        uv_faces=both % 4,
-    )
-    assert distortion(mesh).n_overlapping == 4
 
 
 def test_two_charts_and_the_worst_faces_are_named() -> None:

@@ -1,7 +1,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mapping.classical.box import side_pictures
@@ -9,12 +8,9 @@ from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.intermediate import (
     Box,
     IntermediateSurface,
-    mapped_by_rays,
     surface_around,
 )
 from texbake.mapping.options import UnwrapOptions
-
-ROUND = ("cylinder", "sphere")
 
 
 def options_of(surface: str, **options: object) -> UnwrapOptions:
@@ -35,42 +31,6 @@ def around(
     surface: str, local: LocalPoints, faces: np.ndarray, **options: object
 ) -> IntermediateSurface:
     return surface_around(local, faces, options_of(surface, **options))
-
-
-@given(st.integers(0, 2**32 - 1), st.sampled_from(("plane", *ROUND)))
-@settings(max_examples=60)
-def test_rays_meet_the_surface_where_they_leave_it(seed: int, name: str) -> None:
-    local, directions, faces = rays(seed)
-    surface = around(name, local, faces)
-    hits, missed = surface.hits(local.points, directions)
-    assert np.array_equal(hits[missed], local.points[missed])
-    met, points, along = hits[~missed], local.points[~missed], directions[~missed]
-    steps = np.einsum("ij,ij->i", met - points, along)
-    # Steps are as long as 9 sizes of the mesh, of about 10, at most; each is right to 1e-14 of it.
-    np.testing.assert_allclose(points + steps[:, None] * along, met, atol=1e-11)
-    assert (steps >= 0.0).all()
-    if name == "plane":
-        np.testing.assert_allclose(met[:, 2], local.points[:, 2].max(), atol=1e-11)
-    else:
-        axes = 2 if name == "cylinder" else 3
-        furthest = np.linalg.norm(local.points[:, :axes], axis=1).max()
-        np.testing.assert_allclose(np.linalg.norm(met[:, :axes], axis=1), furthest, rtol=1e-9)
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=30)
-def test_a_sphere_is_always_met_and_a_cylinder_unless_far_away(seed: int) -> None:
-    local, directions, faces = rays(seed)
-    assert not around("sphere", local, faces).hits(local.points, directions)[1].any()
-    x, y, z = local.points.T
-    dx, dy, dz = directions.T
-    a, b = dx * dx + dy * dy, x * dx + y * dy
-    c = x * x + y * y - (x * x + y * y).max()
-    height = z + dz * (np.sqrt(b * b - a * c) - b) / a
-    reach = 4.0 * (z.max() - z.min())
-    far = (height > z.max() + reach) | (height < z.min() - reach)
-    missed = around("cylinder", local, faces).hits(local.points, directions)[1]
-    assert np.array_equal(missed, far)
 
 
 def test_rays_that_miss_a_plane() -> None:
@@ -108,14 +68,6 @@ def test_rays_that_miss_a_cylinder() -> None:
     np.testing.assert_allclose(hits[2], [1.0, 0.0, 8.9], rtol=1e-14)
 
 
-def test_a_ray_from_the_rim_leaves_the_cylinder_at_the_other_side() -> None:
-    points = np.array([[1.0, 0, 0], [-0.5, 0.5, 1], [0, -1, 0.5]])
-    cylinder = around("cylinder", LocalPoints(points, 1.0, 1e-15), np.array([[0, 1, 2]]))
-    inward = np.array([[-1.0, 0, 0]] * 3)
-    assert np.array_equal(cylinder.hits(points, inward)[0][0], [-1.0, 0.0, 0.0])
-    assert np.array_equal(cylinder.hits(points, -inward)[0][0], [1.0, 0.0, 0.0])
-
-
 def test_rays_to_a_pole_end_on_it() -> None:
     points = np.array([[0.3, 0.4, 0.1], [1.0, 0.0, 0.0], [0.0, 0.9, 0.0]])
     sphere = around("sphere", LocalPoints(points, 1.0, 1e-16), np.array([[0, 1, 2]]))
@@ -127,30 +79,6 @@ def test_rays_to_a_pole_end_on_it() -> None:
     mapped = sphere.coordinates(hits, np.array([[0, 1, 2]]))
     assert mapped.tallies == {"faces touching a pole": 1, "faces along the axis": 1}
     assert (mapped.corners[..., 1] == 1.0).all()
-
-
-def test_a_face_that_misses_goes_to_the_nearest_points_whole() -> None:
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 2.0]])
-    faces = np.array([[0, 1, 2], [2, 1, 3], [0, 1, 4]])
-    plane = around("plane", LocalPoints(points, 1.0, 1e-15), faces)
-    directions = np.array([[1.0, 0, 1]] * 5) / math.sqrt(2.0)
-    directions[3] = [0.0, 0.0, -1.0]
-    mapped = mapped_by_rays(plane, points, directions, faces)
-    assert mapped.tallies == {"faces whose rays miss the plane, mapped to its nearest points": 1}
-    moved = np.array([2.0, 0.0])
-    np.testing.assert_allclose(mapped.corners[0], points[faces[0], :2] + moved, atol=1e-14)
-    assert np.array_equal(mapped.corners[1], points[faces[1], :2])
-
-
-@pytest.mark.parametrize("name", ["plane", *ROUND])
-def test_surfaces_around_nothing_are_finite(name: str) -> None:
-    axis_only = np.array([[0.0, 0, -1], [0, 0, 0], [0, 0, 1]])
-    faces = np.array([[0, 1, 2]])
-    for points in (axis_only, np.zeros((3, 3)), axis_only[:, [2, 1, 0]]):
-        surface = around(name, LocalPoints(points, 1.0, 1e-16), faces)
-        for directions in (np.zeros((3, 3)), np.eye(3), -np.eye(3)):
-            mapped = mapped_by_rays(surface, points, directions, faces)
-            assert np.isfinite(mapped.corners).all()
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -185,19 +113,3 @@ def test_a_face_across_an_edge_of_the_box_stays_in_one_cell() -> None:
     upright = np.array([[0.3, 0.0, 1.0], [1.0, 0.0, 1.0], [0.2 / 0.9, 0.1 / 0.9, 1.0]])
     expected = side_pictures(upright[None], np.array([4]), np.ones(3), options_of("box"))
     np.testing.assert_allclose(mapped.corners, expected, atol=1e-14)
-
-
-def test_pictures_of_sides_are_upright_and_apart() -> None:
-    # On each side a triangle: the middle, one step to the right as seen from outside, one up.
-    rights = np.array([[0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0], [1, 0, 0], [-1, 0, 0]])
-    ups = np.array([[0, 1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1], [0, 1, 0], [0, 1, 0]])
-    middles = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
-    points = np.stack([middles, middles + rights, middles + ups], axis=1)
-    options = UnwrapOptions(method="box", size=(310, 210), padding=10)
-    found = side_pictures(points, np.arange(6), np.ones(3), options) * (310, 210)
-    # Cells of 90 x 90 texels and 10 texels around them; +x is the upper left one.
-    columns, rows = np.arange(6) // 2, 1 - np.arange(6) % 2
-    expected = np.stack([55.0 + 100.0 * columns, 55.0 + 100.0 * rows], axis=1)
-    np.testing.assert_allclose(found[:, 0], expected, atol=1e-9)
-    np.testing.assert_allclose(found[:, 1], expected + np.array([45.0, 0.0]), atol=1e-9)
-    np.testing.assert_allclose(found[:, 2], expected + np.array([0.0, 45.0]), atol=1e-9)

@@ -9,9 +9,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
-from texbake.mapping.atlas.packing.bitmaps import Outlines, Shapes
 from texbake.mapping.atlas.packing.pack import Packing, pack_charts
-from texbake.mapping.atlas.packing.search import coarse_layout
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
@@ -87,15 +85,6 @@ def test_charts_are_kept_apart_and_keep_their_shape(
     assert packing.fill == pytest.approx(areas.sum() / (size[0] * size[1]))
 
 
-@pytest.mark.parametrize(
-    ("size", "padding"), [((256, 256), 0), ((256, 256), 16), ((512, 64), 2), ((64, 512), 2)]
-)
-def test_any_padding_and_proportion(size: tuple[int, int], padding: int) -> None:
-    uvs, faces, chart_ids = triangles(5, 9)
-    packing = pack_charts(uvs, faces, chart_ids, size=size, padding=padding)
-    assert_kept_apart(packing, faces, chart_ids, size, padding)
-
-
 def test_cells_of_several_texels_keep_charts_apart_as_well() -> None:
     size = (1200, 150)  # cells of 2 texels
     uvs, faces, chart_ids = triangles(1, 8)
@@ -161,29 +150,6 @@ def test_more_effort_fills_more() -> None:
     assert (np.diff(fills) > 0.01).all()
 
 
-def placed_in_strip(seed: int) -> tuple[Array, Shapes, Ints, int]:
-    """Place triangles on a coarse grid; return the cells that charts cover, and the layout."""
-    uvs, faces, ids = triangles(seed, 12)
-    charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=12)
-    draft = coarse_layout(charts, (256, 256), 2, most_work=3_000_000, seed=seed)
-    assert draft is not None
-    covered = np.zeros((draft.size[1], draft.size[0]), dtype=np.int64)
-    for chart, (x, y, orientation) in enumerate(draft.places):
-        first, last = draft.shapes.starts[chart, orientation]
-        for row, begin, end in draft.shapes.spans[first:last]:
-            covered[y + row, x + begin : x + end] += 1
-    return covered, draft.shapes, draft.places, int(draft.areas.sum())
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_drafts_cover_each_cell_once_and_stay_inside(seed: int) -> None:
-    covered, shapes, places, area = placed_in_strip(seed)
-    chosen = shapes.starts[np.arange(len(places)), places[:, 2]]
-    assert covered.max() == 1
-    lengths = shapes.spans[:, 2] - shapes.spans[:, 1]
-    assert covered.sum() == sum(lengths[first:last].sum() for first, last in chosen) >= area
-
-
 def squares(sides: list[float]) -> tuple[Array, Ints, Ints]:
     """One square chart of each side."""
     unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -212,13 +178,6 @@ def test_a_chart_without_area_takes_a_place_all_the_same() -> None:
     assert packing.n_tiles == 1
     point = pack_charts(uvs[3:], faces[1:] - 3, np.zeros(1, np.int32), size=(32, 32), padding=1)
     assert ((point.uvs > 0.0) & (point.uvs < 1.0)).all()
-
-
-def test_too_many_charts_for_the_texture() -> None:
-    with pytest.raises(
-        UnwrapError, match="bolt: 50 charts do not fit into 32 x 32 texels with a p"
-    ):
-        pack_charts(*triangles(4, 50), size=(32, 32), padding=4, name="bolt")
 
 
 SIZE = (128, 96)

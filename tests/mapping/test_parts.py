@@ -72,12 +72,6 @@ def test_parts_do_not_depend_on_rounding() -> None:
     assert np.array_equal(divided(mesh.replace(positions=moved), 1000)[0], labels)
 
 
-def test_small_parts_stay_whole() -> None:
-    mesh = sphere(4)
-    labels, _ = divided(mesh, mesh.n_faces)
-    assert not labels.any()
-
-
 def test_split_parts_hang_together_as_the_whole_did() -> None:
     mesh = sphere(6)
     opposite = opposite_of(mesh.faces)

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.classical.planar import planar
+from texbake.errors import OptionError, UvError
+from texbake.mapping.classical.planar import parametric, planar
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 
 
 def mapped(mesh, **choices):
@@ -156,3 +157,31 @@ def test_a_plane_seen_edge_on_is_a_line_and_a_point_a_point():
     point = Mesh(positions=[[3, 4, 5]] * 3, faces=[[0, 1, 2]])
     for fit in "bounds", "pca":
         assert not mapped(point, fit=fit, sides=True).corners.any()
+
+
+def test_without_a_map_coordinates_are_the_parameters_bit_by_bit() -> None:
+    mesh = uv_sphere(6, 9)
+    found = parametric(mesh, UnwrapOptions(method="parametric"))
+    assert np.array_equal(found.corners, mesh.corner_uvs())
+    assert found.tallies == {}
+
+
+def test_the_linear_map_is_that_of_its_six_numbers() -> None:
+    mesh = plane(3, 5)  # (u, v) = (x, y)
+    linear = (2.0, -1.0, 0.25, 0.5, 3.0, -7.0)
+    found = parametric(mesh, UnwrapOptions(method="parametric", linear=linear))
+    x, y, _ = np.moveaxis(mesh.positions[mesh.faces], 2, 0)
+    assert np.array_equal(found.corners[..., 0], 2.0 * x - y + 0.25)
+    assert np.array_equal(found.corners[..., 1], 0.5 * x + 3.0 * y - 7.0)
+
+
+def test_a_mesh_without_parameters_is_an_error() -> None:
+    with pytest.raises(UvError, match="no texture coordinates"):
+        parametric(cube(), UnwrapOptions(method="parametric"))
+
+
+def test_coordinates_that_overflow_are_one_error() -> None:
+    mesh = plane().replace(uvs=plane().uvs * 1e200)
+    options = UnwrapOptions(method="parametric", linear=(1e200, 0.0, 0.0, 0.0, 1.0, 0.0))
+    with pytest.raises(OptionError, match="that are not finite"):
+        parametric(mesh, options)

@@ -17,9 +17,6 @@ def charts_of(uvs, faces, chart_ids):
         uvs=np.array(uvs, dtype=np.float64),
         faces=np.array(faces, dtype=np.int32),
         chart_ids=np.array(chart_ids, dtype=np.int32),
-        n_ignored=0,
-        n_mirrored=0,
-        n_split=0,
         notes=("a note",),
     )
 

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 
 from texbake.mapping.classical.cylindrical import spherical
-from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.seams import seam_length
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, uv_sphere
-
-FRONTS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}  # coordinates along e1, e2 and the axis
 
 
 def mapped(mesh, **choices):
@@ -34,18 +30,6 @@ def check_closed_form(corners, x, y, height):
     distance = np.sqrt(x * x + y * y + height * height)
     assert np.abs(np.sin(latitude) * distance - height).max() < 1e-9
     assert np.abs(np.cos(latitude) * distance - np.hypot(x, y)).max() < 1e-9
-
-
-@pytest.mark.parametrize("axis", "xyz")
-@pytest.mark.parametrize("seed", range(4))
-def test_points_about_a_center_are_the_closed_form(axis, seed):
-    mesh = scattered(seed)
-    center = tuple(np.random.default_rng(seed).normal(size=3).tolist())
-    found = mapped(mesh, axis=axis, center=center)
-    from_center = (mesh.positions - center)[mesh.faces]
-    check_closed_form(found.corners, *(from_center[..., i] for i in FRONTS[axis]))
-    spans = np.ptp(found.corners[..., 0], axis=1)
-    assert (spans > 0.5).sum() <= found.tallies.get("faces around a pole", 0)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -80,15 +64,6 @@ def test_a_sphere_has_its_own_longitude_and_latitude():
     assert np.ptp(s, axis=1).max() == pytest.approx(1.0 / n_lon, abs=1e-12)
 
 
-def test_the_seam_is_one_meridian_from_pole_to_pole_and_the_fans():
-    n_lat, n_lon = 24, 48
-    mesh = uv_sphere(n_lat, n_lon)
-    length = seam_length(with_coordinates(mesh, mapped(mesh, axis="z").corners))
-    chord = 2.0 * math.sin(math.pi / n_lat / 2.0)
-    # The meridian between the caps, and every edge that runs into a pole.
-    assert length == pytest.approx(chord * (n_lat - 2) + 2 * n_lon * chord, rel=1e-9)
-
-
 def test_faces_around_a_pole_are_counted_and_the_others_span_less_than_half():
     mesh = icosphere(3)
     # An axis through the inside of two faces, which no vertex comes near to.
@@ -116,13 +91,6 @@ def test_the_center_may_lie_inside_or_outside(distance):
     limit = 1.0 if distance < 1 else 2.0 * math.asin(1.0 / math.hypot(distance, 0.1)) / math.pi
     assert covered <= limit + 1e-9
     assert covered > 0.9 * limit
-
-
-def test_a_corner_at_the_center_has_latitude_zero_and_is_counted():
-    mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 0, 1]], faces=[[0, 1, 2]])
-    found = mapped(mesh, center=(0, 0, 0))
-    assert found.corners[0, 0] == pytest.approx([0.625, 0.5], abs=1e-12)
-    assert found.tallies == {"faces touching a pole": 1, "corners at the center": 1}
 
 
 @pytest.mark.parametrize("height", [1.0, -1.0, 1e-9, -1e-9])

@@ -1,4 +1,3 @@
-import itertools
 import math
 
 import numpy as np
@@ -10,11 +9,9 @@ from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.two_part import two_part
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.projection import SURFACES, VIAS
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane, uv_sphere
+from texbake.mesh.shapes import cube, icosphere, plane
 
-PAIRS = tuple(itertools.product(SURFACES, VIAS))
 EYE = (0.7, 1.1, 5.0)
 
 directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: math.hypot(*v) > 0.1)
@@ -33,19 +30,6 @@ def soup(seed: int, n_faces: int = 40) -> Mesh:
     corners = rng.uniform(-1.0, 1.0, (n_faces, 1, 3)) + rng.normal(0.0, 0.1, (n_faces, 3, 3))
     faces = np.arange(3 * n_faces, dtype=np.int32).reshape(-1, 3)
     return Mesh(positions=corners.reshape(-1, 3), faces=faces)
-
-
-def bumpy() -> Mesh:
-    """Closed and without symmetry, so that no decision hangs on rounding."""
-    ball = icosphere(3)
-    x, y, z = ball.positions.T
-    radii = 1.0 + 0.2 * np.sin(3.0 * x + 1.0) * np.cos(2.0 * y - z) + 0.1 * z
-    shear = np.array([[1.3, 0.2, -0.1], [0.05, 0.8, 0.3], [0.1, -0.2, 1.1]])
-    return Mesh(positions=ball.positions * radii[:, None] @ shear.T, faces=ball.faces)
-
-
-def moved(mesh: Mesh, scale: float, offset: object) -> Mesh:
-    return Mesh(positions=mesh.positions * scale + np.asarray(offset), faces=mesh.faces)
 
 
 @given(st.integers(0, 1000), directions, centers)
@@ -178,88 +162,6 @@ def test_a_cube_by_the_normals_of_its_box_fills_six_equal_squares() -> None:
         for normal in normals
     }
     assert len(middles) == len({tuple(middle) for middle in middles.values()}) == 6
-
-
-@pytest.mark.parametrize(("surface", "via"), PAIRS)
-@pytest.mark.parametrize("center", [None, (0.1, -0.2, 0.3), (8.0, 5.0, -9.0)])
-def test_no_face_is_smeared_across_the_seam(
-    surface: str, via: str, center: tuple[float, float, float] | None
-) -> None:
-    mesh = bumpy()
-    found = mapped(mesh, surface, via, center=center)
-    assert np.isfinite(found.corners).all()
-    span = np.ptp(found.corners[..., 0], axis=1)
-    if surface in ("cylinder", "sphere"):
-        around = sum(n for name, n in found.tallies.items() if name.startswith("faces around"))
-        assert (span > 0.5).sum() <= around
-    elif surface == "box":
-        # Two cells with the gap between them are wider than any face in one of them can be.
-        assert span.max() < 0.5
-        assert found.corners.min() >= 0.0
-        assert found.corners.max() <= 1.0
-    else:
-        assert np.abs(found.corners - 0.5).max() <= 4.5
-
-
-def awkward_meshes() -> list[Mesh]:
-    quad = plane()
-    fin = np.array([[0.0, 0, 0], [1, 0, 0], *[[0.5, math.cos(a), math.sin(a)] for a in range(5)]])
-    return [
-        cube(),
-        plane(4, 4),
-        grid_sphere(5, 7),  # open
-        uv_sphere(4, 5),
-        Mesh(positions=np.eye(3), faces=[[0, 1, 2]]),
-        Mesh(positions=np.ones((1, 3)), faces=[[0, 0, 0]]),
-        Mesh(positions=np.eye(3), faces=[[0, 0, 1], [1, 2, 2]]),  # all degenerate
-        Mesh(positions=np.outer(np.arange(4.0), [0, 1, 0]), faces=[[0, 1, 2], [1, 2, 3]]),
-        Mesh(positions=quad.positions, faces=[*quad.faces.tolist(), [0, 1, 2], [2, 1, 0]]),
-        Mesh(positions=quad.positions, faces=[[0, 1, 3], [0, 2, 3]]),  # opposite winding
-        Mesh(positions=fin, faces=[[0, 1, 2 + k] for k in range(5)]),  # five at one edge
-        Mesh(positions=np.concatenate([fin, [[1e300] * 3]]), faces=[[0, 1, 2], [0, 2, 3]]),
-    ]
-
-
-@pytest.mark.parametrize(("surface", "via"), PAIRS)
-def test_every_pair_maps_every_mesh_to_finite_coordinates(surface: str, via: str) -> None:
-    for mesh in awkward_meshes():
-        at_vertex = tuple(mesh.positions[mesh.faces[0, 0]].tolist())
-        for axis in "x", "y", "z", (1.0, 2.0, -3.0):
-            for center in None, at_vertex, (5.0, 0.0, 0.0):
-                options = {"axis": axis, "center": center}
-                if via == "reflection":
-                    options["eye"] = at_vertex
-                found = mapped(mesh, surface, via, **options)
-                assert found.corners.shape == (mesh.n_faces, 3, 2)
-                assert np.isfinite(found.corners).all()
-                assert all(found.tallies.values())
-
-
-@pytest.mark.parametrize(("surface", "via"), PAIRS)
-def test_neither_size_nor_place_changes_anything(surface: str, via: str) -> None:
-    mesh = bumpy()
-    expected = mapped(mesh, surface, via)
-    eye = np.array(EYE)
-    for scale, offset in ((1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)):
-        where = {"eye": tuple((eye * scale + offset).tolist())} if via == "reflection" else {}
-        found = mapped(moved(mesh, scale, offset), surface, via, **where)
-        # At 1e6, positions have 10 digits; normals of edges of 0.1 have 9, and a ray that meets a
-        # surface four sizes away at a low angle makes a hundred times of that.
-        limit = 1e-6 if offset else 1e-10
-        np.testing.assert_allclose(found.corners, expected.corners, atol=limit)
-        assert found.tallies == expected.tallies
-
-
-@pytest.mark.parametrize(("surface", "via"), PAIRS)
-def test_vertices_that_a_file_split_map_to_equal_bits(surface: str, via: str) -> None:
-    mesh = bumpy()
-    split = Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3),
-    )
-    found = mapped(split, surface, via)
-    # Angle-weighted normals are added up in the order of faces in both.
-    assert np.array_equal(found.corners, mapped(mesh, surface, via).corners)
 
 
 def test_faces_turned_away_from_the_plane_take_its_nearest_points() -> None:

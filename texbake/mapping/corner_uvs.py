@@ -5,7 +5,6 @@ A mapping may cover one group of faces alone; the other faces then keep the coor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -26,7 +25,9 @@ class Projected:
 
     corners: FloatArray  # (F, 3, 2) float64; (s, t) of each corner, finite
     # Counts of special cases by name, such as "faces touching a pole"; zeros are left out.
-    tallies: Mapping[str, int] = field(default_factory=dict)
+    tallies: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # for the report
+    padding: int | None = None  # texels of space around each chart
 
     def __post_init__(self) -> None:
         happened = {name: count for name, count in self.tallies.items() if count}

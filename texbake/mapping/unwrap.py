@@ -7,11 +7,12 @@ position of the model change nothing but options that are given in model units.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import OptionError, UvError
 from texbake.mapping.corner_uvs import (
@@ -34,16 +35,6 @@ from texbake.progress import ProgressSink, StageRecord, Stages
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
 _FARTHEST = 1e12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Mapped:
-    """Coordinates of one mesh by corner, with counts and notes for the report."""
-
-    corners: FloatArray
-    tallies: dict[str, int] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    padding: int | None = None
 
 
 def unwrap(
@@ -149,7 +140,7 @@ def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distor
 
 def _unwrapped(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
-) -> list[tuple[Mesh, _Mapped]]:
+) -> list[tuple[Mesh, Projected]]:
     """Choose the faces to map, map them, and store their coordinates in the meshes."""
     if len(meshes) == 0:
         raise OptionError("meshes: there are none to unwrap")
@@ -212,22 +203,21 @@ def _check_reach(corners: FloatArray) -> None:
 
 def _mapped_by_atlas(
     parts: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
-) -> list[_Mapped]:
+) -> list[Projected]:
     """Map by one atlas, whose texel density is that of the packing."""
     from texbake.mapping.atlas.atlas import make_atlas
 
     mapped = []
     for atlas in make_atlas(parts, options, stages, threads=threads):
         charts = atlas.charts
-        tallies = {
-            "faces without area, reduced to a point": charts.n_ignored,
-            "mirrored charts, flipped": charts.n_mirrored,
-            "charts split off because they overlapped their own chart": charts.n_split,
-        }
         mapped.append(
-            _Mapped(
+            Projected(
                 corners=transform_uvs(atlas.corners, options),
-                tallies={name: count for name, count in tallies.items() if count},
+                tallies={
+                    "faces without area, reduced to a point": charts.n_ignored,
+                    "mirrored charts, flipped": charts.n_mirrored,
+                    "charts split off because they overlapped their own chart": charts.n_split,
+                },
                 notes=charts.notes,
                 padding=atlas.padding,
             )
@@ -235,14 +225,13 @@ def _mapped_by_atlas(
     return mapped
 
 
-def _mapped_classically(part: Mesh, options: UnwrapOptions) -> _Mapped:
+def _mapped_classically(part: Mesh, options: UnwrapOptions) -> Projected:
     """Map by a classical method, then scale to the requested texel density."""
     module, name = METHODS[options.method].function.split(".")
     method = getattr(import_module(f"texbake.mapping.classical.{module}"), name)
     projected: Projected = method(part, options)
     corners = scale_to_density(part, transform_uvs(projected.corners, options), options)
-    tallies = dict(projected.tallies)
-    return _Mapped(corners=corners, tallies=tallies, padding=options.padding)
+    return replace(projected, corners=corners, padding=options.padding)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,3 +288,67 @@ def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
     if callable(options.warp):
         values["warp"] = getattr(options.warp, "__name__", "a function")
     return values
+
+
+def parametrize(
+    positions: npt.ArrayLike,
+    indices: npt.ArrayLike,
+    normals: npt.ArrayLike | None = None,
+    uvs: npt.ArrayLike | None = None,
+    *,
+    threads: int | None = None,
+    **changes: Any,
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
+    """Unwrap triangles, as `xatlas.parametrize` does: a project changes one import.
+
+    Parameters
+    ----------
+    positions : (V, 3) float
+    indices : (F, 3) int
+        Corners of the faces.
+    normals, uvs : array, optional
+        Accepted as xatlas accepts them, and not used: charts depend on the shape alone.
+    threads
+        None for every processor; the result does not depend on it.
+    **changes
+        Fields of `UnwrapOptions`, as in ``parametrize(positions, indices, quality="fast")``.
+        Without them the atlas has the quality `good` and suits a texture of 1024 x 1024 texels.
+
+    Returns
+    -------
+    mapping : (N,) uint32
+        The vertex that each vertex of the atlas was: attributes of the atlas are
+        ``attributes[mapping]``.
+    indices : (F, 3) uint32
+        The faces, in their order, as indices into the vertices of the atlas.
+    uvs : (N, 2) float32
+        Their texture coordinates, in the unit square.
+
+    Raises
+    ------
+    UnwrapError
+        No face has an area, or the charts do not fit.
+
+    Examples
+    --------
+    >>> vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32)
+    >>> mapping, indices, uvs = parametrize(vertices, [[0, 1, 2], [0, 2, 3]])
+    >>> mapping[indices].tolist()
+    [[0, 1, 2], [0, 2, 3]]
+    >>> uvs.shape
+    (4, 2)
+    """
+    mesh = Mesh(
+        positions=np.asarray(positions, dtype=np.float64),
+        faces=np.asarray(indices, dtype=np.int32),
+        name="mesh",
+    )
+    unwrapped = unwrap(mesh, threads=threads, **changes)
+    assert unwrapped.uvs is not None and unwrapped.uv_faces is not None
+    pairs = np.stack([unwrapped.faces.ravel(), unwrapped.uv_faces.ravel()], axis=1)
+    used, corners = np.unique(pairs, axis=0, return_inverse=True)
+    return (
+        used[:, 0].astype(np.uint32),
+        corners.reshape(-1, 3).astype(np.uint32),
+        unwrapped.uvs[used[:, 1]].astype(np.float32),
+    )

@@ -31,9 +31,9 @@ class Charts:
     faces: IntArray
     # (T,) int32; chart of each coordinate; charts are numbered from 0 without gaps.
     chart_ids: IntArray
-    n_ignored: int  # faces without a chart, because they have no area on the grid, or almost none
-    n_mirrored: int  # charts that came out mirrored and were flipped
-    n_split: int  # charts that were split off because they overlapped their own chart
+    n_ignored: int = 0  # faces without a chart, because they have almost no area on the grid
+    n_mirrored: int = 0  # charts that came out mirrored and were flipped
+    n_split: int = 0  # charts that were split off because they overlapped their own chart
     # Notes for the report: steps that failed and what was done instead, charts that miss a bound
     # and why.
     notes: tuple[str, ...] = ()
@@ -114,9 +114,6 @@ def existing_charts(
         uvs=corners.reshape(-1, 2)[firsts] * math.sqrt(in_space / in_texture),
         faces=faces.reshape(-1, 3).astype(np.int32),
         chart_ids=face_charts.ravel()[firsts].astype(np.int32),
-        n_ignored=0,
-        n_mirrored=0,
-        n_split=0,
     )
 
 
@@ -163,9 +160,6 @@ def single_face_charts(points: FloatArray, faces: IntArray) -> Charts:
         uvs=(uvs - uvs.mean(axis=1, keepdims=True)).reshape(-1, 2),
         faces=np.arange(3 * n_faces, dtype=np.int32).reshape(-1, 3),
         chart_ids=np.repeat(np.arange(n_faces, dtype=np.int32), 3),
-        n_ignored=0,
-        n_mirrored=0,
-        n_split=0,
     )
 
 

@@ -8,7 +8,7 @@ Kernels: `core/flatten.c`, which names the methods.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,15 +118,7 @@ def relax_charts(
             uvs[vertices] = _relaxed(places[vertices], faces, whole.uvs[vertices])
 
     run_bands(relax, whole.n_charts, band=1, threads=threads)
-    return Charts(
-        uvs=uvs,
-        faces=whole.faces,
-        chart_ids=whole.chart_ids,
-        n_ignored=charts.n_ignored,
-        n_mirrored=charts.n_mirrored,
-        n_split=charts.n_split + whole.n_charts - charts.n_charts,
-        notes=charts.notes,
-    )
+    return replace(whole, uvs=uvs)
 
 
 def _relaxed(points: FloatArray, faces: IntArray, layout: FloatArray) -> FloatArray:
@@ -172,11 +164,10 @@ def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> C
     np.minimum.at(anchors, corners.ravel(), numbers)
     faces = anchors[charts.faces]
     faces[solid] = numbers.reshape(-1, 3)
-    return Charts(
+    return replace(
+        charts,
         uvs=charts.uvs[corners.ravel()[firsts]],
         faces=np.where(faces < len(firsts), faces, 0).astype(np.int32),
         chart_ids=new_charts[firsts // 3].astype(np.int32),
-        n_ignored=charts.n_ignored,
-        n_mirrored=charts.n_mirrored,
-        n_split=charts.n_split,
+        n_split=charts.n_split + len(first_faces) - charts.n_charts,
     )

@@ -262,11 +262,10 @@ def onto_sphere(
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     t = latitude_coordinates(points, rounding)
     at_center = np.abs(points).max(axis=1) <= rounding
-    n_at_center = int(at_center[faces].sum())
+    at_centers = {"corners at the center": int(at_center[faces].sum())}
     return Projected(
         corners=np.stack([angles.s, t[faces]], axis=2),
-        tallies=angles.tallies("a pole")
-        | ({"corners at the center": n_at_center} if n_at_center else {}),
+        tallies=angles.tallies("a pole") | at_centers,
     )
 
 

@@ -20,7 +20,6 @@ Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and A
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -42,30 +41,6 @@ _EXTENT = 4.0
 _POLE_ROUNDING = 8.0 * 2.0**-53
 
 
-class IntermediateSurface(Protocol):
-    """The surface that a two-part mapping puts the texture on first."""
-
-    @property
-    def name(self) -> str:
-        """Its name in reports."""
-
-    def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays hit the surface.
-
-        `points` (N, 3) float64; `directions` (N, 3) float64, of unit length, or (0, 0, 0), which
-        hits nothing. Returns `hits` (N, 3) float64: where each ray leaves the inside of the
-        surface, or crosses the plane; its start if it misses; `missed` (N,) bool.
-        """
-
-    def coordinates(
-        self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
-    ) -> Projected:
-        """(s, t) of the points of the surface nearest to the given points: the S mapping.
-
-        `points` (N, 3) float64; `faces` (F, 3) int; `polygons` (F,) int32.
-        """
-
-
 @dataclass(frozen=True, eq=False)
 class Plane:
     """A plane perpendicular to the axis, through the highest point of the mesh."""
@@ -78,7 +53,12 @@ class Plane:
     name: str = "plane"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays hit the plane; see `IntermediateSurface`."""
+        """Where rays hit the plane.
+
+        `points` (N, 3) float64; `directions` (N, 3) float64, of unit length, or (0, 0, 0), which
+        hits nothing. Returns `hits` (N, 3) float64: where each ray leaves the inside of the
+        surface, or crosses the plane; its start if it misses; `missed` (N,) bool.
+        """
         towards = directions[:, 2]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             met = points + ((self.height - points[:, 2]) / towards)[:, None] * directions
@@ -91,7 +71,11 @@ class Plane:
     def coordinates(
         self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
     ) -> Projected:
-        """(s, t) of the projected points, at one scale; (0, 0) for a mesh without extent."""
+        """(s, t) of the points of the plane nearest to the given points: the S mapping.
+
+        (0, 0) for a mesh without extent. `points` (N, 3) float64; `faces` (F, 3) int; `polygons`
+        (F,) int32.
+        """
         if self.extent == 0.0:
             return Projected(corners=np.zeros((len(faces), 3, 2)))
         return Projected(corners=((points[:, :2] - self.low) / self.extent)[faces])
@@ -112,7 +96,7 @@ class Cylinder:
     name: str = "cylinder"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays leave the cylinder; see `IntermediateSurface`."""
+        """Where rays leave the cylinder; see `Plane.hits`."""
         extent = _EXTENT * (self.high - self.low or self.radius)
         met, missed = _left_round(points, directions, self.radius, n_axes=2)
         missed |= ~((met[:, 2] >= self.low - extent) & (met[:, 2] <= self.high + extent))
@@ -154,6 +138,9 @@ class Sphere:
         return onto_sphere(
             points, faces, theta=self.theta, rounding=self.rounding, polygons=polygons
         )
+
+
+IntermediateSurface = Plane | Cylinder | Sphere
 
 
 def surface_around(

@@ -123,7 +123,7 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
         "faces turned away": away,
         "faces hidden": hidden,
     }
-    tallies = {name: int(met.sum()) for name, met in counts.items() if met.any()}
+    tallies = {name: int(found.sum()) for name, found in counts.items()}
     return Projected(corners=corners, tallies=tallies)
 
 

@@ -87,7 +87,7 @@ def _onto_box(
 
 def _joined(tallies: dict[str, int], mapped: Projected) -> Projected:
     """Add tallies to those of a mapping."""
-    return Projected(corners=mapped.corners, tallies={**tallies, **mapped.tallies})
+    return Projected(corners=mapped.corners, tallies=tallies | mapped.tallies)
 
 
 def _directions(
@@ -109,9 +109,7 @@ def _directions(
     rayless = (directions == 0.0).all(axis=1)
     directions[rayless] = outward[rayless]
     n_rayless = int(rayless[mesh.faces].sum())
-    return directions, {
-        "corners without a ray, sent from the center": n_rayless
-    } if n_rayless else {}
+    return directions, {"corners without a ray, sent from the center": n_rayless}
 
 
 def _mirrored(views: FloatArray, normals: FloatArray) -> FloatArray:
