@@ -66,8 +66,9 @@ class Rejection:
 class Effect:
     """One feature of light or surfaces.
 
-    It is activated by the objects whose material changes `material_field` from its default, or by
-    its `reasons` or `activations`. Without any, it runs only if another effect needs it.
+    It is activated for `why`, by the objects whose material changes `material_field` from its
+    default, or `when` a condition holds; or else by its `reasons` or `activations`. Without any, it
+    runs only if another effect needs it.
     """
 
     name: str  # name in the plan, in `--explain`, in `after` and in `needs`
@@ -79,17 +80,18 @@ class Effect:
     material_field: str = ""  # activates the effect where it is not the default
     # Key of that field, or "" for itself, whose value of 0 leaves no effect; None if there is none
     strength: str | None = None
+    when: Callable[[RenderRequest, int], bool] | None = None  # condition in place of the field
     why: str = ""  # reason for the activation: `its material has a light map`
     # Function of (request, target) that says why the effect would change nothing; "" if it may
     pointless: Callable[[RenderRequest, int], str] | None = None
-    # In place of a field: functions that give reasons for each target, or all activations
+    # In place of `why`: functions that give reasons for each target, or all activations
     reasons: Callable[[RenderRequest, int], Iterable[str | Rejection]] | None = None
     activations: Callable[[RenderRequest], Iterable[Activation | Rejection]] | None = None
     requested_by: str = ""  # part that the reasons come from; by default the target itself
     left_out: str  # reason shown when nothing activates it: `no material has a normal map`
     # Effects that must run before, for the same target, or for the picture: names, or functions of
-    # (request, target) that return names.
-    needs: Sequence[str | Callable[[RenderRequest, Any], Iterable[str]]] = ()
+    # (request, target) that return a name or several.
+    needs: Sequence[str | Callable[[RenderRequest, Any], str | Iterable[str]]] = ()
     # Returns the scene without the effect, to measure what it contributes; by default without the
     # `material_field`.
     without: Callable[[Scene], Scene] | None = None
@@ -121,19 +123,25 @@ class Effect:
         """Return the reasons of a request for the effect, or against it."""
         if self.activations is not None:
             yield from self.activations(request)
-        elif self.reasons is not None or self.material_field:
+        elif self.reasons is not None or self.why:
             name = request.light_name if self.among == "lights" else request.name
             for target in getattr(request, self.among):
-                for reason in (self.reasons or self._reasons_of_field)(request, target):
+                for reason in (self.reasons or self._own_reasons)(request, target):
                     by = self.requested_by or name(target)
                     if isinstance(reason, str):
                         yield Activation(target, by, reason)
                     else:
                         yield replace(reason, requested_by=by)
 
-    def _reasons_of_field(self, request: RenderRequest, index: int) -> Iterator[str | Rejection]:
-        default = getattr(DEFAULT_MATERIAL, self.material_field)
-        if getattr(request.material(index), self.material_field) != default:
+    def _own_reasons(self, request: RenderRequest, index: int) -> Iterator[str | Rejection]:
+        field = self.material_field
+        if self.when is not None:
+            holds = self.when(request, index)
+        elif field:
+            holds = getattr(request.material(index), field) != getattr(DEFAULT_MATERIAL, field)
+        else:
+            holds = True
+        if holds:
             against = self.pointless(request, index) if self.pointless is not None else ""
             yield Rejection(against) if against else self.why
 

@@ -74,10 +74,8 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
 
 def _needed(effect: Effect, request: RenderRequest, target: Target) -> Iterator[str]:
     for need in effect.needs:
-        if isinstance(need, str):
-            yield need
-        else:
-            yield from need(request, target)
+        names = need if isinstance(need, str) else need(request, target)
+        yield from (names,) if isinstance(names, str) else names
 
 
 @dataclass(frozen=True)

@@ -121,16 +121,15 @@ AMBIENT_OCCLUSION = Effect(
 )
 
 
-def _ambient_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+def _reflects_ambient(request: RenderRequest, index: int) -> bool:
     ambient = request.scene.lighting.ambient
     has_light = any(ambient.color) or any(ambient.ground or ())
-    if has_light and is_diffuse(request.material(index)):
-        yield "the scene has ambient light"
+    return has_light and is_diffuse(request.material(index))
 
 
 def _normals_for_ambient(request: RenderRequest, target: int) -> Iterator[str]:
     if request.scene.lighting.ambient.ground is not None:
-        yield from normals_effect(request, target)
+        yield normals_effect(request, target)
 
 
 def arriving_share(fragments: Fragments) -> Floats:
@@ -193,7 +192,8 @@ AMBIENT = Effect(
     does="adds ambient light",
     after="ambient occlusion",
     among="lit",
-    reasons=_ambient_reasons,
+    when=_reflects_ambient,
+    why="the scene has ambient light",
     left_out="the scene has no ambient light, or nothing that it falls on",
     needs=("slots", _normals_for_ambient),
     without=lambda scene: scene.with_lighting(ambient=Ambient()),

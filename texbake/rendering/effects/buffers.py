@@ -47,7 +47,7 @@ def _needs(request: RenderRequest, target: int) -> Iterator[str]:
     if buffer == "depth":
         yield "positions"
     elif buffer == "normals":
-        yield from normals_effect(request, target)
+        yield normals_effect(request, target)
     elif buffer == "uv":
         yield "texture coordinates"
     elif buffer in ("mip-level", "texel-grid"):

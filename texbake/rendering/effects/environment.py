@@ -140,11 +140,10 @@ def _background(state: RenderState, target: Target) -> FloatImage:
     return behind
 
 
-def _lighting_reasons(request: RenderRequest, index: int) -> Iterator[str]:
+def _is_lit(request: RenderRequest, index: int) -> bool:
     environment = request.scene.lighting.environment
-    is_lit = environment is not None and environment.lighting
-    if is_lit and reflects_environment(request.material(index)):
-        yield "the environment lights the scene"
+    lights = environment is not None and environment.lighting
+    return lights and reflects_environment(request.material(index))
 
 
 def _maps_for_lighting(request: RenderRequest, target: int) -> Iterator[str]:
@@ -254,7 +253,8 @@ ENVIRONMENT_LIGHT = Effect(
     does="adds the light of the environment",
     after="light map",
     among="lit",
-    reasons=_lighting_reasons,
+    when=_is_lit,
+    why="the environment lights the scene",
     without=lambda scene: scene.with_environment(lighting=False),
     left_out="no environment lights a surface in the picture",
     needs=("slots", normals_effect, _maps_for_lighting),

@@ -42,9 +42,8 @@ def _load_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def _normals_reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    if "normals" in request.keep and request.material(index).normal_map is None:
-        yield "the frame keeps normals"
+def _keeps_normals(request: RenderRequest, index: int) -> bool:
+    return "normals" in request.keep and request.material(index).normal_map is None
 
 
 def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
@@ -80,7 +79,8 @@ NORMALS = Effect(
     name="normals",
     does="interpolates normals",
     after="projected textures",
-    reasons=_normals_reasons,
+    when=_keeps_normals,
+    why="the frame keeps normals",
     requested_by="the caller",
     left_out="no object in the picture is lit by the normals of its mesh",
     needs=("vertex normals",),
@@ -112,8 +112,8 @@ def _uv_set_of_map(request: RenderRequest, target: int) -> str | None:
     return None if holder is None else holder.texture.uv_set
 
 
-def _coordinates_for_tangents(request: RenderRequest, target: int) -> Iterator[str]:
-    yield coordinates_effect(_uv_set_of_map(request, target))
+def _coordinates_for_tangents(request: RenderRequest, target: int) -> str:
+    return coordinates_effect(_uv_set_of_map(request, target))
 
 
 def _look_up_normals(fragments: Fragments, state: RenderState) -> None:

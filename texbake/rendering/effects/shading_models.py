@@ -49,15 +49,14 @@ from texbake.rendering.results import Result
 LEAST_ALPHA = 1e-3
 
 
-def _lamp_reasons(shading: str, request: RenderRequest, index: int) -> Iterator[str]:
-    if request.material(index).shading == shading and request.shining:
-        yield f"its shading is {shading}"
+def _shades(shading: str, request: RenderRequest, index: int) -> bool:
+    return request.material(index).shading == shading and bool(request.shining)
 
 
-def normals_effect(request: RenderRequest, target: int) -> Iterator[str]:
+def normals_effect(request: RenderRequest, target: int) -> str:
     """Name the effect that computes an object's normals before bump mapping."""
     has_map = request.material(target).normal_map is not None
-    yield "normal map" if has_map and request.needs_normals(target) else "normals"
+    return "normal map" if has_map and request.needs_normals(target) else "normals"
 
 
 def lamp_positions(request: RenderRequest, target: int) -> Iterator[str]:
@@ -111,11 +110,6 @@ def _shade_lamps(
     return shade
 
 
-def _unlit_reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    if request.material(index).shading == "unlit":
-        yield "its shading is unlit"
-
-
 def _show_base(fragments: Fragments, state: RenderState) -> None:
     fragments.light += fragments.values.base_color
 
@@ -124,7 +118,8 @@ UNLIT = Effect(
     name="unlit",
     does="shows the base color",
     after="bump map",
-    reasons=_unlit_reasons,
+    when=lambda request, index: request.material(index).shading == "unlit",
+    why="its shading is unlit",
     left_out="no material in the picture is unlit",
     needs=("slots",),
     shade=_show_base,
@@ -137,7 +132,8 @@ LAMBERT, BLINN_PHONG, METALLIC_ROUGHNESS = (
         does=f"reflects lamps by {title}",
         after=after,
         among="lit",
-        reasons=partial(_lamp_reasons, shading),
+        when=partial(_shades, shading),
+        why=f"its shading is {shading}",
         left_out=f"no material in the picture is {shading}, or no lamp shines",
         needs=("slots", normals_effect, *looks, lamp_positions),
         shade=_shade_lamps(reflect),

@@ -14,7 +14,6 @@ architecture", SIGGRAPH 1987, for dicing by size on the screen.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,10 +43,6 @@ from texbake.rendering.scene.textures import (
 )
 
 
-def _placing_reasons(request: RenderRequest, index: int) -> Iterator[str]:
-    yield "it is in the scene"
-
-
 def _place(state: RenderState, target: int) -> DrawnObject:
     item = state.scene.objects[target]
     mesh = place_mesh(item)
@@ -66,7 +61,7 @@ PLACING = Effect(
     name="placing",
     does="transforms meshes to world space",
     among="objects",
-    reasons=_placing_reasons,
+    why="it is in the scene",
     left_out="the scene has no object",
     load=PLACED_OBJECTS,
     moves_surface=True,
