@@ -90,11 +90,3 @@ def test_wrong_arrays_are_refused(name):
             with pytest.raises((TypeError, ValueError)):
                 function(*arguments)
                 pytest.fail(f"{array.name}: {what}")
-
-
-def test_ids_that_are_no_numbers_get_the_first_color():
-    ids = np.array([np.nan, np.inf, -np.inf, 1e30, 1.9, 0.0], dtype=np.float32)
-    colors = np.arange(9, dtype=np.uint8).reshape(3, 3)
-    codes = np.empty((6, 3), dtype=np.uint8)
-    core.color_ids_u8(ids, colors, codes, 0, 6)
-    assert codes.tolist() == colors[[0, 2, 0, 2, 1, 0]].tolist()

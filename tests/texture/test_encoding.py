@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import arrays
 
 from texbake.errors import OptionError
 from texbake.texture.encoding import (
+    color_ids,
     decode_heights,
     decode_normals,
     decode_srgb,
@@ -250,3 +251,11 @@ def test_wrong_options_are_errors():
         height_range(flat, flat > 0, mid=1.5)
     with pytest.raises(OptionError, match="leaves no room"):
         height_range(flat, np.ones((1, 3), bool), mid=1.0)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_an_id_gets_its_color_and_one_that_is_no_number_the_first(dtype):
+    ids = np.array([[np.nan, np.inf, -np.inf], [1e30, 1.9, 0.0]], dtype=np.float32)
+    colors = np.arange(9, dtype=dtype).reshape(3, 3)
+    codes = color_ids(ids, colors)
+    assert codes.dtype == dtype and codes.tolist() == colors[[[0, 2, 0], [2, 1, 0]]].tolist()

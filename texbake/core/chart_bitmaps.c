@@ -1,7 +1,7 @@
 /* Charts rasterized into bitmaps, bitmaps into runs of cells along rows, and charts turned to the
    least bounding box.
 
-   Called from texbake/mapping/atlas/packing/bitmaps.py and poses.py, and from bottom_left.c. */
+   Called from texbake/mapping/atlas/packing/bitmaps.py and from bottom_left.c. */
 
 #include "packing.h"
 

@@ -12,32 +12,16 @@
 #include "numbers.h"
 #include "voxel_grid.h"
 
-struct seeds {
-    struct arena *arena;
-    int64_t *places, count, room;
-};
-
-static void add_seed(struct seeds *seeds, int64_t place)
-{
-    if (seeds->count == seeds->room) {
-        int64_t *more = TAKE(seeds->arena, int64_t, 2 * seeds->room);
-        memcpy(more, seeds->places, (size_t)seeds->count * sizeof *more);
-        seeds->places = more;
-        seeds->room *= 2;
-    }
-    seeds->places[seeds->count++] = place;
-}
-
 /* Add a seed for each run of free points from `first` to `last` of a row. */
 static void add_runs(
-    struct seeds *seeds, const bool *blocked, const uint8_t *labels, uint8_t label, int64_t first,
+    struct places *seeds, const bool *blocked, const uint8_t *labels, uint8_t label, int64_t first,
     int64_t last)
 {
     bool in_run = false;
     for (int64_t place = first; place <= last; place++) {
         const bool is_free = !blocked[place] && labels[place] != label;
         if (is_free && !in_run)
-            add_seed(seeds, place);
+            add_place(seeds, place);
         in_run = is_free;
     }
 }
@@ -49,14 +33,14 @@ EXPORT int64_t flood_room(
     int64_t start, int64_t label)
 {
     OPEN_ARENA(arena);
-    struct seeds seeds = {arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16};
+    struct places seeds = new_places(arena);
     const bool *walls = &blocked[0][0][0];
     const uint8_t mark = (uint8_t)label;
     int64_t n_points = 0;
     uint8_t *found = &labels[0][0][0];
     add_runs(&seeds, walls, found, mark, start, start);
     while (seeds.count > 0) {
-        const int64_t place = seeds.places[--seeds.count];
+        const int64_t place = seeds.items[--seeds.count];
         if (found[place] == mark)
             continue;
         const int64_t row = place / nz, x = row / ny, y = row % ny;

@@ -22,22 +22,6 @@
 #define DIGITS 1024 /* values of a digit of the radix sort */
 #define NOWHERE 1e30f
 
-/* Put two zeros between the lowest ten bits. */
-static uint32_t spread_bits(uint32_t x)
-{
-    x = (x | (x << 16)) & 0x30000ff;
-    x = (x | (x << 8)) & 0x300f00f;
-    x = (x | (x << 4)) & 0x30c30c3;
-    return (x | (x << 2)) & 0x9249249;
-}
-
-/* Cell of a coordinate; NaN is in the first. */
-static uint32_t cell_of(double coordinate, double low, double cells_per_unit, double last)
-{
-    const double cell = (coordinate - low) * cells_per_unit;
-    return cell > 0.0 ? (uint32_t)min_f64(cell, last) : 0;
-}
-
 /* Write the place on the curve of each triangle in the upper half of a number, and which triangle
    it is, counted from `first`, in the lower half. `box` is the least corner of the triangles' box, in
    model units, and a model unit is `cells_per_unit` cells, of 1024 along the longest side. */
@@ -51,7 +35,7 @@ EXPORT void place_on_curve(
         uint32_t key = 0;
         for (int axis = 0; axis < 3; axis++) {
             const double middle = (a[axis] + b[axis] + c[axis]) * (1.0 / 3.0);
-            key |= spread_bits(cell_of(middle, box[axis], cells_per_unit, 1023.0)) << axis;
+            key |= spread_bits((middle - box[axis]) * cells_per_unit) << axis;
         }
         places[i] = (uint64_t)key << 32 | (uint64_t)(first + i);
     }

@@ -9,6 +9,8 @@
 
 #include <stdint.h>
 
+#include "numbers.h"
+
 #define WIDTH 8 /* triangles of a leaf, and boxes of a node */
 #define MAX_LEVELS 11
 
@@ -17,3 +19,13 @@ typedef double leaf[9][WIDTH];
 
 /* Boxes: least x, y, z, then greatest. Where there is no child, the least exceeds the greatest. */
 typedef float node[6][WIDTH];
+
+/* The lowest ten bits of a cell's number with two zeros between them; NaN is in the first cell. */
+static inline uint32_t spread_bits(double cell)
+{
+    uint32_t x = cell > 0.0 ? (uint32_t)min_f64(cell, 1023.0) : 0;
+    x = (x | (x << 16)) & 0x30000ff;
+    x = (x | (x << 8)) & 0x300f00f;
+    x = (x | (x << 4)) & 0x30c30c3;
+    return (x | (x << 2)) & 0x9249249;
+}

@@ -149,27 +149,3 @@ EXPORT void quantize_srgb_u16(
 
 QUANTIZE_SRGB(quantize_srgb_u8, uint8_t)
 QUANTIZE_SRGB(quantize_srgb_u16, uint16_t)
-
-/* Write the colors of ids; the first color is that of 0. */
-#define COLOR_IDS(name, code_t)                                                                   \
-    void name(                                                                                    \
-        int64_t n, int64_t n_colors, const float ids[n], const code_t colors[n_colors][3],        \
-        code_t codes[n][3], int64_t start, int64_t stop)                                          \
-    {                                                                                             \
-        for (int64_t i = start; i < stop; i++) {                                                  \
-            const double id = min_f64(max_f64(0.0, ids[i]), (double)(n_colors - 1)); /* NaN: 0 */ \
-            const code_t *color = colors[(int64_t)id];                                            \
-            for (int channel = 0; channel < 3; channel++)                                         \
-                codes[i][channel] = color[channel];                                               \
-        }                                                                                         \
-    }
-
-EXPORT void color_ids_u8(
-    int64_t n, int64_t n_colors, const float ids[n], const uint8_t colors[n_colors][3],
-    uint8_t codes[n][3], int64_t start, int64_t stop);
-EXPORT void color_ids_u16(
-    int64_t n, int64_t n_colors, const float ids[n], const uint16_t colors[n_colors][3],
-    uint16_t codes[n][3], int64_t start, int64_t stop);
-
-COLOR_IDS(color_ids_u8, uint8_t)
-COLOR_IDS(color_ids_u16, uint16_t)

@@ -70,32 +70,21 @@ static inline void read_plain(struct layout layout, int64_t vertex, double point
         point[axis] = values[axis];
 }
 
-/* Write the positions of some vertices. */
+/* Write the positions of some vertices; without a list of them, of all from `first` on. */
 EXPORT void read_vertices(
-    int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
-    const int32_t vertices[n], double positions[n][3])
+    int64_t n_bytes, int64_t n_listed, int64_t n, const uint8_t bytes[n_bytes],
+    const int64_t layout[9], OPTIONAL const int32_t vertices[n_listed], int64_t first,
+    double positions[n][3])
 {
     const struct layout all = {bytes, layout};
-    if (is_plain(all))
-        for (int64_t i = 0; i < n; i++)
-            read_plain(all, vertices[i], positions[i]);
-    else
-        for (int64_t i = 0; i < n; i++)
-            read_vertex(all, vertices[i], positions[i]);
-}
-
-/* Write the positions of all vertices from `first` on. */
-EXPORT void read_run(
-    int64_t n_bytes, int64_t n, const uint8_t bytes[n_bytes], const int64_t layout[9],
-    int64_t first, double positions[n][3])
-{
-    const struct layout all = {bytes, layout};
-    if (is_plain(all))
-        for (int64_t i = 0; i < n; i++)
-            read_plain(all, first + i, positions[i]);
-    else
-        for (int64_t i = 0; i < n; i++)
-            read_vertex(all, first + i, positions[i]);
+    const bool plain = is_plain(all);
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t vertex = vertices ? vertices[i] : first + i;
+        if (plain)
+            read_plain(all, vertex, positions[i]);
+        else
+            read_vertex(all, vertex, positions[i]);
+    }
 }
 
 /* Least and greatest coordinates of points; NaN is left out. */

@@ -906,16 +906,6 @@ EXPORT int64_t cast_bundles(
     return 0;
 }
 
-/* Put two zeros between the lowest ten bits. */
-static uint64_t spread_bits(double cell)
-{
-    uint64_t x = cell > 0.0 ? (uint64_t)min_f64(cell, 1023.0) : 0;
-    x = (x | (x << 16)) & 0x30000ff;
-    x = (x | (x << 8)) & 0x300f00f;
-    x = (x | (x << 4)) & 0x30c30c3;
-    return (x | (x << 2)) & 0x9249249;
-}
-
 /* Write numbers that sort rays so that similar ones follow each other: by where they head, by their
    direction in 8 x 8 steps, and by their middle on a Morton curve. */
 EXPORT void sort_keys_of_rays(

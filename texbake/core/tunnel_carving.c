@@ -16,22 +16,7 @@
 
 #include "arena.h"
 #include "core.h"
-
-struct places {
-    struct arena *arena;
-    int64_t *places, count, room;
-};
-
-static void add_place(struct places *list, int64_t place)
-{
-    if (list->count == list->room) {
-        int64_t *more = TAKE(list->arena, int64_t, 2 * list->room);
-        memcpy(more, list->places, (size_t)list->count * sizeof *more);
-        list->places = more;
-        list->room *= 2;
-    }
-    list->places[list->count++] = place;
-}
+#include "voxel_grid.h"
 
 /* Whether the points outside among the six neighbors of a point are joined by those at its edges. */
 static bool is_outside_joined(const bool *solid, const int64_t steps[6])
@@ -64,9 +49,7 @@ EXPORT int64_t carve_tunnels(
     const bool *stays = &kept[0][0][0];
     const int64_t steps[6] = {-ny * nz, ny * nz, -nz, nz, -1, 1};
     uint8_t *waits = TAKE_ZEROS(arena, uint8_t, nx * ny * nz);
-    struct places lists[2] = {
-        {arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16},
-        {arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16}};
+    struct places lists[2] = {new_places(arena), new_places(arena)};
     int64_t n_gone = 0;
     for (int64_t x = 1; x < nx - 1; x++)
         for (int64_t y = 1; y < ny - 1; y++)
@@ -83,7 +66,7 @@ EXPORT int64_t carve_tunnels(
     for (int64_t step = 0; step < most_steps && lists[step & 1].count > 0; step++) {
         struct places *now = &lists[step & 1], *next = &lists[1 - (step & 1)];
         for (int64_t i = 0; i < now->count; i++) {
-            const int64_t place = now->places[i];
+            const int64_t place = now->items[i];
             waits[place] = false;
             if (!is_outside_joined(is_solid + place, steps))
                 continue;

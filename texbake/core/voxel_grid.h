@@ -7,6 +7,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "arena.h"
+
 enum { BLOCK_SIDE = 8, BLOCK_POINTS = BLOCK_SIDE * BLOCK_SIDE * BLOCK_SIDE };
 
 /* What the points of a grid are, as in texbake/mesh/remeshing/band.py: in the solid or not looked at
@@ -24,6 +26,28 @@ static inline int64_t place_in_blocks(const struct blocks *blocks, int64_t x, in
     const int64_t block = ((x >> 3) * blocks->ny + (y >> 3)) * blocks->nz + (z >> 3);
     const int64_t slot = blocks->slots[block];
     return slot < 0 ? -1 : slot * BLOCK_POINTS + ((x & 7) << 6 | (y & 7) << 3 | (z & 7));
+}
+
+/* A list of grid points that grows. */
+struct places {
+    struct arena *arena;
+    int64_t *items, count, room;
+};
+
+static inline struct places new_places(struct arena *arena)
+{
+    return (struct places){arena, TAKE(arena, int64_t, 1 << 16), 0, 1 << 16};
+}
+
+static inline void add_place(struct places *list, int64_t place)
+{
+    if (list->count == list->room) {
+        int64_t *more = TAKE(list->arena, int64_t, 2 * list->room);
+        memcpy(more, list->items, (size_t)list->count * sizeof *more);
+        list->items = more;
+        list->room *= 2;
+    }
+    list->items[list->count++] = place;
 }
 
 enum { ALL_SOLID = 255 };

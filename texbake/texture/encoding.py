@@ -151,11 +151,14 @@ def quantize_points(
 def color_ids(
     ids: npt.NDArray[np.float32], colors: npt.NDArray[Any], *, threads: int | None = None
 ) -> npt.NDArray[Any]:
-    """Give each of the ids (H, W) its color, (n, 3) uint8 or uint16: (H, W, 3)."""
+    """Give each of the ids (H, W) its color, (n, 3) uint8 or uint16: (H, W, 3); NaN the first."""
     flat = np.ascontiguousarray(ids).reshape(-1)
     codes = np.empty((len(flat), 3), colors.dtype)
-    fill = core.color_ids_u8 if colors.dtype == np.uint8 else core.color_ids_u16
-    work = partial(fill, flat, colors, codes)
+
+    def work(start: int, stop: int) -> None:
+        rows = np.minimum(np.fmax(flat[start:stop], 0), len(colors) - 1).astype(np.intp)
+        np.take(colors, rows, axis=0, out=codes[start:stop], mode="clip")
+
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(*ids.shape, 3)
 

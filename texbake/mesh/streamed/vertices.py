@@ -53,7 +53,7 @@ class FileVertices:
             def read(
                 start: int, stop: int, some: IntArray = some, there: FloatArray = there
             ) -> None:
-                core.read_vertices(self.data, self.layout, some[start:stop], there[start:stop])
+                core.read_vertices(self.data, self.layout, some[start:stop], 0, there[start:stop])
 
             run_bands(read, len(some), band=1 << 16, threads=threads)
             if len(some) == _AT_ONCE:
@@ -75,7 +75,7 @@ class FileVertices:
         positions = np.empty((last - first + 1, 3))
 
         def read(start: int, stop: int) -> None:
-            core.read_run(self.data, self.layout, first + start, positions[start:stop])
+            core.read_vertices(self.data, self.layout, None, first + start, positions[start:stop])
 
         run_bands(read, len(positions), band=1 << 16, threads=threads)
         return positions, faces - np.int32(first)
