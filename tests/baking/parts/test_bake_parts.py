@@ -65,32 +65,43 @@ def test_parts_that_share_texels_are_baked_in_order_after_those_named(as_files, 
         bake_parts(high, low, options(bake_island=("middle",)), MATCH)
 
 
-@pytest.mark.parametrize("samples", [1, 4])
+def assert_same(found, wanted):
+    """One set of maps is another one, byte for byte."""
+    assert np.array_equal(found.texel_faces, wanted.texel_faces)
+    for name, baked in wanted.maps.items():
+        assert found.maps[name].values.tobytes() == baked.values.tobytes(), name
+
+
+def assert_shows(whole, alone):
+    """Where a bake without padding has a texel, the whole has the same; return where that is."""
+    mine = alone.texel_faces >= 0
+    assert np.array_equal(whole.has_data[mine], alone.has_data[mine])
+    for name, baked in alone.maps.items():
+        assert np.array_equal(whole.maps[name].values[mine], baked.values[mine]), name
+    return mine
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"samples": 1}, {"samples": 4}, {"samples": "adaptive", "maps": ("normal",)},
+     {"maps": ("normal", "ao"), "back": 0.1, "padding": 0}],
+    ids=["1", "4", "adaptive", "cage"],
+)  # fmt: skip
 @pytest.mark.parametrize("as_files", [False, True], ids=["groups", "files"])
-def test_each_part_equals_a_bake_of_it_alone(samples, as_files):
+def test_each_part_equals_a_bake_of_it_alone(changes, as_files):
+    """Also on a cage of both spheres, each grown about its center, of which each gets its own."""
     high, low = (HIGHS, LOWS) if as_files else ([HIGH], [LOW])
-    whole = bake_parts(high, low, options(samples=samples), MATCH).targets[ONLY]
-    alone = [
-        bake(high_part, low_part, options(samples=samples, padding=0))
-        for high_part, low_part in zip(HIGHS, LOWS, strict=True)
-    ]
-    covered = [one.texel_faces >= 0 for one in alone]
-    assert not (covered[0] & covered[1]).any()
-    assert np.array_equal(whole.texel_faces >= 0, covered[0] | covered[1])
-    for one, mine in zip(alone, covered, strict=True):
-        assert np.array_equal(whole.has_data[mine], one.has_data[mine])
-        for name in MAPS:
-            expected = one.maps[name].values[mine]
-            assert np.array_equal(whole.maps[name].values[mine], expected), name
-
-
-def test_adaptive_samples_of_each_part_equal_those_of_it_alone():
-    chosen = {"maps": ("normal",), "samples": "adaptive"}
-    whole = bake_parts([HIGH], [LOW], options(**chosen), MATCH).targets[ONLY]
-    for high_part, low_part in zip(HIGHS, LOWS, strict=True):
-        alone = bake(high_part, low_part, options(padding=0, **chosen))
-        mine = alone.texel_faces >= 0
-        assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
+    grown = [mesh.replace(positions=1.1 * (mesh.positions - [x, 0, 0]) + [x, 0, 0])
+             for mesh, x in zip(LOWS, (0.0, 1.9), strict=True)]  # fmt: skip
+    caged = "back" in changes and not as_files
+    cage = LOW.replace(positions=join_meshes(grown).positions) if caged else None
+    whole = bake_parts(high, low, options(**changes), MATCH, cage=cage).targets[ONLY]
+    covered = np.zeros(whole.texel_faces.shape, int)
+    for i in range(2):
+        alone = options(**{**changes, "padding": 0})
+        one = bake(HIGHS[i], LOWS[i], alone, cage=grown[i] if caged else None)
+        covered += assert_shows(whole, one)
+    assert np.array_equal(whole.texel_faces >= 0, covered == 1) and covered.max() == 1
 
 
 def test_without_matching_rays_hit_all_parts():
@@ -123,9 +134,7 @@ def test_objects_are_matched_if_all_names_pair_up(high_names, low_names, are_pai
     assert (result.report.matching is not None) == are_paired == result.report.is_paired
     expected = bake_parts([HIGH], [LOW], chosen, MATCH) if are_paired else bake(high, low, chosen)
     expected = expected.targets[ONLY] if are_paired else expected
-    assert np.array_equal(
-        result.targets[ONLY].maps["normal"].values, expected.maps["normal"].values
-    )
+    assert_same(result.targets[ONLY], expected)
     assert (
         bake_parts([high], [low], chosen, PartsOptions(join_objects=True)).report.matching is None
     )
@@ -149,9 +158,7 @@ def test_one_of_each_is_a_plain_bake(samples):
         result = bake_parts([HIGH], [LOW], chosen, parts)
         assert list(result.targets) == [ONLY]
         found = result.targets[ONLY]
-        assert np.array_equal(found.texel_faces, plain.texel_faces)
-        for name in maps:
-            assert np.array_equal(found.maps[name].values, plain.maps[name].values), name
+        assert_same(found, plain)
         same = ("texels_covered", "texels_missed", "faces_without_texel", "padding_meets",
                 "distance_percentiles", "counts")  # fmt: skip
         for field in same:
@@ -205,9 +212,7 @@ def test_tiles_are_shifted_bakes(samples, tile):
     for udim, shift in ((1001, (0, 0)), (number, tile)):
         moved = low.replace(uvs=low.uvs - np.array(shift), tangents=corner_tangents(low))
         alone = bake(HIGH, moved, chosen)
-        for name in chosen.maps:
-            ours = result.targets[BakeTarget("", udim)].maps[name].values
-            assert np.array_equal(ours, alone.maps[name].values), (udim, name)
+        assert_same(result.targets[BakeTarget("", udim)], alone)
 
 
 def test_sets_of_groups_together_cover_what_one_set_covers():
@@ -219,8 +224,7 @@ def test_sets_of_groups_together_cover_what_one_set_covers():
     left, right = result.targets.values()
     assert not ((left.texel_faces >= 0) & (right.texel_faces >= 0)).any()
     for one in (left, right):
-        mine = one.texel_faces >= 0
-        assert np.array_equal(one.maps["normal"].values[mine], plain.maps["normal"].values[mine])
+        assert_shows(plain, one)
     assert np.array_equal(np.maximum(left.texel_faces, right.texel_faces), plain.texel_faces)
     named = bake_parts(
         [HIGH], [LOW], chosen, PartsOptions(texture_sets="groups", match_by_name=True)
@@ -258,11 +262,10 @@ def test_rays_at_the_border_of_a_set_are_those_of_the_whole():
     low = low.replace(face_groups=(middles > 0).astype(int), group_names=("down", "up"))
     high = ball("high", 0.0, is_high=True)
     chosen = options(maps=("normal",), padding=0, samples=1)
-    plain = bake(high, low, chosen).maps["normal"].values
+    plain = bake(high, low, chosen)
     result = bake_parts([high], [low], chosen, PartsOptions(texture_sets="groups"))
     for found in result.targets.values():
-        mine = found.texel_faces >= 0
-        assert np.array_equal(found.maps["normal"].values[mine], plain[mine])
+        assert_shows(plain, found)
 
 
 def test_overlaps_of_meshes_that_share_an_atlas_are_counted():
@@ -337,8 +340,7 @@ def test_maps_that_are_kept_in_files_are_the_same(tmp_path):
     waiting = bake_parts([HIGH], [low], chosen, parts, folder=tmp_path)
     assert len(list(tmp_path.rglob("*.npy"))) == 4
     for target, found in waiting.targets.items():
-        for name, baked in found.maps.items():
-            assert np.array_equal(baked.values, kept.targets[target].maps[name].values)
+        assert_same(found, kept.targets[target])
 
 
 def test_each_set_has_its_own_images_for_rays():
@@ -355,28 +357,7 @@ def test_each_set_has_its_own_images_for_rays():
         kinds[kind] = bake_parts([HIGH], [low], changed, PartsOptions(udim=True)).targets
     for udim, kind in ((1001, "smooth"), (1002, "face")):
         target = BakeTarget("", udim)
-        ours, theirs = (
-            found[target].maps["normal"].values for found in (result.targets, kinds[kind])
-        )
-        assert np.array_equal(ours, theirs)
-
-
-def test_a_cage_is_divided_as_its_mesh():
-    """A cage of both spheres, each grown about its center, gives each part its own cage."""
-    middles = np.repeat([[0.0, 0, 0], [1.9, 0, 0]], LOWS[0].n_vertices, axis=0)
-    cage = LOW.replace(positions=(LOW.positions - middles) * 1.1 + middles)
-    chosen = options(maps=("normal",), back=0.1, padding=0)
-    whole = bake_parts([HIGH], [LOW], chosen, MATCH, cage=cage).targets[ONLY]
-    for i, (high_part, low_part) in enumerate(zip(HIGHS, LOWS, strict=True)):
-        n = low_part.n_vertices
-        alone = bake(
-            high_part,
-            low_part,
-            chosen,
-            cage=low_part.replace(positions=cage.positions[i * n : (i + 1) * n]),
-        )
-        mine = alone.texel_faces >= 0
-        assert np.array_equal(whole.maps["normal"].values[mine], alone.maps["normal"].values[mine])
+        assert_same(result.targets[target], kinds[kind][target])
 
 
 BARE = LOWS[0].replace(uvs=None, uv_faces=None)
@@ -434,8 +415,7 @@ def test_primitives_of_one_object_are_one_part():
     chosen = options(maps=("normal",))
     result = bake_parts([HIGHS[0]], [cut], chosen, MATCH)
     assert [part.low for part in result.report.parts] == ["left_low"]
-    plain = bake(HIGHS[0], LOWS[0], chosen)
-    assert np.array_equal(result.targets[ONLY].maps["normal"].values, plain.maps["normal"].values)
+    assert_same(result.targets[ONLY], bake(HIGHS[0], LOWS[0], chosen))
     # In other formats a number is part of the name, which is then not that of a low-poly part.
     with pytest.raises(MeshError, match="no low-poly part"):
         bake_parts([HIGHS[0]], [cut.replace(name="asset.obj")], chosen, MATCH)
@@ -446,10 +426,9 @@ def test_groups_of_one_name_are_one_set():
     result = bake_parts(
         [HIGH], [low], options(maps=("normal",)), PartsOptions(texture_sets="groups")
     )
-    plain = bake(HIGH, LOW, options(maps=("normal",)))
     assert list(result.targets) == [BakeTarget("body", 1001)]
     (found,) = result.targets.values()
-    assert np.array_equal(found.maps["normal"].values, plain.maps["normal"].values)
+    assert_same(found, bake(HIGH, LOW, options(maps=("normal",))))
 
 
 def test_pairs_baked_together_equal_each_baked_alone():
@@ -465,6 +444,4 @@ def test_pairs_baked_together_equal_each_baked_alone():
     result = bake_parts(highs, lows, chosen, parts)
     assert [target.texture_set for target in result.targets] == list(pairs)
     for found, (high, low) in zip(result.targets.values(), pairs.values(), strict=True):
-        alone = bake(high, low, chosen)
-        for name in chosen.maps:
-            assert np.array_equal(found.maps[name].values, alone.maps[name].values), name
+        assert_same(found, bake(high, low, chosen))
