@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import texbake.mapping.unwrap as unwrapping
+from tests.rendering.test_uv_sets import READERS
 from texbake.errors import FileError, UnwrapError
 from texbake.jobs.light_maps import bake_light_maps
 from texbake.mapping.options import UnwrapOptions
@@ -18,11 +19,7 @@ from texbake.rendering.plan import plan_rows
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import (
-    BumpMap,
-    Displacement,
     Material,
-    NormalMap,
-    Parallax,
 )
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, apply_mapping, camera_of
@@ -42,24 +39,6 @@ OPTIONS = RenderOptions(width=48, height=40, supersampling=1)
 # The coordinates that a mapping replaces.
 PLACE = transform_matrix(rotate=(20.0, 30.0, 0.0), scale=(1.0, -1.2, 0.9))
 BALL = SceneObject(mesh=uv_sphere(8, 16), mapping=MAPPING, name="ball", transform=PLACE)
-
-READERS: dict[str, dict[str, Any]] = {
-    "image": {"base_color": IMAGE},
-    "clamped or repeated": {"roughness": replace(HEIGHTS, scale=(2.0, 3.0), filter="ewa")},
-    "procedure": {"base_color": CHECKER},
-    "normal map": {"normal_map": NormalMap(texture=NORMALS, space="tangent")},
-    "bump map": {"bump_map": BumpMap(texture=HEIGHTS, height=0.3)},
-    "emboss": {"bump_map": BumpMap(texture=HEIGHTS, height=0.3, form="emboss")},
-    "parallax": {"base_color": IMAGE, "parallax": Parallax(texture=HEIGHTS, depth=0.1)},
-    "displacement": {"displacement": Displacement(texture=HEIGHTS, height=0.2, edge_px=8.0)},
-    "vectors": {"displacement": Displacement(texture=NORMALS, height=0.2, vector=True)},
-    "cells": {"displacement": Displacement(texture=CHECKER, height=0.2, edge_px=8.0)},
-    "solid relief": {
-        "displacement": Displacement(texture=SOLID, height=0.2, edge_px=8.0), "base_color": IMAGE,
-    },
-    "vertex rate": {"base_color": IMAGE, "shading_rate": "vertex"},
-    "opacity": {"opacity": HEIGHTS},
-}  # fmt: skip
 
 
 def scene_of(*items: SceneObject) -> Scene:
@@ -84,7 +63,7 @@ def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     name: str, n_mapped: list[str]
 ) -> None:
-    item = replace(BALL, material=Material(**READERS[name]))
+    item = replace(BALL, material=Material(**READERS[name](None)))
     expected = render_scene(scene_of(apply_mapping(item)), OPTIONS)
     other = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
     assert expected.color.tobytes() != other.color.tobytes()

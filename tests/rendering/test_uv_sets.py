@@ -46,30 +46,47 @@ def image(**fields):
     return ImageTexture(image=NOISE, wrap="repeat", **fields)
 
 
-HEIGHTS = {"image": NOISE[..., :1], "wrap": "repeat"}
+def heights(name):
+    return ImageTexture(image=NOISE[..., :1], wrap="repeat", uv_set=name)
 
 
-@pytest.mark.parametrize(
-    "slots",
-    [
-        lambda name: {"base_color": image(uv_set=name)},
-        lambda name: {"base_color": image(uv_set=name, filter="ewa")},
-        lambda name: {"roughness": image(uv_set=name, channel=1), "metalness": 1.0},
-        lambda name: {"base_color": ProcedureTexture(procedure="checker", space="uv", uv_set=name)},
-        lambda name: {"normal_map": NormalMap(
-            texture=ImageTexture(image=0.5 + 0.5 * NOISE, uv_set=name, wrap="repeat"),
-            space="tangent", convention="opengl")},
-        lambda name: {"bump_map": BumpMap(texture=ImageTexture(**HEIGHTS, uv_set=name))},
-        lambda name: {"bump_map": BumpMap(
-            texture=ProcedureTexture(procedure="checker", space="uv", uv_set=name))},
-        lambda name: {"parallax": Parallax(texture=ImageTexture(**HEIGHTS, uv_set=name)),
-                      "base_color": image(uv_set=name)},
-        lambda name: {"displacement": Displacement(
-            texture=ImageTexture(**HEIGHTS, uv_set=name), height=0.1)},
-        lambda name: {"displacement": Displacement(
-            texture=ProcedureTexture(procedure="checker", space="uv", uv_set=name), height=0.1)},
-    ],
-)  # fmt: skip
+def checker(name):
+    return ProcedureTexture(procedure="checker", space="uv", scale=8.0, uv_set=name)
+
+
+def vectors(name):
+    leaning = np.array([0.0, 0.0, 1.0]) + 0.2 * NOISE
+    return ImageTexture(image=np.float32(leaning), wrap="repeat", uv_set=name)
+
+
+# Materials whose picture depends on a set of texture coordinates, by its name.
+READERS = {
+    "image": lambda name: {"base_color": image(uv_set=name)},
+    "filtered image": lambda name: {"base_color": image(uv_set=name, filter="ewa")},
+    "number": lambda name: {"roughness": image(uv_set=name, channel=1), "metalness": 1.0},
+    "opacity": lambda name: {"opacity": heights(name)},
+    "procedure": lambda name: {"base_color": checker(name)},
+    "normal map": lambda name: {"normal_map": NormalMap(texture=vectors(name), space="tangent")},
+    "bump map": lambda name: {"bump_map": BumpMap(texture=heights(name), height=0.3)},
+    "bumps of a procedure": lambda name: {"bump_map": BumpMap(texture=checker(name))},
+    "emboss": lambda name: {"bump_map": BumpMap(texture=heights(name), form="emboss")},
+    "parallax": lambda name: {
+        "parallax": Parallax(texture=heights(name), depth=0.1), "base_color": image(uv_set=name),
+    },
+    "displacement": lambda name: {
+        "displacement": Displacement(texture=heights(name), height=0.1, edge_px=8.0)
+    },
+    "vectors": lambda name: {
+        "displacement": Displacement(texture=vectors(name), height=0.2, vector=True)
+    },
+    "cells": lambda name: {
+        "displacement": Displacement(texture=checker(name), height=0.1, edge_px=8.0)
+    },
+    "vertex rate": lambda name: {"base_color": image(uv_set=name), "shading_rate": "vertex"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("slots", READERS.values(), ids=READERS)
 def test_a_set_looks_as_it_does_as_the_only_one(slots):
     mesh = with_second(uv_sphere(8, 16), turned)
     only = mesh.on_uv_set("second").replace(uv_sets={})
@@ -95,7 +112,7 @@ def test_slots_of_one_material_lie_on_sets_of_their_own():
 def test_parallax_moves_the_coordinates_of_all_sets_to_the_same_place():
     """On a set that is an affine map of the first, the picture is that of a texture transform."""
     mesh = with_second(plane(2, 2), lambda uvs: uvs * (2.0, -3.0) + (0.25, 0.5))
-    relief = Parallax(texture=ImageTexture(**HEIGHTS), depth=0.1)
+    relief = Parallax(texture=heights(None), depth=0.1)
     seen = picture(mesh, Material(base_color=image(uv_set="second"), parallax=relief))
     placed = image(scale=(2.0, -3.0), offset=(0.25, 0.5))
     expected = picture(mesh, Material(base_color=placed, parallax=relief))
