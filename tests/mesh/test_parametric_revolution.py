@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from texbake import OptionError, make
 from texbake.mesh.normals import face_normals
+from texbake.mesh.parametric.revolution import profile_outline
 from texbake.mesh.topology import find_edges, genus
 
 # A few roundings of numbers up to about 2.
@@ -217,6 +218,35 @@ def test_creases_are_where_the_profile_turns_sharply():
     assert smooth.n_vertices == hard.n_vertices == 24 * 3
     assert len(smooth.uvs) == len(hard.uvs) == 25 * 3
     assert np.linalg.norm(smooth.normals, axis=1) == pytest.approx(np.ones(72), abs=1e-15)
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.5, 2.0), st.floats(0.1, 1.0)), min_size=3, max_size=7),
+    st.sampled_from([0.0, 20.0, 60.0, 90.0]),
+    st.booleans(),
+)
+def test_normals_of_a_profile_are_means_where_it_is_smooth(steps, crease, tip):
+    """The mean at a point counts each segment by the length of the other."""
+    heights = np.cumsum([height for _, height in steps])
+    points = np.column_stack([[radius for radius, _ in steps], heights])
+    points[-1, 0] *= not tip
+    edges = np.diff(points, axis=0)
+    lengths = np.hypot(*edges.T)
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / lengths[:, None]
+    turns = np.degrees(np.arccos(np.clip((normals[1:] * normals[:-1]).sum(axis=1), -1, 1)))
+    last = np.degrees(np.arcsin(abs(normals[-1, 0]))) * 2  # from one side of the tip to the other
+    assume((np.abs(np.append(turns, last) - crease) > 1e-4).all())
+    expected = [(points[0], normals[0])]
+    for i, turn in enumerate(turns):
+        mean = lengths[i + 1] * normals[i] + lengths[i] * normals[i + 1]
+        mean /= np.linalg.norm(mean)
+        sides = [mean] if turn <= crease else [normals[i], normals[i + 1]]
+        expected += [(points[i + 1], normal) for normal in sides]
+    expected.append((points[-1], [0.0, 1.0] if tip and last <= crease else normals[-1]))
+    for profile in points, points[::-1]:
+        found = profile_outline(profile, 1, crease)
+        np.testing.assert_allclose(found.points, [point for point, _ in expected], atol=1e-15)
+        np.testing.assert_allclose(found.normals, [n for _, n in expected], atol=1e-12)
 
 
 def test_a_closed_profile_is_a_ring():
