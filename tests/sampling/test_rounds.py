@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.sampling.rounds import OutOfTimeError, Rounds
+from texbake.sampling.rounds import OutOfTimeError, Rounds, spread_rows
 from texbake.sampling.time_budget import BudgetClock
 
 
@@ -216,3 +216,14 @@ def test_a_round_is_given_up_when_it_and_what_follows_do_not_fit(has_result):
     for work.now, seconds in ((last + 0.01, 0.0), (1.0, last - 0.99)):
         with pytest.raises(OutOfTimeError):
             rounds.check(seconds)
+
+
+@pytest.mark.parametrize(("n", "n_chosen", "n_runs"), [(1000, 16, 4), (17, 16, 8), (4000, 250, 8)])
+def test_rows_are_spread_evenly(n, n_chosen, n_runs):
+    runs = spread_rows(n, n_chosen, n_runs)
+    assert {len(run) for run in runs} == {n_chosen // n_runs} and len(runs) == n_runs
+    rows = np.concatenate(runs)
+    assert len(np.unique(rows)) == len(rows) and rows.min() >= 0 and rows.max() < n
+    middles = np.array([run.start + len(run) / 2 for run in runs])
+    np.testing.assert_allclose(middles, (np.arange(n_runs) + 0.5) * n / n_runs, atol=1.0)
+    assert list(np.concatenate(spread_rows(n_chosen, n_chosen, n_runs))) == list(range(n_chosen))
