@@ -227,3 +227,19 @@ def test_rows_are_spread_evenly(n, n_chosen, n_runs):
     middles = np.array([run.start + len(run) / 2 for run in runs])
     np.testing.assert_allclose(middles, (np.arange(n_runs) + 0.5) * n / n_runs, atol=1.0)
     assert list(np.concatenate(spread_rows(n_chosen, n_chosen, n_runs))) == list(range(n_chosen))
+
+
+@pytest.mark.parametrize("overhead", [0.01, 0.1])
+@pytest.mark.parametrize("budget", [4.0, 6.0, 9.0])
+def test_a_round_is_predicted_to_take_its_share_of_the_time_that_is_left(budget, overhead):
+    """0.4 of it for the first one, 0.7 for others, and 0.85 for the last."""
+    work = Work(budget, overhead=overhead)
+    report = work.run()
+    shares = [
+        one.predicted_seconds / (0.96 * budget - start - work.rounds.after)
+        for one, start in zip(report.rounds, work.starts, strict=True)
+    ]
+    most = [0.4, *[0.7] * (len(shares) - 2), 0.85][: len(shares)]
+    # A step between two bounds is a 64th of a doubling, and the closest bound takes what it takes.
+    assert all(share <= limit + 1e-9 for share, limit in zip(shares, most, strict=True))
+    assert all(share > limit - 0.1 for share, limit in zip(shares[:-1], most, strict=False))
