@@ -6,8 +6,8 @@ from embreex_oracle import EmbreexScene
 
 from texbake.baking.hits import Hits
 from texbake.baking.secondary_rays import START_OFFSET, hemispheres_of
-from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere

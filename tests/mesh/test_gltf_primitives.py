@@ -9,7 +9,8 @@ from texbake.errors import MeshError, heard_warnings
 from texbake.jobs.meshes import info_file
 from texbake.mesh.files import gltf_primitives, read_mesh
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
+from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
+from texbake.mesh.join import MeshPart
 
 _FLOAT, _BYTE, _UBYTE, _SHORT, _UINT = 5126, 5120, 5121, 5123, 5125
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -88,9 +89,9 @@ def _primitive(writer: _Writer, kind: int) -> dict:
     return primitive
 
 
-def _arrays(piece: PrimitiveMesh) -> list:
+def _arrays(piece: MeshPart) -> list:
     """Types, shapes and bytes of all arrays of a piece."""
-    arrays = [*vars(piece).values(), *piece.further_uvs.values()]
+    arrays = [*vars(piece).values(), *(item.uvs for item in piece.uv_sets.values())]
     return [(a.dtype, a.shape, a.tobytes()) for a in arrays if isinstance(a, np.ndarray)]
 
 

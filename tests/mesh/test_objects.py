@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from texbake.checks.check import check
-from texbake.mesh.compose import join_meshes, join_parts, transformed
+from texbake.mesh.compose import transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
+from texbake.mesh.join import join_meshes, join_parts
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
 from texbake.mesh.objects import face_objects, joined_objects, object_names, vertex_objects

@@ -6,9 +6,10 @@ import pytest
 from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, level_surface, model, real
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.compose import transformed
 from texbake.mesh.decimate import bring_down
 from texbake.mesh.distance import surface_distance
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import face_objects, joined_objects, object_names
 from texbake.mesh.options import QUALITIES

@@ -14,8 +14,9 @@ from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
+from texbake.mesh.compose import excerpt, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.join import join_meshes
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.mesh.uv_sets import MOST_UV_SETS, UvSet
 from texbake.verbs.transform import transform_file

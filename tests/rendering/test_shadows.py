@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mesh.compose import join_meshes
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera

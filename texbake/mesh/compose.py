@@ -1,4 +1,4 @@
-"""Meshes made of other meshes: joined, cut out, moved by an affine map, and flipped.
+"""Meshes made of other meshes: cut out, moved by an affine map, and flipped.
 
 Under a map, normals follow by the inverse transpose and tangents as directions along the surface. A
 map that mirrors turns triangles inside out; they are turned back by listing their corners in the
@@ -8,7 +8,6 @@ surface.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,115 +15,11 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.uv_sets import UvSet, joined_uv_sets, sets_by_corner
+from texbake.mesh.uv_sets import UvSet, sets_by_corner
 from texbake.mesh.weld import weld_rows
 
 # Fields of a mesh with a row of three indices for each face.
 CORNERS = ("faces", "uv_faces", "normal_faces")
-
-
-def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes into one, each as a group of its own, named as the mesh.
-
-    Left out are colors, tangents, and texture coordinates or normals that not all of them have.
-    """
-    if len(meshes) == 1:
-        return meshes[0]
-    changes: dict[str, Any] = {"colors": None, "tangents": None, "group_objects": ()}
-    for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
-        if any(getattr(mesh, values) is None for mesh in meshes):
-            changes |= {values: None, corners: None}
-    parts = [
-        mesh.replace(
-            face_groups=np.zeros(mesh.n_faces, np.int32), group_names=(mesh.name,), **changes
-        )
-        for mesh in meshes
-    ]
-    return join_parts(parts, f"{len(meshes)} meshes")
-
-
-def _joined_polygons(meshes: Sequence[Mesh]) -> IntArray | None:
-    """Polygon of each face of meshes put into one."""
-    if all(mesh.polygon_of is None for mesh in meshes):
-        return None
-    parts: list[tuple[IntArray, int]] = []
-    for mesh in meshes:
-        own = mesh.polygon_of
-        if own is None:
-            own = np.arange(mesh.n_faces, dtype=np.int32)
-        parts.append((own, mesh.n_polygons))
-    return offset_joined(parts)
-
-
-def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
-    """Index arrays joined, each moved on by the lengths of what those before it index."""
-    offsets = np.cumsum([0] + [length for _, length in parts])[:-1]
-    moved = [part + offset for (part, _), offset in zip(parts, offsets, strict=True)]
-    return np.concatenate(moved).astype(np.int32)
-
-
-def join_parts(parts: Sequence[Mesh], name: str) -> Mesh:
-    """Put the meshes of a file into one.
-
-    Where only some have texture coordinates or normals, the others get zeros, and white where only
-    some have colors; tangents are kept where all have them. Each keeps its groups.
-    """
-    if len(parts) == 1:
-        return parts[0].replace(name=name)
-    fields: dict[str, Any] = {
-        "positions": np.concatenate([part.positions for part in parts]),
-        "faces": offset_joined([(part.faces, part.n_vertices) for part in parts]),
-    }
-    for values, corners, width in (("uvs", "uv_faces", 2), ("normals", "normal_faces", 3)):
-        arrays = [getattr(part, values) for part in parts]
-        if all(array is None for array in arrays):
-            continue
-        zero = np.zeros((1, width))
-        fields[values] = np.concatenate([zero if array is None else array for array in arrays])
-        fields[corners] = offset_joined(
-            [
-                (0 * part.faces, 1) if array is None else (getattr(part, corners), len(array))
-                for part, array in zip(parts, arrays, strict=True)
-            ]
-        )
-    if all(part.tangents is not None for part in parts):
-        fields["tangents"] = np.concatenate([part.tangents for part in parts])
-    if any(part.colors is not None for part in parts):
-        fields["colors"] = np.concatenate(
-            [
-                np.ones((part.n_vertices, 4), np.float32)
-                if part.colors is None
-                else with_alpha(part.colors)
-                for part in parts
-            ]
-        )
-    groups = [(part.face_groups, len(part.group_names)) for part in parts]
-    return Mesh(
-        face_groups=offset_joined(groups),  # type: ignore[arg-type]
-        group_names=tuple(group for part in parts for group in part.group_names),
-        group_objects=_numbered_objects(parts),
-        name=name,
-        uv_sets=joined_uv_sets(parts),
-        polygon_of=_joined_polygons(parts),
-        **fields,
-    )
-
-
-def _numbered_objects(parts: Sequence[Mesh]) -> tuple[int, ...]:
-    """Object of each group of meshes put into one; a mesh is one object unless it has several."""
-    found: list[int] = []
-    for part in parts:
-        first = max(found, default=-1) + 1
-        own = part.group_objects or (0,) * len(part.group_names)
-        found += [first + number for number in own]
-    return tuple(found)
-
-
-def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """(V, 4) colors of (V, 3) or (V, 4), opaque where they have no alpha."""
-    rgba = np.ones((len(colors), 4), np.float32)
-    rgba[:, : colors.shape[1]] = colors
-    return rgba
 
 
 def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.compose import join_parts, split_vertices, transformed, values_of_vertices
+from texbake.mesh.compose import split_vertices, values_of_vertices
+from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
     import trimesh
 
     name = name or str(scene.metadata.get("file_name") or "scene")
-    parts = []
+    parts, matrices = [], []
     n_projective = 0
     for node in scene.graph.nodes_geometry:
         matrix = _world_matrix(scene, node)
@@ -144,14 +145,14 @@ def _joined_scene(scene: trimesh.Scene, name: str | None) -> Mesh:
         if part.face_groups is None:
             groups = np.zeros(part.n_faces, np.int32)
             part = part.replace(face_groups=groups, group_names=(str(node),))
-        with np.errstate(over="ignore", invalid="ignore"):  # `Mesh` refuses what overflows
-            parts.append(transformed(part, matrix))
+        parts.append(part)
+        matrices.append(matrix)
     if not parts:
         raise MeshError(f"{name}: it has no faces; a mesh needs at least one triangle")
     if n_projective:
-        matrices = counted(n_projective, "matrix", "matrices")
-        warn_of(name, f"left out the projective row of {matrices}")
-    return join_parts(parts, name)
+        n_left_out = counted(n_projective, "matrix", "matrices")
+        warn_of(name, f"left out the projective row of {n_left_out}")
+    return join_parts(parts, name, np.array(matrices))
 
 
 def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:

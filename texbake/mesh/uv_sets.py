@@ -16,6 +16,7 @@ import numpy.typing as npt
 from texbake.errors import MeshError, quoted
 
 if TYPE_CHECKING:
+    from texbake.mesh.join import MeshPart
     from texbake.mesh.mesh import Mesh
 
 MOST_UV_SETS = 64
@@ -84,7 +85,7 @@ def sets_by_corner(
     }
 
 
-def joined_uv_sets(parts: Sequence[Mesh]) -> dict[str, UvSet]:
+def joined_uv_sets(parts: Sequence[Mesh | MeshPart]) -> dict[str, UvSet]:
     """Return the sets of meshes put into one; (0, 0) where only others have a set."""
     names = dict.fromkeys(name for part in parts for name in part.uv_sets)
     require_few_sets(len(names), f"{len(parts)} meshes")

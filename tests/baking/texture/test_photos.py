@@ -17,8 +17,8 @@ from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.result import TextureBake
 from texbake.core import core
 from texbake.errors import OptionError, UvError
-from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.raycast.rays import Rays

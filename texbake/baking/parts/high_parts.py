@@ -16,7 +16,8 @@ import numpy.typing as npt
 from texbake.baking.parts.matching import Matching, has_suffix, match_names, pair_names
 from texbake.baking.parts.options import PartsOptions
 from texbake.errors import OptionError
-from texbake.mesh.compose import excerpt, join_meshes, used_rows
+from texbake.mesh.compose import excerpt, used_rows
+from texbake.mesh.join import join_meshes
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals

@@ -36,7 +36,6 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
-from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_scene import (
@@ -50,6 +49,7 @@ from texbake.mesh.files.fbx_scene import (
 )
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_fbx_parts, warn_of_fbx
+from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
@@ -68,13 +68,14 @@ def read_fbx(path: PathLike) -> Mesh:
     """
     scene = read_scene(path)
     placed, are_hidden = _models_to_read(scene)
-    parts = [part.mesh(path) for part in read_parts(scene, placed)]
+    parts = list(read_parts(scene, placed))
     if not parts:
         raise MeshError(f"{path}: {_why_empty(scene)}")
     if are_hidden:
         warn_of(path, "all its meshes are hidden; texbake reads them anyway")
     warn_of_fbx(scene, placed)
-    return join_parts(parts, Path(path).name)
+    meshes = [part.mesh(path) for part in parts]
+    return join_parts(meshes, Path(path).name, np.array([part.matrix for part in parts]))
 
 
 def _models_to_read(scene: FbxScene) -> tuple[list[ModelInstance], bool]:
@@ -111,21 +112,19 @@ class FbxPart:
     materials: list[FbxObject]
 
     def mesh(self, path: PathLike) -> Mesh:
-        """Return it in the world, with its groups."""
+        """Return it in its own space, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
         names = [self._group_name(int(index)) for index in used]
         fields = dict(self.geometry.fields)
         fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
             path, fields["positions"], fields["faces"], fields.get("colors")
         )
-        mesh = Mesh(
+        return Mesh(
             **fields,
             face_groups=groups.astype(np.int32),
             group_names=(self.model.name,) if len(used) == 1 else tuple(names),
             name=Path(path).name,
         )
-        with np.errstate(over="ignore", invalid="ignore"):  # `Mesh` refuses what is not finite
-            return transformed(mesh, self.matrix)
 
     def _group_name(self, index: int) -> str:
         is_known = 0 <= index < len(self.materials)

@@ -8,7 +8,7 @@ compressed by Draco are decoded in a process of its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -22,29 +22,15 @@ from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_tr
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
 from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
+from texbake.mesh.join import MeshPart
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import weld_rows
 
 _UVS = "TEXCOORD"
 _FIELDS = {"NORMAL": "normals", _UVS: "uvs", "COLOR": "colors"}
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 _ROWS_AT_ONCE = 1 << 18  # of primitives that are joined; more take more memory, and longer
-
-
-@dataclass(frozen=True)
-class PrimitiveMesh:
-    """Triangles of a primitive."""
-
-    # (V, 3) float64; no two are equal, bit for bit (unless they differ in color, where that is
-    # kept).
-    positions: FloatArray
-    faces: IntArray  # (F, 3) int32; indices into `positions`, and into `colors`
-    corners: IntArray  # (F, 3) int32; indices into all other attributes
-    uvs: FloatArray | None  # (n, 2) float64; v turned up
-    further_uvs: Mapping[int, FloatArray]  # each (n, 2) float64; further sets, by their numbers
-    normals: FloatArray | None  # (n, 3) float64
-    tangents: FloatArray | None  # (n, 4) float64
-    colors: npt.NDArray[np.float32] | None  # (V, 3) or (V, 4) float32; linear
 
 
 class PrimitiveRequest(NamedTuple):
@@ -64,7 +50,7 @@ class _Arrays(NamedTuple):
 
 def read_primitives(
     document: Document, requests: Sequence[PrimitiveRequest], *, keeps_colors: bool = False
-) -> list[PrimitiveMesh | None]:
+) -> list[MeshPart | None]:
     """Triangles of primitives in the space of their meshes; None for those that have none.
 
     Files of CAD programs have 100,000 primitives of a few triangles, so those that have the same
@@ -76,7 +62,7 @@ def read_primitives(
         if arrays is not None:
             widths = tuple((name, rows.shape[1]) for name, rows in arrays.attributes.items())
             alike.setdefault((widths, request.uv_set, request.further), []).append(i)
-    meshes: list[PrimitiveMesh | None] = [None] * len(requests)
+    meshes: list[MeshPart | None] = [None] * len(requests)
     for places in alike.values():
         sizes = [len(arrays.corners) for i in places if (arrays := found[i]) is not None]
         stops = np.flatnonzero(np.diff(np.cumsum(sizes) // _ROWS_AT_ONCE)) + 1
@@ -110,7 +96,7 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
 
 def _weld(
     document: Document, batch: list[_Arrays], request: PrimitiveRequest, keeps_colors: bool
-) -> list[PrimitiveMesh]:
+) -> list[MeshPart]:
     """Meshes of primitives that have the same attributes, vertices at one place joined."""
     with np.errstate(invalid="ignore"):  # a signaling NaN is read like any other NaN
         values = {
@@ -155,15 +141,12 @@ def _weld(
             None if colors is None else colors[is_kept].astype(np.float32), kept_bounds
         ),
     }
-    further = {
-        number: pieces(flip_v(values[f"{_UVS}_{number}"]), bounds)
-        for number in request.further
-        if f"{_UVS}_{number}" in values
-    }
+    names = [f"{_UVS}_{number}" for number in request.further]
+    further = {name: pieces(flip_v(values[name]), bounds) for name in names if name in values}
     return [
-        PrimitiveMesh(
+        MeshPart(
             **{name: parts[i] for name, parts in columns.items()},
-            further_uvs={number: parts[i] for number, parts in further.items()},
+            uv_sets={name: UvSet(rows[i], columns["corners"][i]) for name, rows in further.items()},
         )
         for i in range(len(batch))
     ]

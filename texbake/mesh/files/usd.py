@@ -18,7 +18,7 @@ Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,6 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
-from texbake.mesh.compose import join_parts, transformed
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import warn_of_cages
 from texbake.mesh.files.usd_stage import (
@@ -39,6 +38,7 @@ from texbake.mesh.files.usd_stage import (
     read_primvars,
     reporting_damage,
 )
+from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.uv_sets import UvSet
@@ -65,7 +65,8 @@ def mesh_of_stage(path: PathLike) -> Mesh:
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     warn_of_cages(path, sum(_is_subdivided(part.prim) for part in parts))
-    return join_parts([part.mesh for part in parts], Path(path).name)
+    meshes = [part.mesh for part in parts]
+    return join_parts(meshes, Path(path).name, np.array([part.matrix for part in parts]))
 
 
 def _is_subdivided(prim: Any) -> bool:
@@ -80,9 +81,10 @@ def _is_subdivided(prim: Any) -> bool:
 class UsdPart:
     """A mesh of a stage."""
 
-    mesh: Mesh  # in world space
+    mesh: Mesh  # in its own space
     prim: Any  # that of the mesh
     holders: tuple[Any, ...]  # prim of each group: a subset, or that of the mesh
+    matrix: FloatArray  # (4, 4) float64; to the world
 
 
 def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
@@ -92,13 +94,14 @@ def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
     n_corners = 0
     placed = list(_placed_meshes(stage))
     for prim, matrix in placed:
-        part = _read_mesh(path, prim, is_alone=len(placed) == 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix = pm.matmul(to_world, matrix)
+        part = _read_mesh(path, prim, matrix, is_alone=len(placed) == 1)
         if part is None:
             continue
         n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
         check_corner_count(n_corners, path)
-        with np.errstate(over="ignore", invalid="ignore"):
-            parts.append(replace(part, mesh=transformed(part.mesh, pm.matmul(to_world, matrix))))
+        parts.append(part)
     return parts
 
 
@@ -141,7 +144,7 @@ def _is_hidden(prim: Any) -> bool:
     return visibility == "invisible" or purpose in ("guide", "proxy")
 
 
-def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
+def _read_mesh(path: PathLike, prim: Any, matrix: FloatArray, *, is_alone: bool) -> UsdPart | None:
     """One mesh in its own space, or None where it has no face."""
     from pxr import Usd, UsdGeom
 
@@ -187,7 +190,7 @@ def _read_mesh(path: PathLike, prim: Any, *, is_alone: bool) -> UsdPart | None:
         **read_primvars(prim, corners),
         **read_colors(prim, corners),
     )
-    return UsdPart(mesh, prim, holders)
+    return UsdPart(mesh, prim, holders, matrix)
 
 
 def _groups(

@@ -24,9 +24,10 @@ from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_material_read import material_index
 from texbake.mesh.files.gltf_nodes import SceneNodes, check_instance_count, scene_nodes
-from texbake.mesh.files.gltf_primitives import PrimitiveMesh, PrimitiveRequest, read_primitives
+from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_gltf
+from texbake.mesh.join import MeshPart
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.uv_sets import UvSet
@@ -161,7 +162,7 @@ class _Reader:
             numbers = range(len(primitives))
             self.shown[index] = [i for i in numbers if self.meshes[index, i] is not None]
 
-    def _mesh(self, piece: PrimitiveMesh | None, name: str, of: SceneMaterial) -> Mesh | None:
+    def _mesh(self, piece: MeshPart | None, name: str, of: SceneMaterial) -> Mesh | None:
         if piece is None:
             return None
         has_normals = piece.normals is not None
@@ -177,8 +178,8 @@ class _Reader:
             uvs, uv_faces = corner_of_image.uvs, corner_of_image.faces
         uv_sets = {}
         for number in of.further:
-            if number in piece.further_uvs:
-                uv_sets[set_name(number)] = UvSet(piece.further_uvs[number], piece.corners)
+            if set_name(number) in piece.uv_sets:
+                uv_sets[set_name(number)] = piece.uv_sets[set_name(number)]
             else:
                 self.notes.append(f"{quoted(name)} has no {set_name(number)}; (0, 0) is used")
                 uv_sets[set_name(number)] = corner_of_image

@@ -19,9 +19,9 @@ from texbake.baking.scenes import measure_extent
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.parametric.grid import grid_quads, split_quads
