@@ -1,11 +1,10 @@
 """What a preview chooses by itself and reports: light, sides, camera and materials."""
 
-import json
-
 import numpy as np
 import pytest
 
 import texbake
+from tests.glb import glb_bytes, read_glb
 from texbake.jobs.preview import preview_files
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, uv_sphere
@@ -77,16 +76,10 @@ def gltf_ball(folder, **material):
     """Write a ball with one material of glTF."""
     path = folder / "ball.glb"
     texbake.write_mesh(BALL, path)
-    data = path.read_bytes()
-    length = int.from_bytes(data[12:16], "little")
-    document = json.loads(data[20 : 20 + length])
+    document, data = read_glb(path)
     document["materials"] = [material]
     document["meshes"][0]["primitives"][0]["material"] = 0
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length :]
-    head = data[:8] + (20 + len(text) + len(rest)).to_bytes(4, "little")
-    path.write_bytes(head + len(text).to_bytes(4, "little") + b"JSON" + text + rest)
+    path.write_bytes(glb_bytes(document, data))
 
 
 @pytest.mark.parametrize("metal", [0.0, 1.0])

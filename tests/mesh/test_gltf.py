@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.glb import glb_bytes
 from tests.models import REAL, model, real
 from texbake.errors import FileError, FileFormatError, MeshError, OptionError, UvError
 from texbake.mesh.files.gltf import read_gltf
@@ -59,13 +60,7 @@ class Builder:
 
     def write(self, path):
         self.json["buffers"] = [{"byteLength": len(self.data)}]
-        text = json.dumps(self.json).encode()
-        text += b" " * (-len(text) % 4)
-        data = self.data + bytes(-len(self.data) % 4)
-        head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
-        chunks = struct.pack("<I4s", len(text), b"JSON") + text
-        chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-        path.write_bytes(head + chunks)
+        path.write_bytes(glb_bytes(self.json, self.data))
         return path
 
 

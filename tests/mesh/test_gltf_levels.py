@@ -1,11 +1,11 @@
 """Levels of detail and compressed views of GLB files."""
 
-import json
 import re
 
 import numpy as np
 import pytest
 
+from tests.glb import glb_bytes
 from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf import read_gltf
@@ -115,15 +115,7 @@ def compressed_accessor(path, data, *, count, stride, kind, component, normalize
         "accessors": [{"bufferView": 0, "componentType": component, "count": count,
                        "type": kind, "normalized": normalized}],
     }  # fmt: skip
-    text = json.dumps(content).encode()
-    text += b" " * (-len(text) % 4)
-    data += bytes(-len(data) % 4)
-    parts = [
-        np.array([len(text), 0x4E4F534A], "<u4").tobytes() + text,
-        np.array([len(data), 0x004E4942], "<u4").tobytes() + data,
-    ]
-    n_bytes = 12 + sum(map(len, parts))
-    path.write_bytes(b"glTF" + np.array([2, n_bytes], "<u4").tobytes() + b"".join(parts))
+    path.write_bytes(glb_bytes(content, data))
     return read_document(path)
 
 

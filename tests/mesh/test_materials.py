@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from tests.glb import read_glb
 from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.jobs.carried import compared_without
 from texbake.mesh.files import read_mesh, write_mesh
@@ -128,11 +129,9 @@ def test_of_a_thousand_missing_images_a_few_are_told(tmp_path):
 
 def test_of_a_thousand_notes_on_a_scene_a_few_are_told(tmp_path):
     write_mesh(plane(), tmp_path / "a.glb")
-    content = (tmp_path / "a.glb").read_bytes()
-    n_json = int.from_bytes(content[12:16], "little")
-    document = json.loads(content[20 : 20 + n_json])
+    document, data = read_glb(tmp_path / "a.glb")
     document["extensionsUsed"] = [f"EXT_{i}" for i in range(1000)]
-    (tmp_path / "a.bin").write_bytes(content[28 + n_json :])
+    (tmp_path / "a.bin").write_bytes(data)
     document["buffers"][0]["uri"] = "a.bin"
     (tmp_path / "a.gltf").write_text(json.dumps(document))
     notes = read_scene(tmp_path / "a.gltf").notes

@@ -118,6 +118,9 @@ def test_round_trips_keep_every_bit(
     found, expected = again.positions[again.faces], mesh.positions[faces]
     np.testing.assert_array_equal(found, expected)
     assert found.tobytes() == expected.tobytes() or suffix == ".stl"  # which joins 0.0 and -0.0
+    if suffix != ".stl":  # vertices that no face uses, too
+        assert again.positions.tobytes() == mesh.positions.tobytes()
+        assert again.faces.tobytes() == mesh.faces.tobytes()
     if suffix in (".obj", ".ply"):
         assert again.colors.tobytes() == mesh.colors.tobytes()
         for values, indices in (("uvs", "uv_faces"), ("normals", "normal_faces")):

@@ -1,9 +1,8 @@
 """What a model file holds that a mesh has no place for is named."""
 
-import json
-
 import pytest
 
+from tests.glb import glb_bytes, read_glb
 from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.errors import ReadWarning
 from texbake.mesh.files.contents import read_contents
@@ -16,15 +15,8 @@ from texbake.verbs.transform import transform_file
 def gltf_with(path, **fields):
     """A cube in a GLB file, with further objects in its JSON."""
     write_glb(cube(), path)
-    data = path.read_bytes()
-    length = int.from_bytes(data[12:16], "little")
-    document = {**json.loads(data[20 : 20 + length]), **fields}
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + length :]
-    total = 12 + 8 + len(text) + len(rest)
-    header = b"glTF" + (2).to_bytes(4, "little") + total.to_bytes(4, "little")
-    path.write_bytes(header + len(text).to_bytes(4, "little") + data[16:20] + text + rest)
+    document, data = read_glb(path)
+    path.write_bytes(glb_bytes({**document, **fields}, data))
     return path
 
 

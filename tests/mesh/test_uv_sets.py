@@ -1,6 +1,5 @@
 """Further sets of texture coordinates: in a mesh, through files and through what changes meshes."""
 
-import json
 import struct
 import zipfile
 
@@ -9,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
+from tests.glb import glb_bytes, read_glb
 from texbake.arrays import read_arrays, write_arrays
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
@@ -194,9 +194,7 @@ def test_a_mesh_has_a_limited_number_of_sets(mesh):
 def one_array_as_many_sets(path, n_primitives, n_sets):
     """Write a GLB file whose primitives name one accessor as sets of names of their own."""
     write_mesh(uv_sphere(3, 4), path)
-    data = path.read_bytes()
-    n_text = int.from_bytes(data[12:16], "little")
-    document = json.loads(data[20 : 20 + n_text])
+    document, data = read_glb(path)
     (mesh,) = document["meshes"]
     uvs = mesh["primitives"][0]["attributes"]["TEXCOORD_0"]
     mesh["primitives"][0]["attributes"] |= {f"TEXCOORD_{i + 1}": uvs for i in range(n_sets)}
@@ -204,11 +202,7 @@ def one_array_as_many_sets(path, n_primitives, n_sets):
     document["meshes"] = [{**mesh, "extras": extras} for extras in names]
     document["nodes"] = [{"mesh": k} for k in range(n_primitives)]
     document["scenes"] = [{"nodes": list(range(n_primitives))}]
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    rest = data[20 + n_text :]
-    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
-    path.write_bytes(head + text + rest)
+    path.write_bytes(glb_bytes(document, data))
 
 
 @pytest.mark.parametrize(("n_primitives", "n_sets"), [(1, 65), (13, 5)])

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from tests.glb import read_glb
 from tests.hard_cases.fbx_writer import binary, rich_scene, scene, written
 from tests.mesh.test_ply import ORDERS, POINTS, POLYGON, XYZ, ply
 from texbake.errors import FileError, FileFormatError, MeshError, TexbakeError, heard_warnings
@@ -44,10 +45,8 @@ CONTENTS = {
 def text_gltf(folder):
     """A .gltf file with its buffer in it."""
     write_mesh(MESH, folder / "a.glb")
-    data = (folder / "a.glb").read_bytes()
-    n_text = struct.unpack_from("<I", data, 12)[0]
-    document = json.loads(data[20 : 20 + n_text])
-    buffer = base64.b64encode(data[28 + n_text :]).decode()
+    document, data = read_glb(folder / "a.glb")
+    buffer = base64.b64encode(data).decode()
     document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{buffer}"
     return json.dumps(document).encode()
 

@@ -1,14 +1,13 @@
 """Reading glTF files as scenes, checked against the specification."""
 
 import base64
-import json
 import math
-import struct
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.glb import glb_bytes
 from texbake.errors import FileFormatError, MeshError, ReadWarning
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.read import read_scene
@@ -72,15 +71,8 @@ class Asset:
     def read(self, folder):
         self.json["buffers"] = [{"byteLength": len(self.data)}]
         content = {key: value for key, value in self.json.items() if value != []}
-        text = json.dumps(content).encode()
-        text += b" " * (-len(text) % 4)
-        data = self.data + bytes(-len(self.data) % 4)
         path = folder / "a.glb"
-        path.write_bytes(
-            struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
-            + struct.pack("<I4s", len(text), b"JSON") + text
-            + struct.pack("<I4s", len(data), b"BIN\0") + data
-        )  # fmt: skip
+        path.write_bytes(glb_bytes(content, self.data))
         return read_scene(path)
 
 
