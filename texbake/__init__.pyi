@@ -8,7 +8,7 @@ from .baking.parts.options import PartsOptions as PartsOptions
 from .building.build import build as build
 from .building.options import BuildOptions as BuildOptions
 from .checks.check import check as check
-from .checks.options import CheckOptions as CheckOptions
+from .checks.kinds import CheckOptions as CheckOptions
 from .errors import (
     FileError as FileError,
     OptionError as OptionError,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from texbake import CheckOptions
-from texbake.checks.options import SEVERITIES
+from texbake.checks.kinds import SEVERITIES
 from texbake.errors import counted
 
 from ..options import (

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from texbake.checks.kinds import KINDS
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals, smooth_normals

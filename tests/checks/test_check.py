@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from tests.models import PAIRS, model, pair, real
 from texbake.checks.check import check, check_files
-from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.checks.kinds import SEVERITIES, CheckOptions
 from texbake.errors import FileError, OptionError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
@@ -309,32 +309,6 @@ def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
 
 
 # Counted for each object with dictionaries over the file's indices, k-d trees, trimesh's volumes.
-BROKEN = {
-    "broken/VH_M_Blood_Vasculature_Heart.glb": {
-        "zero-area-faces": 24, "duplicate-faces": 11, "non-manifold-edges": 5,
-        "pinched-vertices": 9, "cracks": 75, "zero-normals": 33,
-    },
-    "broken/VH_M_Heart.glb": {
-        "zero-area-faces": 820, "duplicate-faces": 110, "non-manifold-edges": 136,
-        "inconsistent-winding": 8, "pinched-vertices": 2, "cracks": 65, "zero-normals": 42,
-    },
-    "broken/cycloidal.ply": {"non-manifold-edges": 242, "pinched-vertices": 26},
-    "broken/inverted_triangles.obj": {"inconsistent-winding": 23889},
-    "broken/openscad-nonmanifold-crash.obj": {
-        "zero-area-faces": 1, "duplicate-faces": 3, "non-manifold-edges": 18,
-        "pinched-vertices": 34,
-    },
-    "broken/self_intersectA.obj": {},
-    "meshes/featuretype.STL": {"cracks": 576},
-}  # fmt: skip
-COUNTED = sorted({name for counts in BROKEN.values() for name in counts})
-
-
-@pytest.mark.realdata
-def test_counts_of_real_broken_meshes(data_dir: Path) -> None:
-    for name, expected in BROKEN.items():
-        found = Counter({f.name: f.count for f in check_files(data_dir / name).findings})
-        assert {kind: found[kind] for kind in COUNTED} == dict.fromkeys(COUNTED, 0) | expected, name
 
 
 @pytest.mark.parametrize(

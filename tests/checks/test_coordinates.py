@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.checks.checked_mesh import CheckedMesh
 from texbake.checks.coordinates import chart_widths, close_charts
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import CheckOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.texture.padding import nearest_owner

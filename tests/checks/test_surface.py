@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from texbake.checks import surface
 from texbake.checks.check import check
 from texbake.checks.checked_mesh import CheckedMesh
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import CheckOptions
 from texbake.checks.surface import crossed_by
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh

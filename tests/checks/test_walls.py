@@ -9,7 +9,7 @@ from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.checks import walls
 from texbake.checks.check import check
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import CheckOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 

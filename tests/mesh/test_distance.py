@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.models import moved
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.distance import sample_surface, surface_distance
@@ -10,12 +11,10 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 
 
-def moved(mesh, offset):
-    return mesh.replace(positions=mesh.positions + np.asarray(offset))
-
-
 def test_shifted_plane():
-    distance = surface_distance(plane(3, 2), moved(plane(1, 5), [0.0, 0.0, 0.25]), n_samples=1000)
+    distance = surface_distance(
+        plane(3, 2), moved(plane(1, 5), by=[0.0, 0.0, 0.25]), n_samples=1000
+    )
     for side in (distance.a_to_b, distance.b_to_a):
         # A power of two, through powers of two: nothing rounds but the mean of squares.
         assert (side.max, side.mean, side.p99) == (0.25, 0.25, 0.25)
@@ -77,7 +76,7 @@ def test_meshes_without_size_or_area():
     distance = surface_distance(point, point, n_samples=10)
     assert (distance.max, distance.rms_relative, distance.diagonal) == (0.0, 0.0, 0.0)
     line = Mesh(positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0]], faces=[[0, 1, 2]])
-    assert surface_distance(line, moved(line, [0, 1, 0]), n_samples=10).mean == 1.0
+    assert surface_distance(line, moved(line, by=[0, 1, 0]), n_samples=10).mean == 1.0
 
 
 def test_samples_lie_on_their_faces_in_order():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.models import model, real
-from texbake.mesh.files import read_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
@@ -117,23 +116,6 @@ def test_edges_that_both_faces_wind_the_same_way_are_misoriented(name):
     edges = Counter(zip(mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel(), strict=True))
     twice = sum(count == 2 for count in edges.values())
     assert mesh_info(mesh).n_misoriented_edges == twice > 1000
-
-
-@pytest.mark.realdata
-def test_real_meshes_agree_with_their_index(data_dir):
-    index = {
-        "meshes/mri_skin.ply": {"closed": True, "genus": 13},
-        "meshes/boot.obj": {"closed": True, "genus": 12},
-        "meshes/mengerSponge3.glb": {"closed": True, "genus": 1409, "n_faces": 21_598},
-        "meshes/makehuman_base.obj": {"closed": False, "n_components": 154},
-        "meshes/mountain.obj": {"closed": False, "n_components": 1},
-        "meshes/spothead.obj": {"closed": False},
-        "broken/cycloidal.ply": {"closed": False, "n_boundary_edges": 0, "genus": None},
-    }
-    found = {name: mesh_info(read_mesh(data_dir / name)) for name in index}
-    assert index == {
-        name: {fact: getattr(found[name], fact) for fact in facts} for name, facts in index.items()
-    }
 
 
 def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tests.models import CASES
+from tests.models import CASES, moved, soup_of
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import (
     face_normals,
@@ -47,14 +47,6 @@ def grid_mesh(n, seed=0, **changes):
     )
     positions = np.stack([u, v, heights], axis=2).reshape(-1, 3)
     return Mesh(positions=positions, faces=faces, **changes)
-
-
-def split_corners(mesh):
-    """The same surface, with vertices of its own for each face."""
-    return Mesh(
-        positions=mesh.positions[mesh.faces.ravel()],
-        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-    )
 
 
 def octahedral_sphere(levels):
@@ -185,7 +177,7 @@ def test_canceling_normals_give_that_of_the_first_face_with_area():
 
 def test_split_vertices_share_smooth_normals_bit_for_bit():
     whole = Mesh(positions=CUBE, faces=cube_faces([False] * 6))
-    split = split_corners(whole)
+    split = soup_of(whole)
     split = split.replace(positions=np.where(split.positions == 0.0, -0.0, split.positions))
     assert np.array_equal(vertex_normals(split), np.repeat(face_normals(whole), 3, axis=0))
     assert np.array_equal(smooth_normals(split), smooth_normals(whole)[whole.faces.ravel()])
@@ -193,7 +185,7 @@ def test_split_vertices_share_smooth_normals_bit_for_bit():
 
 class TestShadingNormals:
     def test_without_own_they_are_smooth(self):
-        mesh = split_corners(grid_mesh(3))
+        mesh = soup_of(grid_mesh(3))
         normals, normal_faces = shading_normals(mesh)
         assert np.array_equal(normals, smooth_normals(mesh))
         assert np.array_equal(normal_faces, mesh.faces)
@@ -231,10 +223,6 @@ def test_every_normal_is_unit_or_zero(positions, faces):
         assert ((np.abs(lengths - 1.0) < ROUNDING) | (lengths == 0.0)).all()
 
 
-def scaled(mesh, factor, move=0.0):
-    return mesh.replace(positions=mesh.positions * factor + move)
-
-
 def tube(n_around=256, n_along=8, radius=0.25):
     """An open cylinder about z, of squares cut in two, one unit of arc as long as along."""
     step = 2.0 * np.pi * radius / n_around
@@ -255,7 +243,7 @@ def tube(n_around=256, n_along=8, radius=0.25):
 @pytest.mark.parametrize("radius", [1.0, 3.0, 1e-4, 1e6])
 def test_a_sphere_with_radial_normals_has_one_over_its_radius_exactly(radius):
     ball = icosphere(3)
-    found = vertex_curvatures(scaled(ball, radius), normals=ball.positions)
+    found = vertex_curvatures(moved(ball, scale=radius), normals=ball.positions)
     # A few roundings of float64 over some faces; the chord's error cancels in the divergence.
     np.testing.assert_allclose(found, 1.0 / radius, rtol=1e-12)
 
@@ -292,16 +280,15 @@ def test_a_saddle_bends_both_ways_alike():
 
 
 def test_a_mesh_far_away_bends_as_it_does_here():
-    ball = scaled(icosphere(2), 1.0)
+    ball = icosphere(2)
     # 1e6 leaves 1e-10 of a unit to positions; divided by edges of 0.3 and again by 0.3.
-    found = vertex_curvatures(scaled(ball, 1.0, 1e6))
+    found = vertex_curvatures(moved(ball, by=1e6))
     np.testing.assert_allclose(found, vertex_curvatures(ball), atol=1e-8)
 
 
 def test_vertices_at_one_position_agree():
     ball = icosphere(1)
-    split = Mesh(positions=ball.positions[ball.faces].reshape(-1, 3),
-                 faces=np.arange(3 * ball.n_faces).reshape(-1, 3))  # fmt: skip
+    split = soup_of(ball)
     np.testing.assert_allclose(
         vertex_curvatures(split)[split.faces], vertex_curvatures(ball)[ball.faces], rtol=1e-12
     )

@@ -5,7 +5,6 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
 
 from texbake import OptionError, make
 from texbake.errors import MeshError
@@ -103,18 +102,6 @@ def test_patches_that_share_a_border_share_its_points_bit_by_bit(side, resolutio
     assert edges.misoriented.sum() == (resolution if side > 3 else 0)
 
 
-@settings(max_examples=40)
-@given(st.lists(st.floats(-1e6, 1e6), min_size=12, max_size=12), st.integers(1, 40))
-def test_any_border_walked_either_way_has_the_same_points(numbers, resolution):
-    patch = np.zeros((4, 4, 3))
-    patch[..., :2] = np.stack(np.meshgrid([0.0, 1, 2, 3], [0.0, 1, 2, 3]), axis=-1) * 1e7
-    patch[0] += np.reshape(numbers, (4, 3))
-    other = patch[:, ::-1].copy()
-    other[1:] *= [1, -1, 1]
-    mesh = make("bezier", patches=[patch, other], resolution=resolution)
-    assert mesh.n_vertices == 2 * (resolution + 1) ** 2 - (resolution + 1)
-
-
 @pytest.mark.parametrize("resolution", [1, 2, 5, (6, 9)])
 @pytest.mark.parametrize("transposed", [False, True])
 def test_borders_that_are_points_close_the_surface(resolution, transposed):
@@ -145,14 +132,6 @@ def test_normals_at_such_points_are_the_limit(transposed):
     # A face's own normal is off by about half its bend: quarters in 12 steps.
     assert np.einsum("fi,fci->fc", face_normals(mesh), normals).min() > 0.98
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-15)
-
-
-def test_faces_at_such_points_take_the_middle_u():
-    mesh = make("bezier", patches=DROP[:1], resolution=4)
-    corners = mesh.corner_uvs()
-    at = (mesh.positions[mesh.faces] == 0).all(axis=2)
-    assert corners[at][:, 0].tolist() == [0.125, 0.375, 0.625, 0.875]
-    assert corners[at][:, 1].tolist() == [0.0] * 4
 
 
 def test_a_point_that_repeats_stays_where_it_is():

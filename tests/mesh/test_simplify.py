@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tests.mesh.test_shapes import open_edges, signed_volume
-from tests.models import BROKEN, HAS_REAL, level_surface, model, real
+from tests.models import BROKEN, HAS_REAL, level_surface, model, moved, real, soup_of
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.compose import transformed
 from texbake.mesh.decimate import bring_down
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.join import join_meshes
@@ -31,12 +30,6 @@ def divided(mesh, times):
         positions, ids = np.unique(rows, axis=0, return_inverse=True)
         mesh = Mesh(positions=positions, faces=ids.reshape(-1, 3))
     return mesh
-
-
-def shift(x):
-    matrix = np.eye(4)
-    matrix[0, 3] = x
-    return matrix
 
 
 def rows(array):
@@ -416,11 +409,7 @@ def test_smooth_normals_go_and_the_surface_gives_them_again():
 @BOTH
 def test_unwelded_triangles_are_joined(quality):
     mesh = icosphere(4)
-    soup = Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-    )
-    low = simplify(soup, 300, quality=quality)
+    low = simplify(soup_of(mesh), 300, quality=quality)
     assert low.n_faces == 300
     assert_clean(low)
     assert not open_edges(low)
@@ -476,7 +465,7 @@ def test_texture_coordinates_without_any_area_are_left_out(quality):
 @pytest.mark.parametrize("n_faces", [400, 36])
 def test_objects_that_touch_stay_apart_with_their_names(quality, n_materials, n_faces):
     fine = divided(cube(), 3)
-    bricks = join_meshes([transformed(fine, shift(i)).replace(name=f"brick{i}") for i in range(3)])
+    bricks = join_meshes([moved(fine, by=(i, 0, 0)).replace(name=f"brick{i}") for i in range(3)])
     upper = (bricks.positions[bricks.faces].mean(axis=1)[:, 1] > 0) & (n_materials > 1)
     bricks = bricks.replace(
         face_groups=2 * bricks.face_groups + upper,

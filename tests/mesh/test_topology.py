@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
+from tests.models import flipped, soup_of
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
@@ -130,10 +131,6 @@ def test_a_quarter_million_faces_of_a_torus():
     np.testing.assert_array_equal(duplicate_faces(twice), np.arange(len(twice)) >= len(faces))
 
 
-def flipped(mesh):
-    return Mesh(positions=mesh.positions, faces=np.ascontiguousarray(mesh.faces[:, ::-1]))
-
-
 @pytest.mark.parametrize("scale", [1e-6, -1.0, 1.0, 1e6])
 @pytest.mark.parametrize("place", [0.0, 1e3])
 @pytest.mark.parametrize("mesh", [cube(), uv_sphere(8, 16), icosphere(2)])
@@ -143,9 +140,7 @@ def test_the_visible_side(mesh, scale, place):
     closed = Mesh(positions=positions, faces=mesh.faces)
     expected = ("front", "back") if scale > 0.0 else ("back", "front")
     assert (surface_side(closed), surface_side(flipped(closed))) == expected
-    split = Mesh(positions=positions[mesh.faces].reshape(-1, 3),
-                 faces=np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3))  # fmt: skip
-    assert surface_side(split) == expected[0]
+    assert surface_side(soup_of(closed)) == expected[0]
     turned = mesh.faces.copy()
     turned[3] = turned[3, ::-1]
     for faces in mesh.faces[1:], turned:

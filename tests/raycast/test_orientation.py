@@ -3,23 +3,15 @@
 import numpy as np
 import pytest
 
-from tests.models import joined
+from tests.models import flipped, joined, moved
 from texbake.mesh.compose import turned_over
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.raycast.orientation import oriented
 
 
-def placed(mesh, scale=1.0, move=(0.0, 0.0, 0.0)):
-    return Mesh(positions=mesh.positions * scale + np.array(move), faces=mesh.faces)
-
-
-def flipped(mesh, chosen=None):
-    return turned_over(mesh, np.ones(mesh.n_faces, bool) if chosen is None else chosen)
-
-
 def ball(scale=1.0, move=(0.0, 0.0, 0.0)):
-    return placed(icosphere(3), scale, move)
+    return moved(icosphere(3), scale=scale, by=move)
 
 
 def cyclic(faces):
@@ -79,7 +71,7 @@ def test_what_is_inside_out_as_a_whole_is_turned_over(name):
 def test_one_of_several_parts_is_turned_over():
     right = SOLIDS["three apart"]
     chosen = np.arange(right.n_faces) // icosphere(3).n_faces == 1
-    mesh, report = oriented(flipped(right, chosen), "auto")
+    mesh, report = oriented(turned_over(right, chosen), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
     assert (report.n_parts, report.n_faces) == (1, chosen.sum())
 
@@ -88,14 +80,14 @@ def test_one_of_several_parts_is_turned_over():
 def test_the_wall_of_a_cavity_goes_with_what_is_around_it(hollow):
     right = SOLIDS["two with cavities"]
     chosen = np.isin(np.arange(right.n_faces) // icosphere(3).n_faces, hollow)
-    mesh, report = oriented(flipped(right, chosen), "auto")
+    mesh, report = oriented(turned_over(right, chosen), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
     assert (report.n_parts, report.n_faces, report.n_unclear) == (2, chosen.sum(), 0)
 
 
 def test_open_shells_stay_where_that_is_asked_for():
     closed = flipped(ball())
-    card = flipped(plane(), np.ones(2, dtype=bool))
+    card = flipped(plane())
     behind = card.positions * 0.5 + (0.0, 0.0, 3.0)
     mesh = Mesh(
         positions=np.concatenate([closed.positions, behind]),
@@ -110,7 +102,7 @@ def test_open_shells_stay_where_that_is_asked_for():
 def test_faces_wound_against_their_part_are_turned_over():
     right = ball()
     chosen = np.random.default_rng(0).random(right.n_faces) < 0.3
-    mesh, report = oriented(flipped(right, chosen), "auto")
+    mesh, report = oriented(turned_over(right, chosen), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
     assert (report.n_parts, report.n_faces) == (0, chosen.sum())
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.baking.memory import MB, PROCESS, TEXEL
-from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.checks.kinds import SEVERITIES, CheckOptions
 from texbake.errors import MeshError, OptionError, UvError, quoted
 from texbake.rendering.options import RenderOptions
 from texbake.verbs.step import (

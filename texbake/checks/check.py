@@ -11,8 +11,7 @@ from texbake.checks import coordinates, orientation, surface
 from texbake.checks.checked_mesh import CheckedMesh, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
 from texbake.checks.finding import FACES, Finding
-from texbake.checks.kinds import KINDS
-from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.checks.kinds import KINDS, SEVERITIES, CheckOptions
 from texbake.checks.pair import (
     MeshPair,
     detail_below_texels,
@@ -75,11 +74,9 @@ def check(
     mesh = as_mesh(mesh)
     low = None if low is None else as_mesh(low)
     options = options or CheckOptions()
-    if low is not None:
-        return _check(low, mesh, options, [], Stages(progress))
-    if mesh.uvs is not None:
+    if low is None and mesh.uvs is not None:
         return _check(mesh, None, options, [], Stages(progress))
-    return _check(None, mesh, options, [], Stages(progress))
+    return _check(low, mesh, options, [], Stages(progress))
 
 
 def check_files(

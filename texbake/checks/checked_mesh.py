@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks.finding import Finding
-from texbake.checks.kinds import KINDS
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.core import portable_math as pm
 from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces

@@ -1,12 +1,20 @@
-"""Every kind of finding: its name, what it does to a bake, and what to do about it.
+"""Every kind of finding: its name, what it does to a bake, what to do about it; options of a check.
 
 One table, read by the checks, the command line and the documentation.
 """
 
 from __future__ import annotations
 
-from texbake.checks.finding import CHARTS, EDGES, MESHES, VERTICES, Kind
-from texbake.checks.pair_kinds import PAIR_KINDS
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Annotated
+
+from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
+from texbake.checks.bake_kinds import COORDINATE_KINDS, PAIR_KINDS, TEXEL_KINDS
+from texbake.checks.finding import EDGES, MESHES, VERTICES, Kind
+from texbake.errors import OptionError, quoted
+from texbake.mapping.options.shared import TextureOptions
+from texbake.schema import Option
 
 _FILES = (
     Kind(
@@ -227,123 +235,46 @@ _SHADING = (
     ),
 )
 
-_COORDINATES = (
-    Kind(
-        name="no-coordinates",
-        title="no texture coordinates",
-        unit=MESHES,
-        low="error",
-        problem="Without texture coordinates nothing can be baked to this mesh.",
-        remedy="Unwrap it: texbake unwrap.",
-    ),
-    Kind(
-        name="nothing-covered",
-        title="no texel covered",
-        unit=MESHES,
-        low="error",
-        problem="Its texture coordinates cover the center of no texel: the faces have no area "
-        "there, lie outside the UV tile or are smaller than texels.",
-        remedy="Unwrap it again: texbake unwrap.",
-    ),
-    Kind(
-        name="outside-tile",
-        title="coordinates outside the UV tile",
-        low="error",
-        problem="Only what lies inside the unit square is baked.",
-        remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. "
-        "To bake all tiles of a UDIM layout, put the tile into the names of the maps: texbake bake "
-        "--name-pattern.",
-    ),
-    Kind(
-        name="overlapping-coordinates",
-        title="overlapping coordinates",
-        low="error",
-        problem="Faces share texels. Each texel is baked from the first of them, and the others "
-        "show detail that is not theirs.{unsure}",
-        remedy="Separate the charts: texbake unwrap. Islands that are meant to share texels must "
-        "coincide completely. To accept the overlap: texbake check --allow "
-        "overlapping-coordinates.",
-    ),
-    Kind(
-        name="shared-coordinates",
-        title="groups that share the texture",
-        low="warning",
-        problem="Faces share texels with faces of other groups, but with none of their own group. "
-        "That is correct where each group has its own texture, and an overlap where all groups "
-        "share one.",
-        remedy="Bake with `texture_sets`, or separate the groups (texbake unwrap).",
-    ),
-    Kind(
-        name="stacked-coordinates",
-        title="stacked islands",
-        unit=("island", "islands"),
-        low="note",
-        problem="These islands lie exactly on others, as they are, mirrored, or moved by whole "
-        "tiles. One of each stack is baked, and the others share its texels. Ambient occlusion, "
-        "and normals in object or world space, fit only the one that is baked.",
-        remedy="No change is needed if they are alike in the high-poly mesh as well. Choose which "
-        "to bake with `bake_island`. If each group has its own texture, bake with `texture_sets`; "
-        "if they differ, unwrap them: texbake unwrap.",
-    ),
-    Kind(
-        name="mirrored-coordinates",
-        title="mirrored coordinates",
-        low="warning",
-        problem="These faces run clockwise in the texture: text reads backward, and programs that "
-        "ignore the sign of the bitangent shade the detail as if lit from the wrong side.",
-        remedy="Unwrap it again, unless they are mirrored on purpose: texbake unwrap.",
-    ),
-    Kind(
-        name="collapsed-coordinates",
-        title="coordinates without area",
-        low="warning",
-        problem="These faces have an area in space but none in the texture: they own no texel, and "
-        "no tangent can be computed.",
-        remedy="Unwrap it again: texbake unwrap.",
-    ),
-)
-
-_TEXELS = (
-    Kind(
-        name="thin-charts",
-        title="charts thinner than the padding",
-        unit=CHARTS,
-        low="warning",
-        problem="At this texture size they are less than {padding} texels wide, the thinnest "
-        "{least:.2g}. Filtering reads more padding than chart, and they vanish in the first mip "
-        "levels.",
-        remedy="Join them to neighboring charts, or unwrap for a larger texture: texbake unwrap "
-        "--size.",
-    ),
-    Kind(
-        name="close-charts",
-        title="charts closer than the padding",
-        unit=("pair", "pairs"),
-        low="warning",
-        problem="The padding of two charts meets on {texels:,} texels. In the smaller mip levels, "
-        "the color of one chart bleeds into the other.",
-        remedy="Pack the charts with more room (texbake unwrap --padding {padding}), or bake with "
-        "less padding.",
-    ),
-    Kind(
-        name="faces-without-texel",
-        title="faces without a texel",
-        low="note",
-        problem="At this texture size they cover the center of no texel, so they show what is "
-        "baked for their neighbors.",
-        remedy="Use a larger texture, or fewer faces: texbake simplify.",
-    ),
-    Kind(
-        name="low-texel-density",
-        title="low texel density",
-        low="warning",
-        problem="The worst of them get {least:.3g} texels per model unit, while the mean of the "
-        "mesh is {mean:.3g}. Detail is blurred there, in one direction at least.",
-        remedy="Unwrap again so that charts keep their size (texbake unwrap --max-stretch 1.2).",
-    ),
-)
-
 KINDS = {
     kind.name: kind
-    for kind in (*_FILES, *_COORDINATES, *_TEXELS, *PAIR_KINDS, *_SURFACE, *_SHADING)
+    for kind in (*_FILES, *COORDINATE_KINDS, *TEXEL_KINDS, *PAIR_KINDS, *_SURFACE, *_SHADING)
 }
+
+
+# The worst first.
+SEVERITIES = ("error", "warning", "note")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckOptions(TextureOptions):
+    """The bake that a check is made for."""
+
+    padding: Annotated[int, PADDING_OPTION] = BakeOptions.padding
+    min_texel_density: Annotated[
+        float | None,
+        Option(
+            "Texels per model unit that every face must have in its most stretched direction.",
+            metavar="D",
+            above=0,
+            unit="texels per model unit",
+            default="a quarter of the mesh's mean",
+        ),
+    ] = None
+    allow: Annotated[
+        tuple[str, ...],
+        Option(
+            "Accept findings of this kind, such as mirrored-coordinates; they are listed, but do "
+            "not fail the check; repeatable.",
+            metavar="KIND",
+            many=True,
+        ),
+    ] = ()
+    threads: Annotated[int | None, THREADS_OPTION] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.allow:
+            if name not in KINDS:
+                near = get_close_matches(name, KINDS, n=1)
+                known = f"did you mean {near[0]}?" if near else f"it is one of {', '.join(KINDS)}"
+                raise OptionError(f"allow: {quoted(name)} is not a kind of finding; {known}")

@@ -19,7 +19,7 @@ from texbake.baking.texels import NO_FACE
 from texbake.checks.checked_mesh import BoolArray, CheckedMesh
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.finding import Finding
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.options.shared import MAX_SIZE

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks.finding import Finding
-from texbake.checks.options import SEVERITIES, CheckOptions
+from texbake.checks.kinds import SEVERITIES, CheckOptions
 from texbake.errors import OptionError
 from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.mesh import Mesh

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from texbake.checks.check import check_files as read_and_check
 from texbake.checks.finding import N_WORST, Finding
-from texbake.checks.options import CheckOptions
+from texbake.checks.kinds import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.checks.report import CheckReport
 from texbake.core import portable_math as pm

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components, repeated_vertices
+from texbake.mesh.triangle_tree import morton_order
 from texbake.mesh.vertex_stream import VertexStream
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
@@ -75,7 +76,10 @@ def _reduce_pieces(
 ) -> VertexStream:
     """Reduce to about `n_wanted` faces, never to less than `_PIECE_SHARE` of that, in one round."""
     faces = _with_three_places(stream, stream.faces)
-    faces = faces[_order_in_space(stream.points, faces, number, threads)]
+    # On a grid that moves from round to round.
+    shift = 0.31 * number % 1.0
+    order, _ = morton_order(stream.points, faces, threads, most_bits=10, shift=shift, span=2.0)
+    faces = faces[order]
     vertex_of, points = stream.vertices
     n = len(faces)
     piece = _CROWDED_PIECE if _is_crowded(stream) else _PIECE
@@ -102,29 +106,6 @@ def _is_crowded(stream: VertexStream) -> bool:
     n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
     crowds = n_around[n_around >= _CROWD].astype(np.float64)
     return bool(np.square(crowds).sum() > _MOST_LOOKS)
-
-
-def _order_in_space(
-    points: FloatArray, faces: IntArray, number: int, threads: int | None
-) -> IntArray:
-    """Order of the faces along a Morton curve, on a grid that moves from round to round."""
-    low = points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max())
-    id_bits = max(1, int(len(faces) - 1).bit_length())
-    axis_bits = min((64 - id_bits) // 3, 10)
-    low -= extent * (0.31 * number % 1.0)
-    cells_a_unit = (2**axis_bits - 1.0) / (2.0 * extent) if extent > 0.0 else 0.0
-    keys = np.empty(len(faces), dtype=np.uint64)
-    run_bands(
-        lambda start, stop: core.morton_keys(
-            points, faces, low, cells_a_unit, axis_bits, id_bits, start, stop, keys
-        ),
-        len(faces),
-        band=1 << 17,
-        threads=threads,
-    )
-    keys.sort()
-    return (keys & np.uint64((1 << id_bits) - 1)).astype(np.int32)
 
 
 def _error_limit(

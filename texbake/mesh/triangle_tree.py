@@ -46,7 +46,7 @@ class TriangleTree:
         """
         positions = np.ascontiguousarray(positions, dtype=np.float64)
         faces = np.ascontiguousarray(faces, dtype=np.int32)
-        ids, codes = _morton_order(positions, faces, threads)
+        ids, codes = morton_order(positions, faces, threads)
         kept = without_copies(positions, faces, ids, codes)
         if not kept.all():
             ids, codes = ids[kept], codes[kept]
@@ -103,17 +103,28 @@ class TriangleTree:
         return distances, face_ids, barycentrics
 
 
-def _morton_order(
-    positions: FloatArray, faces: IntArray, threads: int | None
+def morton_order(
+    positions: FloatArray,
+    faces: IntArray,
+    threads: int | None,
+    *,
+    most_bits: int = 64,
+    shift: float = 0.0,
+    span: float = 1.0,
 ) -> tuple[IntArray, npt.NDArray[np.uint64]]:
-    """Face ids along a Morton curve through their centers, and their codes in that order."""
+    """Face ids along a Morton curve through their centers, and their codes in that order.
+
+    The cube of the curve has at most `most_bits` bits along an axis. It is `span` times as large as
+    the mesh, and begins so many of its sizes before it.
+    """
     # The id fills the low bits of the sorted key, the code all others: sorting plain integers is
     # several times faster than finding the permutation that sorts them.
     id_bits = max(1, int(len(faces) - 1).bit_length())
-    axis_bits = (64 - id_bits) // 3
+    axis_bits = min((64 - id_bits) // 3, most_bits)
     low = positions.min(axis=0)
     extent = float((positions.max(axis=0) - low).max())
-    cells_a_unit = (2**axis_bits - 1.0) / extent if extent > 0.0 else 0.0
+    low -= extent * shift
+    cells_a_unit = (2**axis_bits - 1.0) / (span * extent) if extent > 0.0 else 0.0
     keys = np.empty(len(faces), dtype=np.uint64)
 
     def work(start: int, stop: int) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -63,12 +63,8 @@ class RayPlaces:
         return RayPlaces(self.cells[chosen], self.charts[chosen])
 
 
-class RayBands(NamedTuple):
-    """Rays that are made band by band."""
-
-    n: int  # number of rays
-    # Returns some of them, and their places, or (n,) int32 groups of neighbors.
-    make: Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
+# Returns rays that are made band by band, and their places, or (n,) int32 groups of neighbors.
+MakeRays = Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
 
 
 class RayScene:
@@ -162,15 +158,17 @@ class RayScene:
         which is then cast alone.
         """
         if places is not None:
-            return self._cast_in_order(_bands_of(rays, places), cull_back_faces, self.threads)
+            return self._cast_in_order(
+                len(rays), _rows_of(rays, places), cull_back_faces, self.threads
+            )
         if len(rays) == 0:
             return RayHits.misses(0)
         keys = np.empty(len(rays), dtype=np.uint64)
         core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
         order = np.argsort(keys, kind="stable")
         groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
-        bands = _bands_of(rays.where(order), groups)
-        found = self._cast_in_order(bands, cull_back_faces, self.threads)
+        make = _rows_of(rays.where(order), groups)
+        found = self._cast_in_order(len(rays), make, cull_back_faces, self.threads)
         hits = RayHits.misses(len(rays))
         for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
             mine[order] = theirs
@@ -178,12 +176,12 @@ class RayScene:
 
     def cast_band(self, rays: Rays, places: RayPlaces, *, cull_back_faces: bool) -> RayHits:
         """As `cast`, in this thread alone."""
-        return self._cast_in_order(_bands_of(rays, places), cull_back_faces, 1)
+        return self._cast_in_order(len(rays), _rows_of(rays, places), cull_back_faces, 1)
 
     def cast_alone(self, rays: Rays) -> RayHits:
         """As `cast`, each ray by itself, in this thread alone, to front and back faces alike."""
         alone = np.arange(len(rays), dtype=np.int32)
-        return self._cast_in_order(_bands_of(rays, alone), False, 1)
+        return self._cast_in_order(len(rays), _rows_of(rays, alone), False, 1)
 
     def cast_made(
         self,
@@ -196,11 +194,10 @@ class RayScene:
 
         So the rays need no memory.
         """
-        return self._cast_in_order(RayBands(n, make), cull_back_faces, self.threads)
+        return self._cast_in_order(n, make, cull_back_faces, self.threads)
 
-    def _cast_in_order(self, bands: RayBands, cull: bool, threads: int) -> RayHits:
+    def _cast_in_order(self, n: int, make: MakeRays, cull: bool, threads: int) -> RayHits:
         """Cast rays that stand in a texture, or that belong to groups."""
-        n = bands.n
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
         nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
@@ -213,7 +210,7 @@ class RayScene:
                 band, box = slice(start, stop), boxes[start // _RAYS_PER_BAND]
                 if _are_apart(box, tree.box):
                     return
-                rays, places = bands.make(band)
+                rays, places = make(band)
                 if self.in_chunks and np.isnan(box[0]):
                     core.bound_points(_ends(rays), box)
                 cells = places.cells if isinstance(places, RayPlaces) else None
@@ -297,14 +294,12 @@ class RayScene:
         return results
 
 
-def _bands_of(rays: Rays, places: RayPlaces | IntArray) -> RayBands:
-    """Return the bands of rays in memory."""
-
-    def some(band: slice) -> tuple[Rays, RayPlaces | IntArray]:
-        chosen = places.where(band) if isinstance(places, RayPlaces) else places[band]
-        return rays.where(band), chosen
-
-    return RayBands(len(rays), some)
+def _rows_of(rays: Rays, places: RayPlaces | IntArray) -> MakeRays:
+    """Return what makes bands of rays that are in memory."""
+    return lambda band: (
+        rays.where(band),
+        places.where(band) if isinstance(places, RayPlaces) else places[band],
+    )
 
 
 def _ends(rays: Rays) -> FloatArray:
