@@ -11,7 +11,6 @@ from texbake.baking.memory import (
     MOST_CHUNKS,
     TREE_FACE,
     bake_memory,
-    chunk_faces,
 )
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
@@ -102,15 +101,10 @@ def pair() -> tuple[Mesh, Mesh]:
 
 
 def limit(pair: tuple[Mesh, Mesh], options: BakeOptions, n_chunks: int) -> int:
-    """Bytes that lead to about so many chunks."""
-    whole = bake_memory(
-        pair[0].n_faces, pair[1].n_faces, options.width_px * options.height_px, options.maps
-    )
-    return next(
-        most
-        for most in range(whole - 1, 0, -1000)
-        if -(-pair[0].n_faces // (chunk_faces(most, whole, pair[0].n_faces) or 1)) == n_chunks
-    )
+    """Bytes that lead to so many chunks."""
+    n, n_texels = pair[0].n_faces, options.width_px * options.height_px
+    whole = bake_memory(n, pair[1].n_faces, n_texels, options.maps)
+    return whole - TREE_FACE * (n - -(-n // n_chunks))
 
 
 @pytest.mark.parametrize("n_chunks", [2, 3, 7])
@@ -150,13 +144,14 @@ def test_adaptive_samples_in_chunks(pair: tuple[Mesh, Mesh]) -> None:
 
 
 def test_size_of_chunks() -> None:
-    whole = bake_memory(1_000_000, 1000, 1024**2, ("normal", "curvature"))
-    assert chunk_faces(whole, whole, 1_000_000) is None
-    assert chunk_faces(whole - 1, whole, 1_000_000) == 999_999
-    assert chunk_faces(1, whole, 1_000_000) == 1_000_000 // MOST_CHUNKS
-    assert BakeOptions().chunk_faces(10**8, 10) is None
-    assert BakeOptions(max_memory="1G").chunk_faces(10_000, 10) is None
-    assert BakeOptions(max_memory="1G").chunk_faces(10**8, 10) == 10**8 // MOST_CHUNKS
+    maps = ("normal", "curvature")
+    whole = bake_memory(1_000_000, 1000, 1024**2, maps)
+    for memory, expected in (
+        (None, None), (whole, None), (whole - 1, 999_999), (whole - 90 * 1000, 999_000),
+        (1, 1_000_000 // MOST_CHUNKS), ("1G", None), ("250M", 1_000_000 // MOST_CHUNKS),
+    ):  # fmt: skip
+        options = BakeOptions(size=1024, maps=maps, max_memory=memory)
+        assert options.chunk_faces(1_000_000, 1000) == expected
 
 
 def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh, Mesh]) -> None:
