@@ -306,11 +306,14 @@ def test_lights(asset, tmp_path):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_what_a_node_holds_stands_where_its_ancestors_put_it(asset, tmp_path, seed):
-    """The product of random translations, rotations and scales places a mesh, light and camera."""
-    rng = np.random.default_rng(seed)
+    """The product of random translations, rotations and scales places a mesh, light and camera.
+
+    Translations are up to 1e8, where the direction of the camera must not be lost in rounding.
+    """
+    rng, size = np.random.default_rng(seed), 10.0 ** (2 * seed)
     place, nodes = np.eye(4), []
     for i in range(3):
-        turn, move, scale = rng.normal(size=4), rng.normal(size=3), rng.uniform(0.5, 2.0)
+        turn, move, scale = rng.normal(size=4), size * rng.normal(size=3), rng.uniform(0.5, 2.0)
         turn /= np.linalg.norm(turn)
         local = np.eye(4)
         local[:3, :3] = scale * Rotation.from_quat(turn).as_matrix()
@@ -325,14 +328,14 @@ def test_what_a_node_holds_stands_where_its_ancestors_put_it(asset, tmp_path, se
     asset.json["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
     scene = asset.read(tmp_path)
     right, up, back = place[:3, :3].T / np.linalg.norm(place[:3, 0])
-    np.testing.assert_allclose(scene.objects[0].transform, place, atol=1e-12)
+    np.testing.assert_allclose(scene.objects[0].transform, place, atol=1e-12 * size)
     (lamp,) = scene.lighting.lights
-    np.testing.assert_allclose(lamp.position, place[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(lamp.position, place[:3, 3], atol=1e-12 * size)
     np.testing.assert_allclose(lamp.direction, -back, atol=1e-12)
     np.testing.assert_allclose(lamp.up, up, atol=1e-12)
     assert (lamp.decay, lamp.blend) == (2.0, pytest.approx(0.6))
     camera = camera_of(scene, RenderOptions())
-    np.testing.assert_allclose(camera.eye, place[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(camera.eye, place[:3, 3], atol=1e-12 * size)
     np.testing.assert_allclose(camera.axes, [right, up, back], atol=1e-12)
     assert (camera.near, camera.fov) == (0.5, pytest.approx(1.0))
 

@@ -10,8 +10,7 @@ do the work; this module only runs them in order.
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
 from functools import partial
 from typing import Any
@@ -48,18 +47,11 @@ _PIXELS = 1 << 15
 class SceneCache:
     """Results for a scene that do not depend on the camera.
 
-    This is the only mutable object here: each picture of the scene adds the results that it is the
-    first to need.
+    Each picture of the scene adds the results that it is the first to need.
     """
 
     results: Results = field(default_factory=Results)
     world: World | None = None
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def keep(self, result: Result[Any], values: Mapping[Target, Any]) -> None:
-        """Add values of a result; several threads may do so at once."""
-        with self._lock:
-            self.results = self.results.or_those_of(Results({result: values}))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,8 +101,7 @@ def prepare(
 
 def share_environment(drawn: Prepared, other: Prepared) -> None:
     """Let a scene use what another with the same environment has computed of it."""
-    cache = other.loaded
-    cache.results = cache.results.or_those_of(drawn.loaded.results.only(OF_ENVIRONMENT))
+    other.loaded.results.add_missing(drawn.loaded.results.copy(only=OF_ENVIRONMENT))
 
 
 def relight(prepared: Prepared, scene: Scene) -> Prepared:
@@ -121,7 +112,7 @@ def relight(prepared: Prepared, scene: Scene) -> Prepared:
         for effect in prepared.effects
         if effect.load and effect.of == "object" and not effect.of_the_others
     ]
-    other.loaded.results = prepared.loaded.results.only(of_objects)
+    other.loaded.results = prepared.loaded.results.copy(only=of_objects)
     return other
 
 
@@ -173,14 +164,14 @@ def lay_out(
     state = RenderState(
         request=request,
         plan=compile_plan(request, prepared.effects),
-        results=prepared.loaded.results,
+        results=prepared.loaded.results.copy(),
         costs=Costs(),
         threads=prepared.threads,
         draw_others=_draw_others(prepared, request),
     )
     with stages.stage("place"):
         moving = [p for p in state.plan.passes if p.effect.moves_surface]
-        state = _run(state, prepared, moving, None)
+        _run(state, prepared, moving, None)
         state = replace(state, drawn_scene=_gather_objects(state, prepared))
     with stages.stage("rasterize"):
         visible = find_visible(state)
@@ -190,41 +181,34 @@ def lay_out(
     with stages.stage("prepare light and textures"):
         later = [p for p in state.plan.passes if not p.effect.moves_surface]
         finding = [p for p in later if p.effect.finds_objects is not None]
-        state = _run(state, prepared, finding, None)
+        _run(state, prepared, finding, None)
         for item in finding:
             assert item.effect.finds_objects is not None
             more = visible.objects.union(item.effect.finds_objects(state))
             state = replace(state, visible_scene=replace(visible, objects=more))
         others = [p for p in later if p.effect.finds_objects is None]
-        return _run(state, prepared, others, state.visible.objects)
+        _run(state, prepared, others, state.visible.objects)
+    return state
 
 
 def _run(
     state: RenderState, prepared: Prepared, passes: Sequence[Pass], seen: Collection[int] | None
-) -> RenderState:
+) -> None:
     """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
         wanted = None if seen is None else _targets_in(item, seen)
-        found: dict[Result[Any], dict[Target, Any]] = {}
-        for result in filter(None, (effect.load, effect.prepare)):
-            results, found[result] = state.results.growing(result)
-            state = replace(state, results=results)
-        try:
-            for target in item.targets:
-                why = _why_not(state, effect, target, wanted)
-                if why is not None:
-                    state.costs.skip(effect.name, why)
-                    continue
-                for result, values in found.items():
-                    compute = partial(_computed, state, prepared, effect, result, target)
-                    if result.deferred:
-                        state.costs.skip(effect.name, "it reaches no pixel")
-                    values[target] = Deferred(compute) if result.deferred else compute()
-        finally:  # what was loaded before an error or an interrupt is not loaded again
-            if effect.load is not None and not effect.load.deferred:
-                prepared.loaded.keep(effect.load, found[effect.load])
-    return state
+        for target in item.targets:
+            why = _why_not(state, effect, target, wanted)
+            if why is not None:
+                state.costs.skip(effect.name, why)
+                continue
+            for result in filter(None, (effect.load, effect.prepare)):
+                compute = partial(_computed, state, prepared, effect, result, target)
+                if result.deferred:
+                    state.costs.skip(effect.name, "it reaches no pixel")
+                value = Deferred(compute) if result.deferred else compute()
+                state.results.put(result, target, value)
 
 
 def _why_not(
@@ -247,14 +231,14 @@ def _computed(
     state: RenderState, prepared: Prepared, effect: Effect, result: Result[Any], target: Target
 ) -> Any:
     """Compute a result of an effect for a target, or find it among those of the scene."""
-    cache = prepared.loaded
+    known = prepared.loaded.results
     index = target if effect.of == "object" else None
     with state.costs.timed(effect.name), state.reporting_for(index):
-        if result is effect.load and cache.results.has(result, target):
-            return cache.results.get(result, target)
+        if result is effect.load and target in known.all(result):
+            return known.get(result, target)
         value = result.compute(state, target)
-        if result is effect.load and result.deferred:
-            cache.keep(result, {target: value})
+        if result is effect.load:
+            known.put(result, target, value)
         if effect.load is None or value is not state.results.all(effect.load).get(target):
             state.costs.add(effect.name, 0.0, _n_bytes(value))
         return value
@@ -346,7 +330,6 @@ def _draw_others(
 def _share(source: Prepared, destination: Prepared) -> None:
     """Share cached results, except what one object shows of the others."""
     own = [effect.load for effect in source.effects if effect.of_the_others and effect.load]
-    shared = source.loaded.results.without(own)
-    destination.loaded.results = destination.loaded.results.or_those_of(shared)
+    destination.loaded.results.add_missing(source.loaded.results.copy(without=own))
     if destination.loaded.world is None:
         destination.loaded.world = source.loaded.world

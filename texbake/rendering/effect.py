@@ -268,12 +268,6 @@ class RenderState:
         """Return the value of an effect for a target; None if the plan has no such pass."""
         return self.results.get(result, target)
 
-    def including(
-        self, result: Result[Value], target: Target, value: Value | Deferred[Value]
-    ) -> RenderState:
-        """Return a copy of the state with one more result."""
-        return replace(self, results=self.results.including(result, target, value))
-
     @contextmanager
     def reporting_for(self, index: int | None) -> Iterator[None]:
         """Report errors in data that a scene file refers to as errors of that file and object."""

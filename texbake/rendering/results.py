@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -47,52 +47,39 @@ class Deferred(Generic[Value]):
         return self._values[0]
 
 
-@dataclass(frozen=True, eq=False)
 class Results:
-    """Immutable mapping from `Result` and target to the values that effects have computed."""
+    """Values that effects have computed, by `Result` and target; any thread may add one."""
 
-    _values: Mapping[Result[Any], Mapping[Target, Any]] = field(default_factory=dict)
-
-    def has(self, result: Result[Any], target: Target) -> bool:
-        """Whether a value has been computed, even if it is None."""
-        return target in self._values.get(result, ())
-
-    def get(self, result: Result[Value], target: Target = None) -> Value | None:
-        """Return a value, or None if there is none; computes a deferred one."""
-        value: Value | Deferred[Value] | None = self._values.get(result, {}).get(target)
-        return value.get() if isinstance(value, Deferred) else value
+    def __init__(self) -> None:
+        self._values: dict[Result[Any], dict[Target, Any]] = {}
 
     def all(self, result: Result[Value]) -> Mapping[Target, Value]:
         """Return the values of a result for all targets."""
         return self._values.get(result, {})
 
-    def including(
-        self, result: Result[Value], target: Target, value: Value | Deferred[Value]
+    def get(self, result: Result[Value], target: Target = None) -> Value | None:
+        """Return a value, or None if there is none; computes a deferred one."""
+        value: Value | Deferred[Value] | None = self.all(result).get(target)
+        return value.get() if isinstance(value, Deferred) else value
+
+    def put(self, result: Result[Any], target: Target, value: Any) -> None:
+        """Add a value, or replace it."""
+        self._values.setdefault(result, {})[target] = value
+
+    def copy(
+        self, *, only: Collection[Result[Any]] | None = None, without: Collection[Result[Any]] = ()
     ) -> Results:
-        """Return a copy with one more value."""
-        values = {**self._values.get(result, {}), target: value}
-        return Results({**self._values, result: values})
+        """Return a copy, of some results alone."""
+        copied = Results()
+        for key, values in self._values.items():
+            if key not in without and (only is None or key in only):
+                copied._values[key] = dict(values)
+        return copied
 
-    def growing(self, result: Result[Any]) -> tuple[Results, dict[Target, Any]]:
-        """Return a copy, and the values of a result in it, to be added to without copying them."""
-        values = dict(self._values.get(result, {}))
-        return Results({**self._values, result: values}), values
-
-    def without(self, left_out: Iterable[Result[Any]]) -> Results:
-        """Return a copy without some results, for all targets."""
-        dropped = set(left_out)
-        return Results({key: values for key, values in self._values.items() if key not in dropped})
-
-    def only(self, kept: Iterable[Result[Any]]) -> Results:
-        """Return a copy with some of the results alone, for all targets."""
-        return Results({key: self._values[key] for key in kept if key in self._values})
-
-    def or_those_of(self, others: Results) -> Results:
-        """Return a copy completed with the values of `others` that are missing here."""
-        values = dict(self._values)
-        for key, targets in others._values.items():
-            values[key] = {**targets, **values.get(key, {})}
-        return Results(values)
+    def add_missing(self, others: Results) -> None:
+        """Add the values of others that are missing here."""
+        for key, values in others._values.items():
+            self._values[key] = values | self._values.get(key, {})
 
 
 @dataclass

@@ -229,10 +229,12 @@ def _behind_all(state: RenderState) -> Float32Array | None:
             options = replace(state.options, supersampling=1)
             request = replace(state.request, options=options)
             visible = replace(state.visible, visibility=nothing)
-            empty = replace(state, request=request, visible_scene=visible)
+            results = state.results.copy()
+            empty = replace(state, request=request, visible_scene=visible, results=results)
             with state.costs.timed(item.name):
                 behind = item.effect.prepare.compute(empty, None)
-            return find_background(empty.including(item.effect.prepare, None, behind))
+            results.put(item.effect.prepare, None, behind)
+            return find_background(empty)
     return find_background(state)
 
 
