@@ -12,16 +12,6 @@ def cells(image: np.ndarray, n: int) -> np.ndarray:
     return image.reshape(n, side, n, side, 3).swapaxes(1, 2)[::-1]
 
 
-def test_cells_begin_and_end_with_texels() -> None:
-    image = checker_image(256, 8)
-    assert image.dtype == np.float32
-    assert 0.0 <= image.min() < image.max() <= 1.0
-    # No ink reaches the right and the upper border of a cell.
-    for cell in cells(image, 8).reshape(-1, 32, 32, 3):
-        assert (cell[0] == cell[0, 0]).all()
-        assert (cell[:, -1] == cell[0, 0]).all()
-
-
 def test_each_cell_has_its_own_color_and_neighbors_differ_in_lightness() -> None:
     colors = cells(checker_image(512, 16), 16)[:, :, 0, 0]
     assert len(np.unique(colors.reshape(-1, 3), axis=0)) == 256

@@ -109,13 +109,6 @@ def test_both_sides_of_an_edge_agree_even_for_noise(size):
     np.testing.assert_allclose(sides[0], sides[1], atol=size * 2e-6)
 
 
-def test_without_the_neighbors_the_sides_would_differ():
-    # What the test above rests on: clamped to its face, noise jumps at edges.
-    cube = CubeMap(np.random.default_rng(3).random((6, 8, 8, 1)).astype(np.float32))
-    edge = cube.faces[0, :, 0, 0] - cube.faces[4, :, -1, 0]
-    assert np.abs(edge).max() > 0.3
-
-
 def test_a_smooth_function_is_followed_everywhere(directions):
     def smooth(at):
         return np.sin(at @ np.array([[1.0], [-2.0], [0.5]], at.dtype))
@@ -175,22 +168,6 @@ def test_directions_without_a_face_get_0_and_extreme_ones_their_own():
         assert (found == 0).all()
         found = sample_cube(cube, np.array(somewhere, np.float32), filter=filter_name)
         assert found.ravel().tolist() == [1, 4, 5, 6]
-
-
-def test_the_length_of_a_direction_does_not_matter(noise, directions):
-    np.testing.assert_array_equal(
-        sample_cube(noise, directions), sample_cube(noise, directions * np.float32(2**20))
-    )
-
-
-def test_the_same_bytes_for_any_number_of_threads(noise):
-    many = np.random.default_rng(2).normal(size=(200_000, 3)).astype(np.float32)
-    levels = np.random.default_rng(3).uniform(0, 3, len(many)).astype(np.float32)
-    chain = cube_chain(noise)
-    one, two = (
-        sample_cube(chain, many, levels, filter="trilinear", threads=threads) for threads in (1, 2)
-    )
-    np.testing.assert_array_equal(one, two)
 
 
 def test_resizing(noise):
@@ -263,14 +240,6 @@ def test_a_constant_panorama_stays_exactly_that(shape, size):
     assert (to_latitude_longitude(cube, height=17) == value).all()
 
 
-def test_a_smooth_panorama_is_followed_by_its_cube():
-    cube = from_latitude_longitude(smooth(image_directions(128, 256)), size=64)
-    # Linear interpolation over 2 pi / 256 and the mean over 2 / 64: h²/8 and h²/24 of two second
-    # derivatives of at most 5.25; near the poles a first derivative in longitude adds to them.
-    bound = 2 * 5.25 * ((2 * np.pi / 256) ** 2 / 8 + (2 / 64) ** 2 / 24)
-    np.testing.assert_allclose(cube.faces, smooth(texel_directions(64)), atol=2 * bound)
-
-
 def test_a_smooth_panorama_survives_the_way_to_a_cube_and_back():
     image = smooth(image_directions(128, 256)).astype(np.float32)
     back = to_latitude_longitude(from_latitude_longitude(image))
@@ -305,25 +274,6 @@ def test_a_small_sun_keeps_its_energy_wherever_it_is(size):
         np.testing.assert_allclose(energy, image_energy(image), rtol=0.07)
 
 
-def test_stripes_too_fine_for_the_cube_become_gray():
-    image = np.zeros((256, 512, 1), np.float32)
-    image[:, ::2] = 1.0
-    cube = from_latitude_longitude(image, size=16)
-    # Aliased stripes would be anything from 0 to 1. The mean over a texel leaves 1 / (pi n) of an
-    # amplitude of 2/pi over n stripes, at least 2 in the narrowest; interpolating took 60 % of it.
-    np.testing.assert_allclose(cube.faces, 0.5, atol=0.4 * 2 / np.pi / (np.pi * 2))
-
-
-def test_the_poles_are_one_value():
-    """Rows of stripes at a pole are a spot that no lookup may resolve."""
-    image = np.zeros((64, 128, 1), np.float32)
-    image[:, ::2] = 1.0
-    cube = from_latitude_longitude(image, size=32)
-    # The middle four texels of the top lie within 1.5 rows of the pole, where a stripe is 1/128 of
-    # a circle.
-    np.testing.assert_allclose(cube.faces[2:4, 15:17, 15:17], 0.5, atol=0.02)
-
-
 def test_the_panorama_of_a_noisy_cube_has_no_seam():
     rng = np.random.default_rng(8)
     cube = CubeMap(rng.random((6, 4, 4, 1)).astype(np.float32))
@@ -344,15 +294,6 @@ def test_texels_that_are_not_finite_count_as_0():
     assert cube.faces.min() < 0.9
 
 
-def test_the_same_panorama_for_any_number_of_threads():
-    image = np.random.default_rng(4).random((256, 512, 3)).astype(np.float32)
-    one, two = (from_latitude_longitude(image, threads=threads) for threads in (1, 2))
-    np.testing.assert_array_equal(one.faces, two.faces)
-    np.testing.assert_array_equal(
-        to_latitude_longitude(one, threads=1), to_latitude_longitude(two, threads=2)
-    )
-
-
 def test_sizes_of_panoramas():
     image = np.zeros((30, 60, 1), np.float32)
     assert from_latitude_longitude(image).size == 15
@@ -369,13 +310,11 @@ def test_sizes_of_panoramas():
         from_latitude_longitude(image[..., 0])
 
 
-def test_a_sky_with_a_sun_keeps_its_light():
-    """A sun thousands of times as bright as white, in a few texels."""
-    y, x = np.mgrid[:512, :1024]
-    image = (0.2 + 0.8 * np.sin(y / 163.0) * np.cos(x / 163.0) ** 2)[..., None].astype(np.float32)
-    image[150:153, 400:404] = 6496.0
-    cube = from_latitude_longitude(image)
-    np.testing.assert_allclose(cube_energy(cube), image_energy(image), rtol=2e-3)
-    np.testing.assert_allclose(
-        image_energy(to_latitude_longitude(cube)), cube_energy(cube), rtol=2e-3
-    )
+def test_the_poles_are_one_value():
+    """Rows of stripes at a pole are a spot that no lookup may resolve."""
+    image = np.zeros((64, 128, 1), np.float32)
+    image[:, ::2] = 1.0
+    cube = from_latitude_longitude(image, size=32)
+    # The middle four texels of the top lie within 1.5 rows of the pole, where a stripe is 1/128 of
+    # a circle.
+    np.testing.assert_allclose(cube.faces[2:4, 15:17, 15:17], 0.5, atol=0.02)

@@ -7,7 +7,6 @@ from texbake.errors import OptionError
 from texbake.texture.cube_map import (
     CubeChain,
     CubeMap,
-    cube_chain,
     cube_face_axes,
     face_directions,
     locate_directions,
@@ -132,11 +131,6 @@ def test_wrong_shapes_are_one_clear_error(shape):
         CubeMap(np.zeros(shape, np.float32))
 
 
-def test_a_face_that_there_is_not():
-    with pytest.raises(OptionError, match="face: 6 is not a face"):
-        cube_face_axes(6)
-
-
 @pytest.mark.parametrize("size", [1, 2, 3, 7])
 @pytest.mark.parametrize("source", [7, 12])
 def test_reducing_keeps_a_constant_exactly(source, size):
@@ -168,21 +162,6 @@ def test_reducing_to_a_size_that_cannot_be(noise):
     for size in 0, 8:
         with pytest.raises(OptionError, match=f"size: {size} is not from 1 to 7"):
             shrink_cube(noise, size)
-
-
-def test_a_chain_goes_down_to_one_texel_a_face(noise):
-    chain = cube_chain(noise)
-    assert chain.sizes.tolist() == [7, 3, 1]
-    assert (chain.n_levels, chain.n_channels, chain.size) == (3, 3, 7)
-    np.testing.assert_array_equal(chain.level(0).faces, noise.faces)
-    np.testing.assert_array_equal(chain.level(1).faces, shrink_cube(noise, 3).faces)
-    assert len(chain.texels) == 6 * (9**2 + 5**2 + 3**2)
-
-
-def test_the_same_chain_for_any_number_of_threads():
-    cube = CubeMap(np.random.default_rng(0).random((6, 90, 90, 3)).astype(np.float32))
-    chains = [cube_chain(cube, threads=threads).texels for threads in (1, 3)]
-    np.testing.assert_array_equal(*chains)
 
 
 def test_levels_that_do_not_fit_together(noise):

@@ -5,7 +5,7 @@ import pytest
 
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.mipmaps import mip_chain, single_level
-from texbake.texture.sample import SUPERSAMPLES, sample
+from texbake.texture.sample import sample
 
 
 @pytest.fixture(scope="module")
@@ -91,46 +91,11 @@ def test_bicubic_is_the_convolution_with_keys_kernel(size, wrap, mode):
     np.testing.assert_allclose(bicubic(image, points, wrap=wrap), expected, atol=1e-6)
 
 
-def test_bicubic_reproduces_a_parabola():
-    x, y = np.meshgrid((np.arange(16) + 0.5) / 16, 1 - (np.arange(12) + 0.5) / 12)
-
-    def surface(u, v):
-        return 1.0 + u - 2.0 * v + 3.0 * u * v - u * u + 2.0 * v * v
-
-    points = np.random.default_rng(0).uniform(0.2, 0.8, (1000, 2))
-    found = bicubic(surface(x, y)[..., None], points)[:, 0]
-    np.testing.assert_allclose(found, surface(*points.T), atol=2e-6)  # float32, values up to 3
-
-
-def test_bicubic_is_smooth_from_texel_to_texel():
-    """Its first derivative has no jump where the texels that are read change."""
-    image = np.random.default_rng(4).random((1, 16, 1)).astype(np.float64)
-    step = 1e-3 / 16
-    borders = (np.arange(2, 14) + 0.5) / 16
-    u = borders[:, None] + step * np.array([-2, -1, 1, 2])
-    values = bicubic(image, np.stack([u.ravel(), np.full(u.size, 0.5)], axis=1)).reshape(u.shape)
-    before, after = values[:, 1] - values[:, 0], values[:, 3] - values[:, 2]
-    # In steps of a thousandth of a texel: curvature and float32 rounding.
-    np.testing.assert_allclose(before / 1e-3, after / 1e-3, atol=0.04)
-
-
 def test_bicubic_overshoots_an_edge_by_no_more_than_its_bound():
     image = np.random.default_rng(0).integers(0, 2, (64, 64, 1)).astype(np.float32)
     values = bicubic(image, np.random.default_rng(1).random((200_000, 2)))
     assert -9 / 32 <= values.min() < -0.15
     assert 1.15 < values.max() <= 1 + 9 / 32
-
-
-def test_supersample_points_all_differ_in_both_coordinates():
-    # So an axis-aligned pattern of fewer than 256 periods per pixel is seen in 256 phases.
-    for coordinates in SUPERSAMPLES.T:
-        np.testing.assert_array_equal(np.sort(coordinates), (np.arange(256) + 0.5) / 256 - 0.5)
-
-
-def test_supersample_points_are_mirrored_about_the_middle():
-    points = set(map(tuple, SUPERSAMPLES))
-    assert len(points) == 256
-    assert {(-x, -y) for x, y in points} == points
 
 
 def test_supersampled_wave_is_the_mean_over_the_parallelogram():

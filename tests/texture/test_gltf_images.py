@@ -83,14 +83,6 @@ def test_other_formats_become_png_with_the_same_codes(tmp_path, suffix):
     assert found.channels["base-color"].factor == (1.0, 0.5, 1.0)
 
 
-def test_opaque_materials_take_no_alpha_along(tmp_path):
-    image = image_of(tmp_path / "c.tga", codes(4), (0, 1, 2))
-    found = rearranged(base_color=ChannelSource((1.0,) * 3, image)).materials[0]
-    assert (
-        decode_image(found.channels["base-color"].image.data, "", color=True).pixels.shape[2] == 3
-    )
-
-
 def test_sixteen_bits_and_other_sizes(tmp_path):
     rough, metal = codes(3, 8, np.uint16), codes(3, 4)
     found = rearranged(
@@ -128,12 +120,9 @@ def test_what_cannot_be_placed_or_read_is_noted(tmp_path):
     assert found.materials[0].channels["emissive"].image is None
 
 
-def test_threads_change_nothing(tmp_path):
-    image = image_of(tmp_path / "r.tga", codes(3, 300), (0,))
-    source = {"roughness": ChannelSource((1.0,), image)}
-    given = Materials(
-        face_materials=np.zeros(1, np.int32),
-        materials=(MeshMaterial(name="a", channels=source),),
+def test_opaque_materials_take_no_alpha_along(tmp_path):
+    image = image_of(tmp_path / "c.tga", codes(4), (0, 1, 2))
+    found = rearranged(base_color=ChannelSource((1.0,) * 3, image)).materials[0]
+    assert (
+        decode_image(found.channels["base-color"].image.data, "", color=True).pixels.shape[2] == 3
     )
-    one, many = (gltf_images(given, threads=threads).materials for threads in (1, 3))
-    assert one == many

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.image import Image, read_image
+from texbake.texture.image import Image
 from texbake.texture.image_files import bits_for, clipped_share, suffix_like, write_images
 
 PIXELS = np.full((2, 2, 3), 0.5, np.float32)
@@ -45,13 +45,6 @@ def test_clipped_values_are_counted_where_a_file_cannot_hold_them():
     assert clipped_share("a.png", pixels, None) == 0.5
     assert clipped_share("a.exr", pixels, None) == 0.0
     assert clipped_share("a.tif", pixels, 32) == 0.0
-
-
-def test_several_images_are_written_into_new_folders(tmp_path):
-    files = [tmp_path / "new" / "a.tif", tmp_path / "new" / "deep" / "b.tif"]
-    write_images(dict.fromkeys(files, PIXELS), color=True, bits=32)
-    for file in files:
-        np.testing.assert_array_equal(read_image(file, color=True).pixels, PIXELS)
 
 
 def test_values_that_a_format_cannot_hold_are_refused_before_the_folder_is_made(tmp_path):

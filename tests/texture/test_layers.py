@@ -52,12 +52,6 @@ def test_channels_are_named_after_their_layer(path, layers):
     }  # fmt: skip
 
 
-def test_bytes_are_the_same_each_time(tmp_path, layers):
-    for name in "a.exr", "b.exr":
-        write_layers(layers, tmp_path / name)
-    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
-
-
 def test_an_image_without_layers_is_the_layer_without_a_name(path):
     pixels = np.linspace(0, 1, 60, dtype=np.float32).reshape(4, 5, 3)
     write_image(pixels, path, bits=32, metadata={"texbake:space": "object"})

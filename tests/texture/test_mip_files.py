@@ -3,9 +3,9 @@ import pytest
 
 from texbake.errors import OptionError
 from texbake.texture.image import read_image, write_image
-from texbake.texture.mip_files import levels_picture, roughness_of_lengths, write_mip_levels
+from texbake.texture.mip_files import roughness_of_lengths, write_mip_levels
 from texbake.texture.mipmaps import mip_chain
-from texbake.texture.options import MIP_FILTERS, MIP_KINDS, MIP_WRAPS, MipOptions
+from texbake.texture.options import MipOptions
 
 
 @pytest.fixture
@@ -49,14 +49,6 @@ def test_one_picture_holds_all_levels(tmp_path, rock):
     np.testing.assert_array_equal(picture[:6, 20:], chain.level(1))
     np.testing.assert_array_equal(picture[6:9, 20:25], chain.level(2))
     assert (picture[-1, 20:] == 0).all()
-
-
-def test_a_long_strip_has_room_for_all_its_levels():
-    levels = [np.full((1, max(16 >> i, 1), 1), i + 1) for i in range(5)]
-    picture = levels_picture(levels)
-    assert picture.shape == (4, 24, 1)
-    assert picture[:, 16, 0].tolist() == [2, 3, 4, 5]
-    assert levels_picture(levels[-1:]).shape == (1, 1, 1)
 
 
 def test_normals_come_out_as_unit_normals_and_roughness_as_asked(tmp_path):
@@ -105,18 +97,6 @@ def test_roughness_of_lengths():
     narrow = roughness_of_lengths(np.array([1 - alpha**2 / 2]))
     np.testing.assert_allclose(narrow, np.sqrt(alpha), rtol=1e-3)
     assert roughness_of_lengths(np.array([1.0001, -0.5])).tolist() == [0.0, 1.0]
-
-
-def test_words_of_the_options_are_those_of_the_chain():
-    image = np.full((4, 4, 3), 0.5, np.float32)
-    for kind in MIP_KINDS:
-        mip_chain(image, kind=kind)
-    for wrap in MIP_WRAPS:
-        for filter_name in MIP_FILTERS:
-            mip_chain(image, wrap=wrap, filter=filter_name)
-    for wrong in {"kind": "x"}, {"wrap": "x"}, {"filter": "x"}:
-        with pytest.raises(OptionError, match=f"{next(iter(wrong))}: x is not one of"):
-            MipOptions(**wrong)
 
 
 def test_pixels_that_are_not_normals(tmp_path, rock):

@@ -40,13 +40,6 @@ def test_the_finest_level_is_the_image_and_each_level_its_own_texels():
         assert not level.flags.writeable
 
 
-def test_of_a_power_of_two_a_texel_is_the_mean_of_two_by_two():
-    image = random_image(8, 16)
-    means = image.astype(np.float64).reshape(4, 2, 8, 2, 3).mean(axis=(1, 3))
-    # One rounding to float32 for each of four sums of values below 1.
-    np.testing.assert_allclose(mip_chain(image).level(1), means, atol=2e-7)
-
-
 @pytest.mark.parametrize("size", [(5, 7), (3, 1), (9, 4), (2, 31)])
 def test_of_odd_sizes_a_texel_is_the_mean_over_its_area(size):
     height, width = size
@@ -147,25 +140,12 @@ def test_normals_are_averaged_as_unit_vectors():
     assert np.isfinite(chain.texels).all()
 
 
-def test_opposite_normals_leave_no_length():
-    opposite = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
-    last = mip_chain(opposite, kind="normal", roughness=True).level(1)
-    assert (last == 0.0).all()
-
-
 def test_a_single_level_shares_the_memory_of_its_image():
     image = random_image(5, 3)
     chain = single_level(image)
     assert isinstance(chain, MipChain) and chain.n_levels == 1
     assert np.shares_memory(chain.texels, image)
     np.testing.assert_array_equal(chain.level(0), image)
-
-
-def test_threads_change_nothing():
-    image = random_image(1030, 2051, 1)
-    for name in MIP_FILTERS:
-        one, two = (mip_chain(image, filter=name, threads=threads) for threads in (1, 2))
-        assert one.texels.tobytes() == two.texels.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -187,8 +167,3 @@ def test_an_image_without_texels_or_channels_is_an_error(shape):
     for make in mip_chain, single_level:
         with pytest.raises(OptionError, match=r"is not \(height, width, channels\)"):
             make(np.zeros(shape, np.float32))
-
-
-def test_normals_have_three_channels():
-    with pytest.raises(OptionError, match="4 channels are not a normal map"):
-        mip_chain(random_image(4, 4, 4), kind="normal")

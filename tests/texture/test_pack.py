@@ -43,11 +43,6 @@ def test_rectangles_lie_inside_and_never_overlap(
     assert taken.max() == 1
 
 
-def test_four_equal_squares_fill_a_square() -> None:
-    assert sorted(place_rectangles([(8, 8)] * 4, 16, 16) or ()) == [(0, 0), (0, 8), (8, 0), (8, 8)]
-    assert place_rectangles([(8, 8)] * 5, 16, 16) is None
-
-
 @pytest.mark.parametrize("edges", ["clamp", "repeat"])
 def test_a_packed_mesh_looks_up_the_same_colors(edges: str) -> None:
     images = [noise(32, 48), noise(64, 16, seed=1), noise(17, 33, seed=2)]

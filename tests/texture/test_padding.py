@@ -24,12 +24,6 @@ def pad(values, chart_ids, padding, *, background=0.0):
     )
 
 
-def test_padding_of_a_row():
-    padded = pad(np.array([[[0.0], [7.0], [0.0], [0.0]]]), np.array([[-1, 0, -1, -1]]), 1)
-    assert padded.values[0, :, 0].tolist() == [7.0, 7.0, 7.0, 0.0]
-    assert padded.is_padding[0].tolist() == [True, False, True, False]
-
-
 @st.composite
 def charts(draw):
     height, width = draw(st.integers(1, 20)), draw(st.integers(1, 20))
@@ -74,39 +68,6 @@ def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
     assert nearest_owner(chart_ids, padding, threads=1).n_meeting == n_meeting
 
 
-def test_padding_is_exactly_as_wide_as_asked():
-    chart_ids = np.full((40, 300), -1, np.int32)
-    chart_ids[20:, :] = 0
-    for padding in (0, 1, 4, 16):
-        padded = pad(np.ones((40, 300, 1)), chart_ids, padding)
-        assert padded.is_padding.sum(axis=0).tolist() == [padding] * 300
-        assert padded.is_padding[20 - padding : 20].all()
-
-
-def test_two_charts_meet_where_the_gutter_is_too_narrow():
-    chart_ids = np.full((6, 30), -1, np.int32)
-    chart_ids[:, :10], chart_ids[:, 18:] = 0, 1
-    assert nearest_owner(chart_ids, 4).n_meeting == 0  # a gutter of twice the padding
-    assert nearest_owner(chart_ids, 5).n_meeting == 2 * 6
-    chart_ids[chart_ids == 1] = 0
-    assert nearest_owner(chart_ids, 5).n_meeting == 0
-
-
-def test_threads_change_nothing():
-    rng = np.random.default_rng(0)
-    chart_ids = np.where(rng.random((300, 700)) < 0.002, rng.integers(0, 9, (300, 700)), -1)
-    one = nearest_owner(chart_ids, 16, threads=1)
-    two = nearest_owner(chart_ids, 16, threads=2)
-    np.testing.assert_array_equal(one.indices, two.indices)
-    assert one.n_meeting == two.n_meeting > 0
-    values = rng.random((300, 700, 3)).astype(np.float32)
-    for work in (
-        lambda threads: spread(values, one.indices, threads=threads),
-        lambda threads: push_pull(values, chart_ids >= 0, threads=threads),
-    ):
-        np.testing.assert_array_equal(work(1), work(2))
-
-
 def test_owners_keep_their_values_bit_for_bit():
     rng = np.random.default_rng(0)
     values = rng.random((50, 60, 3)).astype(np.float32)
@@ -140,25 +101,6 @@ def test_out_of_reach_is_background(background):
     padded = pad(np.full((4, 8, 3), 0.2), chart_ids, 2, background=background).values
     assert (padded[:, :3] == np.float32(0.2)).all()
     assert (padded[:, 3:] == np.float32(background)).all()
-
-
-def test_without_owners_all_is_background():
-    nothing = np.full((5, 6), -1, np.int32)
-    padded = pad(np.full((5, 6, 1), np.nan), nothing, 16, background=0.5)
-    assert (padded.values == 0.5).all() and not padded.is_padding.any() and padded.n_meeting == 0
-    values = np.random.default_rng(0).random((5, 6, 2)).astype(np.float32)
-    np.testing.assert_array_equal(push_pull(values, nothing >= 0), values)
-
-
-def test_the_input_is_not_changed():
-    values = np.random.default_rng(0).random((8, 8, 1)).astype(np.float32)
-    before = values.copy()
-    values.flags.writeable = False
-    chart_ids = np.eye(8, dtype=np.int32) - 1
-    chart_ids.flags.writeable = False
-    pad(values, chart_ids, 2)
-    push_pull(values, chart_ids >= 0)
-    np.testing.assert_array_equal(values, before)
 
 
 @given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))

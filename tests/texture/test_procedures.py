@@ -108,13 +108,6 @@ def test_points_in_any_order_of_memory(name):
     np.testing.assert_array_equal(evaluate(name, points.tolist()), expected)
 
 
-@EACH
-def test_defaults_pass_their_own_checks(name):
-    defaults = PROCEDURE_DEFAULTS[name]
-    assert checked_parameters(name, defaults) == defaults
-    assert checked_parameters(name, {}) == defaults
-
-
 @pytest.mark.parametrize(
     ("name", "parameters", "words"),
     [
@@ -165,12 +158,6 @@ def test_numbers_of_numpy_are_numbers():
     full = checked_parameters("fractal", given)
     assert (full["seed"], full["octaves"], full["gain"]) == (3, 2, 0.5)
     assert all(type(full[key]) in (int, float) for key in given)
-
-
-def test_ramps_are_colors():
-    for stops in DEFAULT_RAMPS.values():
-        assert len(stops) >= 2
-        assert all(len(stop) == 3 and min(stop) >= 0.0 and max(stop) <= 1.0 for stop in stops)
 
 
 def test_names_and_parameters_cost_no_numpy():

@@ -48,16 +48,6 @@ def plane_to_the_horizon(width, height, *, turned_deg):
     return (ground @ turn.T).reshape(-1, 2), derivatives.reshape(-1, 4).astype(np.float32)
 
 
-def test_the_derivatives_of_the_plane_are_those_of_its_coordinates():
-    uvs, derivatives = (a.reshape(60, 80, -1) for a in plane_to_the_horizon(80, 60, turned_deg=20))
-    # Across, coordinates are linear; along, they are 1 / y, of which the difference over two pixels
-    # is off by a share of 1 / y², y being 30 and more.
-    right = (uvs[:, 2:] - uvs[:, :-2]) / 2
-    np.testing.assert_allclose(derivatives[:, 1:-1, :2], right, rtol=1e-5, atol=1e-7)
-    down = (uvs[32:] - uvs[30:-2]) / 2
-    np.testing.assert_allclose(derivatives[31:-1, :, 2:], down, rtol=1 / 30**2)
-
-
 @pytest.mark.parametrize("turned_deg", [0.0, 25.0, 45.0])
 @pytest.mark.parametrize("size", [512, 500])
 def test_on_a_checkered_plane_to_the_horizon_each_filter_is_better_than_the_last(size, turned_deg):
@@ -75,12 +65,6 @@ def test_on_a_checkered_plane_to_the_horizon_each_filter_is_better_than_the_last
     # And not by a hair where the next one adds something.
     assert trilinear < 0.6 * bilinear
     assert ewa < 0.5 * trilinear
-
-
-def test_filters_and_wraps_are_those_of_scenes():
-    assert FILTERS == textures.FILTERS
-    assert FILTERS_WITH_FOOTPRINT == textures.FILTERS_WITH_FOOTPRINT
-    assert set(WRAPS) == set(textures.WRAPS)
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -203,29 +187,6 @@ def test_mip_levels_of_known_footprints():
     np.testing.assert_allclose(mip_levels(derivatives, 64, 32), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", FILTERS)
-def test_threads_change_nothing(name):
-    n = 70_000
-    chain = mip_chain(random_image(64, 64, 1))
-    uvs = np.random.default_rng(0).random((n, 2))
-    derivatives = changes(n, 0.02, 0.01, -0.01, 0.03)
-    if name == "supersampled":
-        n = 66_000
-        uvs, derivatives = uvs[:n], derivatives[:n]
-    one, two = (sample(chain, uvs, derivatives, filter=name, threads=threads) for threads in (1, 2))
-    assert one.tobytes() == two.tobytes()
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_channels_do_not_mix(name):
-    image, uvs = random_image(16, 16, 4), random_points(300)
-    derivatives = changes(300, 0.1, 0.02, -0.03, 0.15)
-    together = sample(mip_chain(image), uvs, derivatives, filter=name)
-    for channel in range(4):
-        alone = sample(mip_chain(image[..., channel, None]), uvs, derivatives, filter=name)
-        np.testing.assert_array_equal(together[:, channel], alone[:, 0])
-
-
 def test_a_texture_is_sampled_at_coordinates_of_any_shape():
     image = random_image(8, 8)
     uvs = random_points(24).reshape(2, 3, 4, 2)
@@ -267,3 +228,9 @@ def test_shapes_that_do_not_fit_a_texture_are_errors():
         sample_texture(image, np.zeros((2, 2)), np.zeros((1, 4)), filter="ewa")
     with pytest.raises(OptionError, match="derivatives: the shape"):
         mip_levels(np.zeros((3, 2)), 4, 4)
+
+
+def test_filters_and_wraps_are_those_of_scenes():
+    assert FILTERS == textures.FILTERS
+    assert FILTERS_WITH_FOOTPRINT == textures.FILTERS_WITH_FOOTPRINT
+    assert set(WRAPS) == set(textures.WRAPS)

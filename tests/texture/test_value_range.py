@@ -59,14 +59,3 @@ def test_ranges_are_those_of_each_channel_where_texels_are_covered(shape):
     values[covered] = np.nan
     nothing = np.tile(np.float32([np.inf, -np.inf]), (rows.shape[1], 1))
     np.testing.assert_array_equal(channel_ranges(values, covered), nothing)
-
-
-def test_results_do_not_depend_on_threads():
-    values = np.random.default_rng(2).normal(size=(1100, 1000)).astype(np.float32)
-    covered = values > -1.0
-    for measure in (
-        lambda threads: height_range(values, covered, threads=threads),
-        lambda threads: count_clipped(values, covered, mid=0.5, scale=1.0, threads=threads),
-        lambda threads: size_at_percentile(values, covered, 99.0, threads=threads),
-    ):
-        assert measure(1) == measure(2) == measure(7)
