@@ -139,13 +139,16 @@ def rendered_mirror(mesh, size=128, **fields):
     return SceneObject(mesh=mesh, material=material, name="mirror", **fields)
 
 
-def test_a_rendered_environment_shows_objects_where_they_are():
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (30.0, -20.0, 10.0)])
+def test_a_rendered_environment_shows_objects_where_they_are(shift):
     # A ball of its own color on each axis; the mirror ball shows each where a ray would meet it.
     places = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1.0)]) * 40
-    balls = [ball(p, tuple(map(float, c)), 8.0) for p, c in zip(places, COLORS, strict=True)]
-    mirror = rendered_mirror(icosphere(5))
+    balls = [
+        ball(p + shift, tuple(map(float, c)), 8.0) for p, c in zip(places, COLORS, strict=True)
+    ]
+    mirror = rendered_mirror(icosphere(5), transform=transform_matrix(translate=shift))
     options = RenderOptions(width=160, height=160, supersampling=1, background=(0.0,) * 3)
-    camera = Camera.looking_at((1.2, 1.6, 2.4), (0, 0, 0), fov=0.8, near=0.01)
+    camera = Camera.looking_at(np.add((1.2, 1.6, 2.4), shift), shift, fov=0.8, near=0.01)
     scene = Scene(objects=(mirror, *balls))
     frame = draw(prepare(scene, options), camera, keep=("normals",))
     on_mirror = frame.face_ids < mirror.mesh.n_faces

@@ -90,21 +90,6 @@ def test_the_shape_of_a_cookie_may_be_given_and_its_gate_round() -> None:
     np.testing.assert_array_equal(given, (np.abs(floor_points()) < limit).all(axis=-1))
 
 
-def test_a_cookie_reaches_to_the_rim_of_the_cone() -> None:
-    # A ramp over the cookie: the value at the rim is 1, whatever the distance.
-    ramp = np.repeat((np.arange(64, dtype=np.float32) + 0.5)[None, :, None] / 64, 3, axis=2)
-    ramp = np.repeat(ramp, 64, axis=0)
-    texture = ImageTexture(image=ramp, filter="bilinear")
-    colored = drawn(WHITE, replace(spot(None), profile=texture))
-    bare = drawn(WHITE, spot(None))
-    lit = bare[..., 0] > 0.0
-    s = 0.5 + 0.5 * floor_points()[..., 0] / (4.0 * math.tan(math.radians(25)))
-    # Half a texel at either border has no second texel to be mixed with.
-    lit &= (s > 0.5 / 64) & (s < 1 - 0.5 / 64)
-    # float32 of values up to 1, rounded some times
-    np.testing.assert_allclose(colored[lit][:, 0] / bare[lit][:, 0], s[lit], atol=1e-6)
-
-
 def test_light_profiles_are_left_out_where_nothing_asks() -> None:
     item = SceneObject(mesh=plane(), material=WHITE)
 

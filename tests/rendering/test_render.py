@@ -3,7 +3,6 @@ import pytest
 
 from texbake.errors import FileError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
-from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.surfaces import PLACED_OBJECTS
 from texbake.rendering.options import RenderOptions
@@ -26,26 +25,6 @@ def everything_of(frame):
         np.asarray(getattr(frame, name)).tobytes()
         for name in ("color", "normals", "coverage", "face_ids", "depths")
     ]
-
-
-def test_the_normals_of_a_sphere_are_those_of_the_closed_form():
-    mesh = icosphere(6)
-    camera = Camera.framing(mesh, options=SMALL)
-    frame = render(mesh, options=SMALL, camera=camera)
-    origin, along, down = camera.view_rays(SMALL.width, SMALL.height)
-    columns, rows = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
-    rays = origin + columns[..., None] * along + rows[..., None] * down
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    # |eye + t ray| = 1, the nearer t.
-    half = rays @ camera.eye
-    root = half**2 - (camera.eye @ camera.eye - 1.0)
-    met = camera.eye + (-half - np.sqrt(np.maximum(root, 0.0)))[..., None] * rays
-    facing = (root > 0) & (-np.einsum("hwk,hwk->hw", met, rays) > 0.3)
-    assert facing.sum() > 5000
-    # Edges of this icosphere span 0.02 rad: its faces lie up to 0.02^2 / 8 = 5e-5 under the
-    # sphere, which a ray at cos 0.3 turns into 1.7e-4 beside the point; its vertex normals are
-    # off by less.
-    assert np.abs(frame.normals - met)[facing].max() < 3e-4
 
 
 @pytest.mark.parametrize("mesh", [plane(), uv_sphere(12, 24)])
@@ -86,32 +65,6 @@ def test_tangents_of_the_file_are_used():
     frame = render(mesh.replace(tangents=turned), normal_map=flat(3, 4, 12), options=FRONT)
     seen = frame.coverage == 1
     np.testing.assert_allclose(frame.normals[seen] - np.array((-4, 3, 12)) / 13, 0.0, atol=3e-7)
-
-
-def test_a_texture_lies_in_perspective_where_rays_meet_the_plane():
-    # Color is linear in the albedo: a ramp between the pictures for black and white is u itself.
-    size = 64
-    options = RenderOptions(
-        width=200, height=150, supersampling=1, view=(50.0, 25.0), filter="bilinear"
-    )
-    mesh = plane()
-    camera = Camera.framing(mesh, options=options)
-    ramp = ((np.arange(size, dtype=np.float32) + 0.5) / size)[None, :, None]
-    albedos = [np.broadcast_to(a, (size, size, 3)) for a in (np.float32(0), np.float32(1), ramp)]
-    black, white, ramped = (
-        render(mesh, albedo=albedo, options=options, camera=camera).color[..., 0].astype(float)
-        for albedo in albedos
-    )
-    seen = white > black + 0.02  # the background is the same in both
-    u = (ramped - black)[seen] / (white - black)[seen]
-    origin, along, down = camera.view_rays(options.width, options.height)
-    rows, columns = np.nonzero(seen)
-    rays = origin + (columns[:, None] + 0.5) * along + (rows[:, None] + 0.5) * down
-    met = camera.eye - camera.eye[2] / rays[:, 2:] * rays
-    expected = np.clip(met[:, 0], 0.5 / size, 1 - 0.5 / size)  # clamped within half a texel
-    assert seen.sum() > 5000
-    # Light is at least 0.02 here and float32, and differences are taken of it.
-    np.testing.assert_allclose(u, expected, atol=2e-5)
 
 
 def test_maps_come_from_files(tmp_path):

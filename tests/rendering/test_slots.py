@@ -94,6 +94,19 @@ def test_a_filtered_procedure_fades_with_its_distance():
     assert raw[: len(raw) // 5].std() > 0.3 and filtered[-3:].std() > 0.3
 
 
+@pytest.mark.parametrize("filtered", [True, False])
+def test_the_scale_of_a_procedure_is_one_of_the_coordinates_for_its_filter_too(wall, filtered):
+    scale = np.array((60.0, -25.0))
+    texture = ProcedureTexture(
+        procedure="checker", space="uv", scale=(*scale, 1.0), filtered=filtered
+    )
+    found = wall.light(unlit(texture))
+    expected = wall.light(unlit(replace(texture, scale=1.0)), uvs=wall.mesh().uvs * scale)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    # A cell is about a pixel wide: with the filter it is gray, and black or white without.
+    assert (np.abs(found - 0.5).mean() < 0.3) == filtered
+
+
 def test_vertex_colors_multiply_the_base_color(wall):
     rng = np.random.default_rng(1)
     colors = rng.random((4, 3)).astype(np.float32)
