@@ -27,6 +27,7 @@ from texbake.limits import (
     MAX_IMAGE,
     file_beside,
     is_within,
+    parse_seconds,
     require_image_size,
     toml_content,
 )
@@ -378,3 +379,25 @@ def test_any_number_of_options_may_stand_before_the_name_of_a_map():
     assert map_name("-clamp on " * 100 + "a.png") == ("a.png", "clamp")
     endless = "-cc on " * 100_000 + "a.png"
     assert map_name(endless) == ("a.png", "repeat")
+
+
+@pytest.mark.parametrize(
+    ("word", "seconds"),
+    [
+        ("20s", 20.0),
+        ("500ms", 0.5),
+        ("2min", 120.0),
+        ("1h", 3600.0),
+        (3, 3.0),
+        (" 1.5 ", 1.5),
+        (" 3 s", 3.0),
+    ],
+)
+def test_units(word, seconds):
+    assert parse_seconds(word) == seconds
+
+
+@pytest.mark.parametrize("word", ["0s", "-1", "later", "", "inf", "nan", "s", "20 seconds", None])
+def test_invalid_durations(word):
+    with pytest.raises(OptionError, match=r"time_budget: .* is not a duration"):
+        parse_seconds(word)

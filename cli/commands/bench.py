@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -32,18 +33,9 @@ from ..types import FileOf
 def bench(
     high: Path | None,
     low: Path | None,
-    tasks: tuple[str, ...],
-    cases: tuple[str, ...],
-    programs: tuple[str, ...],
-    sizes: tuple[int, ...],
-    triangles: int,
-    blender: str | None,
     output: Path,
-    repeats: int,
-    seconds: float,
-    timeout: float,
-    quick: bool,
     terminal: Terminal,
+    **choices: Any,
 ) -> None:
     """Compare texbake with other programs.
 
@@ -52,18 +44,10 @@ def bench(
     and memory. Writes a page that opens without a network, its plots, Markdown tables, and all
     figures as JSON and CSV.
     """
-    options = BenchOptions(
-        tasks=tasks or BenchOptions.tasks,
-        cases=cases or (() if high is not None else BenchOptions.cases),
-        programs=programs or BenchOptions.programs,
-        sizes=sizes or BenchOptions.sizes,
-        triangles=triangles,
-        blender=blender,
-        repeats=repeats,
-        seconds=seconds,
-        timeout=timeout,
-        quick=quick,
-    )
+    given: dict[str, Any] = {name: value for name, value in choices.items() if value != ()}
+    if high is not None:
+        given.setdefault("cases", ())
+    options = BenchOptions(**given)
     from texbake.study.bench.run import bench_files, bench_rows
 
     with terminal.progress() as progress:

@@ -6,7 +6,7 @@ import json
 import shutil
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -66,20 +66,17 @@ _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
 @click.pass_context
 def check(
     ctx: click.Context,
+    /,
     mesh: Path,
     low: Path | None,
-    size: int | tuple[int, int],
-    padding: int,
-    min_texel_density: float | None,
-    allow: tuple[str, ...],
     fail_on: str,
     layout: Path | None,
     sides: Path | None,
     explain: bool,
     as_json: bool,
     report: Path | None,
-    threads: int | None,
     terminal: Terminal,
+    **choices: Any,
 ) -> None:
     """Find problems of a bake before it runs.
 
@@ -87,13 +84,7 @@ def check(
     it checks the pair: MESH is the high-poly mesh that is going to be baked onto LOW. Exits with 1
     if there are errors.
     """
-    options = CheckOptions(
-        size=size,
-        padding=padding,
-        min_texel_density=min_texel_density,
-        allow=allow,
-        threads=threads,
-    )
+    options = CheckOptions(**choices)
     from texbake.jobs.check_meshes import check_mesh_files
 
     with terminal.progress() as progress:

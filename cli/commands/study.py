@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -39,26 +40,16 @@ def study(
     high: Path | None,
     low: Path | None,
     scene: Path | None,
-    knobs: tuple[str, ...],
     output: Path,
-    repeats: int,
-    seconds: float,
-    quick: bool,
-    threads: int | None,
     terminal: Terminal,
+    **choices: Any,
 ) -> None:
     """Measure what each setting buys and costs.
 
     Uses the meshes HIGH and LOW and a scene, or generated ones with known answers. Writes a
     page that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
     """
-    options = StudyOptions(
-        knobs=knobs or StudyOptions.knobs,
-        repeats=repeats,
-        seconds=seconds,
-        quick=quick,
-        threads=threads,
-    )
+    options = StudyOptions(**{name: value for name, value in choices.items() if value != ()})
     from texbake.study.study import study_files, study_rows
 
     with terminal.progress() as progress:

@@ -16,8 +16,8 @@ from texbake.baking.memory import (
     memory_left,
     parse_bytes,
 )
-from texbake.durations import parse_seconds
 from texbake.errors import OptionError, quoted
+from texbake.limits import parse_seconds
 from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.shared import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION

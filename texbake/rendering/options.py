@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from texbake.durations import parse_seconds
 from texbake.errors import OptionError
+from texbake.limits import parse_seconds
 from texbake.rendering.scene.textures import FILTERS
 from texbake.sampling.bounds import parse_picture_bound
 from texbake.schema import CheckedOptions, Option

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.durations import parse_seconds
+from texbake.limits import parse_seconds
 from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
 
 FloatArray32 = npt.NDArray[np.float32]
