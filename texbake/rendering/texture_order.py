@@ -126,9 +126,7 @@ def _project_texels(state: RenderState, target: int) -> Texels:
     """Find the texels of an object's base color, and what takes them to the screen."""
     drawn = state.drawn(target)
     image = image_of(state, target, "base_color")
-    corners = textured_mesh(state, target).corner_uvs(image.uv_set)
-    if image.turn is not None:
-        corners = pm.matmul(corners, image.turn.T) + image.offset
+    corners = image.place(textured_mesh(state, target).corner_uvs(image.uv_set))
     flat = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2).reshape(-1, 3)
     world = World(
         read_only(flat, np.float64),

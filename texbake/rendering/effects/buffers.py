@@ -15,7 +15,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.oklch import linear_from_oklch
 from texbake.rendering.effect import Effect, RenderState
-from texbake.rendering.effects.images import image_of, on_image
+from texbake.rendering.effects.images import image_of
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.rasterize import rasterize
@@ -108,7 +108,7 @@ def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Float
     at, changes = fragments.coordinates(None if image is None else image.uv_set)
     assert changes is not None
     if image is not None:
-        at, changes = on_image(image, at, changes)
+        at, changes = image.place(at), image.change(changes)
         width, height = image.chain.width, image.chain.height
     assert changes is not None
     return at * (width, height), mip_levels(changes, width, height, threads=1)

@@ -75,6 +75,21 @@ class LoadedImage:
         """Memory of its texels; 0 where another image counts them."""
         return 0 if self.is_shared else self.chain.texels.nbytes
 
+    def place(self, uvs: FloatArray) -> FloatArray:
+        """Transform texture coordinates (..., 2) of the mesh to those of the image."""
+        return uvs if self.turn is None else pm.matmul(uvs, self.turn.T) + self.offset
+
+    def direct(self, steps: FloatArray) -> FloatArray:
+        """Transform differences (..., 2) of texture coordinates."""
+        return steps if self.turn is None else pm.matmul(steps, self.turn.T)
+
+    def change(self, changes: Floats) -> Floats:
+        """Transform derivatives (n, 4) of texture coordinates per pixel."""
+        if self.turn is None:
+            return changes
+        turn = self.turn.T.astype(np.float32)
+        return np.asarray(pm.matmul(changes.reshape(-1, 2, 2), turn).reshape(-1, 4))
+
     @cached_property
     def limits(self) -> tuple[Floats, Floats]:
         """(C,) and (C,): minimum and maximum of each channel."""
@@ -257,6 +272,11 @@ def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
     return found
 
 
+def filtered_image(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
+    """Return an image with its mip levels if its filter has a footprint."""
+    return with_levels(image, threads=threads) if image.filter in FILTERS_WITH_FOOTPRINT else image
+
+
 def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImage:
     """Return an image with all its mip levels."""
     chain = mip_chain(image.chain.level(0), kind=image.kind, wrap=image.wrap, threads=threads)
@@ -279,29 +299,20 @@ def look_up(
     return image_values(image, at if uvs is None else uvs, changes if wanted else None)
 
 
-def on_image(
-    image: LoadedImage, at: FloatArray, changes: Floats | None
-) -> tuple[FloatArray, Floats | None]:
-    """Transform mesh coordinates (n, 2) and their derivatives (n, 4) to the image's."""
-    if image.turn is None:
-        return at, changes
-    if changes is not None:
-        changes = (pm.matmul(changes.reshape(-1, 2, 2), image.turn.T.astype(np.float32))).reshape(
-            -1, 4
-        )
-    return pm.matmul(at, image.turn.T) + image.offset, changes
-
-
 def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
     """(n, C) float32: values of an image at texture coordinates of the mesh.
 
     `changes` (n, 4) are the derivatives per pixel, for filters with a footprint; else None.
     """
-    at, changes = on_image(image, at, changes)
     values = sample(
-        image.chain, at, changes, filter=image.filter, wrap=image.wrap, border=image.border,
+        image.chain,
+        image.place(at),
+        None if changes is None else image.change(changes),
+        filter=image.filter,
+        wrap=image.wrap,
+        border=image.border,
         threads=1,
-    )  # fmt: skip
+    )
     if image.filter == "bicubic":  # overshoots at edges
         np.clip(values, *image.limits, out=values)
     if image.legend is not None:

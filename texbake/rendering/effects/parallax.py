@@ -95,9 +95,7 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     uvs, uv_changes = fragments.coordinates(uv_set)
     ways = _view_offsets(fragments, state, holder.depth)
     image = image_of(state, fragments.target, _NAME)
-    starts, steps = uvs, ways
-    if image.turn is not None:
-        starts, steps = pm.matmul(uvs, image.turn.T) + image.offset, pm.matmul(ways, image.turn.T)
+    starts, steps = image.place(uvs), image.direct(ways)
     shifts = _hit_positions(image, starts, steps, uv_changes, holder.layers)[:, None] * ways
     _move(fragments, textured_mesh(state, fragments.target), uv_set, shifts)
 
@@ -139,10 +137,7 @@ def _hit_positions(
     levels = np.zeros(len(starts), np.int64)
     if image.filter in FILTERS_WITH_FOOTPRINT:
         assert changes is not None
-        if image.turn is not None:
-            turned = pm.matmul(changes.reshape(-1, 2, 2), image.turn.T.astype(np.float32))
-            changes = turned.reshape(-1, 4)
-        found = mip_levels(changes, chain.width, chain.height, threads=1)
+        found = mip_levels(image.change(changes), chain.width, chain.height, threads=1)
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)
     shares = np.empty(len(starts))
     core.follow_rays(

@@ -40,7 +40,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, Rejection, RenderState
-from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
+from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, reaches_any
 from texbake.rendering.effects.shadows import ShadowMap, render_shadow_map, shadowed_radiance
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
@@ -68,7 +68,7 @@ def load_cookie(
     image = placed_image(
         texture, pixels, kind="color", filter_name=filter_name, uvs=None, name=name
     )
-    return with_levels(image, threads=threads) if filter_name in FILTERS_WITH_FOOTPRINT else image
+    return filtered_image(image, threads=threads)
 
 
 def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:

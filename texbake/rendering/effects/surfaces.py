@@ -26,7 +26,7 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, Places, displaced
 from texbake.rendering.effect import Effect, RenderState
-from texbake.rendering.effects.images import LoadedImage, image_values, placed_image, with_levels
+from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
@@ -172,14 +172,11 @@ def _load_image(
         uvs=drawn.mesh.on_uv_set(texture.uv_set).uvs,
         name="displacement.texture",
     )
-    has_levels = image.filter in FILTERS_WITH_FOOTPRINT
-    return with_levels(image, threads=state.threads) if has_levels else image
+    return filtered_image(image, threads=state.threads)
 
 
 def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
-    corners = mesh.corner_uvs(image.uv_set)
-    if image.turn is not None:
-        corners = pm.matmul(corners, image.turn.T)
+    corners = image.direct(mesh.corner_uvs(image.uv_set))
     return np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
 
 
