@@ -271,14 +271,9 @@ def test_holes_stay_holes():
     [
         ({"max_error": "0.5"}, "bounds nothing of normal"),
         ({"max_error": "1deg", "maps": ("displacement",)}, "bounds nothing of displacement"),
-        ({"max_error": "nandeg"}, "is not an error"),
-        ({"max_error": "-1deg"}, "is not an error"),
-        ({"max_error": "1deg,2deg"}, "two bounds"),
-        ({"max_error": "0.1,1%"}, "two bounds"),
         ({"samples": 4}, "leave nothing to choose"),
         ({"samples": "many"}, "not one of"),
         ({"keep_hits": True}, "keep_hits"),
-        ({"time_budget": "soon"}, "is not a duration"),
         ({"time_budget": 0}, "is not a duration"),
     ],
 )
