@@ -18,22 +18,17 @@ from texbake.baking.adaptive_texels.bounded_maps import BakeSampling, BoundedMap
 from texbake.baking.adaptive_texels.cells import LAST_LEVEL, NO_CHART, BoolArray, FloatArray32
 from texbake.baking.adaptive_texels.coverage import (
     N_CHECK_SAMPLES,
-    CellSamples,
-    FaceBins,
     check_samples,
 )
 from texbake.baking.adaptive_texels.texel_error import Refinement, estimate_for, refine
 from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
 from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
-from texbake.baking.hits import Hits
-from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.sums import TexelSums
 from texbake.baking.texels import SampleGrid
-from texbake.baking.trace import SampleCaster, Trace
+from texbake.baking.trace import Trace
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import IntArray
 from texbake.sampling.report import check_random, n_to_check, percent_within
 from texbake.sampling.time_budget import BudgetClock, TimeBudget
 
@@ -79,7 +74,7 @@ def _report(
     n_covered = max(int(np.count_nonzero(has_data)), 1)
     n_rays = counts.rays_cast
     finest = np.bincount(refined.finest[has_data], minlength=LAST_LEVEL + 1)
-    recheck = ValidationBake(sampler.bins, sampler.inputs, sampler.caster, has_data)
+    recheck = ValidationBake(sampler, has_data)
     errors = tuple(
         item.summary(
             _errors_of(item, sampler, refined)[has_data],
@@ -108,15 +103,11 @@ def _errors_of(item: BoundedMap, sampler: TexelSampler, refined: Refinement) -> 
     return estimate_for(sampler, [item]).of_divided()
 
 
-IdArray = npt.NDArray[np.int64]
-
 _CHECKS_PER_SIDE = 4  # of a texel: a grid of about as many cells as there are samples
 
 
 class ValidationBake:
-    """A second bake of one texel in a hundred.
-
-    `has_data` (height * width,) bool: texels to choose from.
+    """A second bake of one texel in a hundred, drawn from those that have data.
 
     Attributes
     ----------
@@ -128,16 +119,19 @@ class ValidationBake:
 
     n_samples = N_CHECK_SAMPLES
 
-    def __init__(
-        self, bins: FaceBins, inputs: BakeInputs, caster: SampleCaster, has_data: BoolArray
-    ) -> None:
-        self._inputs = inputs
-        self.texels = _chosen(np.flatnonzero(has_data))
-        samples = check_samples(bins, inputs.options.width_px, self.texels)
-        caster = replace(caster, occlusion_range=None)  # no map with a bound needs secondary rays
-        size = inputs.options.width_px, inputs.options.height_px
-        self._hits, places = _cast(caster, samples, SampleGrid(*size, _CHECKS_PER_SIDE))
-        self._ranks = places // self.n_samples
+    def __init__(self, sampler: TexelSampler, has_data: BoolArray) -> None:
+        self._inputs = sampler.inputs
+        candidates = np.flatnonzero(has_data)
+        # Several times faster than drawing without repetition; a few texels fewer are drawn.
+        n = len(candidates)
+        self.texels = candidates[np.unique(check_random().integers(0, max(n, 1), n_to_check(n)))]
+        height, width = sampler.shape
+        samples = check_samples(sampler.bins, width, self.texels)
+        # No map with a bound needs secondary rays.
+        caster = replace(sampler.caster, occlusion_range=None)
+        hits = caster.cast(samples.samples, SampleGrid(width, height, _CHECKS_PER_SIDE))
+        self._hits = hits.where(hits.is_hit)
+        self._ranks = samples.places[hits.is_hit] // self.n_samples
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
         """Return how far the means (height * width, C) of a map are from those of the second bake.
@@ -158,21 +152,6 @@ class ValidationBake:
         if kind.combine == "unit mean":
             second, first = _units(second), _units(first)
         return np.asarray(pm.norm(second - first, axis=1))
-
-
-def _cast(caster: SampleCaster, samples: CellSamples, grid: SampleGrid) -> tuple[Hits, IntArray]:
-    """Cast samples; return the hits, and the places of their samples."""
-    hits = caster.cast(samples.samples, grid)
-    return hits.where(hits.is_hit), samples.places[hits.is_hit]
-
-
-def _chosen(candidates: IdArray) -> IdArray:
-    """Draw texels at random."""
-    # Several times faster than drawing without repetition; a few texels fewer are drawn.
-    n = len(candidates)
-    places = np.unique(check_random().integers(0, max(n, 1), n_to_check(n)))
-    chosen: IdArray = candidates[places]
-    return chosen
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
