@@ -24,7 +24,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.streamed.mesh import StreamedMesh
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import shading_tangents
 from texbake.raycast.rays import NO_HIT
 from texbake.texture.encoding import decode_srgb
 
@@ -113,8 +113,8 @@ class HighSurface:
     @cached_property
     def tangents(self) -> Float32Array:
         """(F, 3, 4) float32 corner tangents: those of the file, else MikkTSpace tangents."""
-        tangents = self.mesh.tangents if self.known_tangents is None else self.known_tangents
-        return frozen(corner_tangents(self.mesh) if tangents is None else tangents)
+        known = self.known_tangents
+        return frozen(shading_tangents(self.mesh) if known is None else known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +133,7 @@ class LowSurface:
     @cached_property
     def tangents(self) -> Float32Array:
         """(F, 3, 4) float32 corner tangents: those of the file, else MikkTSpace tangents."""
-        tangents = self.mesh.tangents
-        return frozen(corner_tangents(self.mesh) if tangents is None else tangents)
+        return frozen(shading_tangents(self.mesh))
 
     @cached_property
     def charts(self) -> IntArray:

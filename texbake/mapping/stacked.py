@@ -22,7 +22,7 @@ from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import shading_tangents
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
@@ -89,7 +89,7 @@ class StackedIslands:
         return mesh.replace(
             uvs=corner_uvs.reshape(-1, 2),
             uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-            tangents=corner_tangents(mesh) if mesh.tangents is None else mesh.tangents,
+            tangents=shading_tangents(mesh),
         )
 
 

@@ -31,7 +31,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangent_quads import Quads, agree
 from texbake.mesh.weld import weld_rows
@@ -109,6 +109,11 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     signs = np.where(preserving, 1.0, -1.0)
     _fill_missing(tangents, signs, has_fan, shading[shading_faces])
     return np.concatenate([tangents, signs[..., None]], axis=2, dtype=np.float32)
+
+
+def shading_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
+    """(F, 3, 4) float32 corner tangents: those of the file, else those of MikkTSpace."""
+    return corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
 
 
 def _welded_corners(*attributes: npt.NDArray[Any]) -> IntArray:

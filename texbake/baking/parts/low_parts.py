@@ -27,7 +27,7 @@ from texbake.mesh.compose import excerpt
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import shading_tangents
 
 _COLUMNS = 10
 _LAST_TILE = 9999  # numbers have four digits
@@ -117,7 +117,7 @@ class LowPart:
     @cached_property
     def tangents(self) -> npt.NDArray[np.float32]:
         """(F, 3, 4) float32: corner tangents of the mesh."""
-        return corner_tangents(self.mesh) if self.mesh.tangents is None else self.mesh.tangents
+        return shading_tangents(self.mesh)
 
     def on(self, chosen: BoolArray, udim: int) -> Mesh:
         """Return the mesh with a tile in the unit square; faces not chosen have no area in it."""
@@ -170,7 +170,7 @@ class LowMesh:
         """The mesh with the normals and tangents that a renderer uses."""
         mesh = self.mesh
         normals, corners = shading_normals(mesh)
-        tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
+        tangents = shading_tangents(mesh)
         return mesh.replace(normals=normals, normal_faces=corners, tangents=tangents)
 
     @cached_property

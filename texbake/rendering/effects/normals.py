@@ -26,7 +26,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents, image_axes
+from texbake.mesh.tangents import image_axes, shading_tangents
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
@@ -103,7 +103,7 @@ def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
 
 def _load_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
     mesh = textured_mesh(state, target).on_uv_set(_uv_set_of_map(state.request, target))
-    tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
+    tangents = shading_tangents(mesh)
     return read_only(tangents, np.float32)
 
 

@@ -22,7 +22,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.compose import corner_order
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import shading_tangents
 from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, Places, displaced
 from texbake.rendering.effect import Effect, RenderState
@@ -183,7 +183,7 @@ def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
 def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
     """Normals and tangents in object space, indexed by the face corners of the placed mesh."""
     normals, corners = shading_normals(mesh)
-    tangents = corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
+    tangents = shading_tangents(mesh)
     order = corner_order(linear)
     return normals, corners[:, order], tangents[:, order]
 

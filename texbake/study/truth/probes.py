@@ -30,7 +30,7 @@ from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.tangents import corner_tangents
+from texbake.mesh.tangents import shading_tangents
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
@@ -60,7 +60,7 @@ class Probes:
     def frames(self) -> FloatArray:
         """(n, 3, 3) float64 rows T, B, N as a renderer interpolates them, not normalized."""
         normals, corners = shading_normals(self.low)
-        tangents = corner_tangents(self.low) if self.low.tangents is None else self.low.tangents
+        tangents = shading_tangents(self.low)
         t4 = tangents[self.faces].astype(np.float64)
         n = pm.vecmat(self.barycentrics, normals[corners[self.faces]])
         t = pm.vecmat(self.barycentrics, t4[:, :, :3])
