@@ -147,16 +147,6 @@ def test_tangents_are_those_of_mikktspace_and_the_mesh_keeps_its_own(path, group
     np.testing.assert_array_equal(read_gltf(path).tangents, turned)
 
 
-def test_another_reader_sees_the_same(path):
-    sphere = uv_sphere(8, 12)
-    write_glb(sphere, path)
-    loaded = trimesh.load(path, process=False, force="mesh")
-    ours = sphere.positions[sphere.faces].astype(np.float32)
-    np.testing.assert_array_equal(loaded.vertices[loaded.faces].astype(np.float32), ours)
-    # trimesh turns v up, too.
-    np.testing.assert_allclose(loaded.visual.uv[loaded.faces], sphere.corner_uvs(), atol=1e-7)
-
-
 def test_without_coordinates_there_are_no_tangents(path):
     write_glb(cube().replace(uvs=None, uv_faces=None), path)
     back = read_gltf(path)

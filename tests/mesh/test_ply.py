@@ -156,25 +156,3 @@ def test_written_types_are_the_least_that_lose_nothing(tmp_path):
     assert b"property double x" in path.read_bytes()
     write_mesh(mesh.replace(colors=np.float32([[0.3, 2, 1]] * 4)), path)
     assert b"property float red" in path.read_bytes()
-
-
-def test_other_programs_read_written_files(tmp_path):
-    import trimesh
-
-    rng = np.random.default_rng(0)
-    faces = rng.permuted(np.tile(np.arange(30), (50, 1)), axis=1)[:, :3]
-    mesh = Mesh(
-        positions=rng.normal(size=(30, 3)),
-        faces=faces,
-        uvs=rng.random((30, 2)),
-        uv_faces=faces,
-        normals=rng.normal(size=(30, 3)),
-        normal_faces=faces,
-        colors=rng.integers(0, 256, (30, 3)) / np.float32(255),
-    )
-    write_mesh(mesh, tmp_path / "mesh.ply")
-    other = trimesh.load(tmp_path / "mesh.ply", process=False)
-    np.testing.assert_array_equal(other.vertices, mesh.positions)
-    np.testing.assert_array_equal(other.faces, mesh.faces)
-    # trimesh normalizes again, in the last bits.
-    np.testing.assert_allclose(other.vertex_normals, mesh.normals, atol=1e-15)
