@@ -166,3 +166,28 @@ def test_meshes_joined_keep_what_all_of_them_have_and_are_groups(name):
     assert joined.group_objects == (0, 1, 2) and joined.name == "3 meshes"
     np.testing.assert_array_equal(joined.face_groups, np.repeat([0, 1, 2], 4))
     assert join_meshes(parts[:1]) is parts[0]
+
+
+ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents", "colors",
+          "face_groups", "polygon_of")  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_parts_are_joined_where_their_matrices_take_them(seed):
+    """As `transformed` takes each: bit for bit, mirrored ones too."""
+    rng = np.random.default_rng(seed)
+    own = [[name for name in ATTRIBUTES if rng.random() < 0.8] for _ in range(1 + seed % 4)]
+    parts = [part(i, *names) for i, names in enumerate(own)]
+    matrices = np.tile(np.eye(4), (len(parts), 1, 1))
+    matrices[:, :3] = rng.normal(size=(len(parts), 3, 4))
+    found = join_parts(parts, "a", matrices)
+    moved = [transformed(p, matrix) for p, matrix in zip(parts, matrices, strict=True)]
+    expected = join_parts(moved, "a")
+    for name in ARRAYS:
+        one, other = getattr(found, name), getattr(expected, name)
+        assert (one is None) == (other is None), name
+        assert one is None or one.tobytes() == other.tobytes(), name
+    assert found.group_objects == expected.group_objects
+    assert found.uv_sets.keys() == expected.uv_sets.keys()
+    for name, item in found.uv_sets.items():
+        np.testing.assert_array_equal(item.faces, expected.uv_sets[name].faces)
