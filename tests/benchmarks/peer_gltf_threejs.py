@@ -4,7 +4,7 @@
 
 A job names a `file` (.glb), `width`, `height`, `clip_from_camera` and `world_from_camera` (rows one
 after another), and `to_light` with its `light`, the color that a white surface that faces it
-reflects; or `lights`, as `bench_renderers` has them, and `center` and `radius` of what casts
+reflects; or `lights`, as `peer_scenes` has them, and `center` and `radius` of what casts
 shadows. Each becomes FOLDER/JOB.npy: (H, W, 4) float32, linear, row 0 at the top. Exits with 3, and
 says why, where three.js or Chromium is missing; see `peer_threejs` for how they are found.
 """

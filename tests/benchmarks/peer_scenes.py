@@ -1,14 +1,4 @@
-"""The samples' scenes as other renderers draw them, and how alike the pictures are.
-
-    python bench_renderers.py [NAME ...] [--models FOLDER] [--sheet FOLDER]
-
-Every scene of samples/scenes that glTF can hold is drawn by texbake, by three.js in Chromium (see
-`peer_gltf_threejs`), and, where TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, by Blender's
-Cycles and EEVEE. So are the .glb files of `--models`. Prints a table of the PSNR in dB of the sRGB
-codes inside the outlines, of the share of pixels that only one program covers, and of the scenes
-that glTF cannot hold. `--sheet` also writes a row of pictures for each scene, and
-`--plain` leaves out of three.js what it adds to glTF's formula: light that bounces between
-microfacets, and roughness where normals change from pixel to pixel.
+"""Scenes of the samples as other renderers draw them, for `bench_rendering` and tests.
 
 Lights are those of the scene, without ambient light, environment and fog, whose meanings differ
 from program to program; a lit scene without lights gets one from the upper left.
@@ -16,12 +6,10 @@ from program to program; a lit scene without lights gets one from the upper left
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +17,6 @@ from typing import Any
 import numpy as np
 from scene_gltf import UnwritableError, write_scene
 
-import texbake
 from texbake.jobs.preview_scene import open_preview
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -44,7 +31,6 @@ HERE = Path(__file__).parent
 SCENES = HERE.parents[1] / "samples" / "scenes"
 WIDTH, HEIGHT = 300, 200
 LIGHT = Light(direction=(-0.5, -0.6, -0.62), color=(0.9, 0.9, 0.9))
-PEERS = ("three.js", "Cycles", "EEVEE")
 LEFT_OUT = ("ambient_occlusion", "hemisphere", "environment_light", "material_map",
             "roughness_metalness", "fog")  # fmt: skip
 
@@ -175,26 +161,6 @@ def alike(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float]:
     return float(10.0 * np.log10(255.0**2 / max(error, 1e-4))), 100.0 * float(outline)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help="scenes; all by default")
-    parser.add_argument("--models", type=Path)
-    parser.add_argument("--sheet", type=Path)
-    parser.add_argument("--plain", action="store_true")
-    chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        cases, refused = collected(chosen.names, chosen.models, folder)
-        drawn = {"three.js": by_threejs(cases, folder, plain=chosen.plain)}
-        if os.environ.get("TEXBAKE_BLENDER_PYTHON"):
-            drawn["Cycles"] = by_blender(cases, folder, "CYCLES")
-            drawn["EEVEE"] = by_blender(cases, folder, "BLENDER_EEVEE")
-        report(cases, drawn, chosen.sheet)
-    for reason in sorted(set(refused.values())):
-        names = ", ".join(name for name, why in refused.items() if why == reason)
-        print(f"not drawn elsewhere, {reason}: {names}")
-
-
 def collected(
     names: list[str], models: Path | None, folder: Path
 ) -> tuple[list[Case], dict[str, str]]:
@@ -213,27 +179,3 @@ def collected(
             if not names or path.stem in names
         ]
     return cases, refused
-
-
-def report(
-    cases: list[Case], drawn: dict[str, list[np.ndarray | None]], sheet: Path | None
-) -> None:
-    print("| scene |", " | ".join(drawn), "|\n|---|", "---|" * len(drawn), sep="")
-    for k, case in enumerate(cases):
-        row, shown = [], [case.ours(4)]
-        for peer, pictures in drawn.items():
-            if pictures[k] is None:
-                row.append("–")
-                continue
-            ours = case.ours(1) if peer == "three.js" else shown[0]
-            psnr, outline = alike(ours, pictures[k])
-            row.append(f"{psnr:.1f} dB, {outline:.2f} %")
-            shown.append(pictures[k])
-        print(f"| {case.name} |", " | ".join(row), "|", flush=True)
-        if sheet is not None:
-            strip = np.concatenate([np.clip(p[..., :3], 0, 1) for p in shown], axis=1)
-            texbake.write_image(strip.astype(np.float32), sheet / f"{case.name}.png", color=True)
-
-
-if __name__ == "__main__":
-    main()
