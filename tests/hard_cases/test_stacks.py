@@ -23,8 +23,6 @@ from texbake.mesh.vertex_stream import weld_corners
 from texbake.mesh.weld import later_copies, without_copies
 from texbake.raycast import orientation
 from texbake.raycast.morton_tree import MortonTree
-from texbake.rendering import rasterize as rasterizer
-from texbake.rendering.rasterize import SHOW_BACK, join_objects
 
 N = 3000
 
@@ -160,29 +158,6 @@ def test_the_core_takes_fewer_places_than_faces():
     boxes, nodes = np.empty((8, 6), dtype=np.float32), np.empty((8, 2), dtype=np.int32)
     assert core.build_triangle_tree(mesh.positions, mesh.faces, ids, codes, boxes, nodes) == 1
     assert nodes[0].tolist() == [0, 1]
-
-
-def test_a_stack_is_drawn_once(monkeypatch):
-    drawn = []
-
-    spied = Spy("draw_triangles", lambda *arguments: drawn.append(len(arguments[11])))
-    monkeypatch.setattr(rasterizer, "core", spied)
-    soup, ball = nearly_equal(stacks()), icosphere()
-    # Far beyond the screen, where vertices have no place on its grid.
-    far = np.array([[-9e9, -9e9, 0.3], [9e9, -9e9, 0.3], [0, 9e9, 0.3]])
-    huge = Mesh(positions=np.concatenate([far, far * [1, 1, 2]]), faces=[[0, 1, 2], [3, 4, 5]])
-    world = join_objects([(mesh.positions - 0.25, mesh.faces) for mesh in (soup, ball, huge, soup)])
-    camera = np.diag([1.6, 1.6, 0.2, 1.0])
-    camera[2, 3] = 0.5
-    modes = np.full(4, SHOW_BACK, dtype=np.uint8)
-    found = rasterizer.rasterize(world, camera, 512, 512, modes=modes)
-    n_drawn, drawn[:] = sum(drawn), []
-    # Where every triangle counts, copies are drawn.
-    tries = np.zeros((512, 512), dtype=np.uint32)
-    expected = rasterizer.rasterize(world, camera, 512, 512, modes=modes, tries=tries)
-    assert tries.max() > N // 2 and (found.face_ids == world.starts[2] + 1).any()
-    assert (found.face_ids == expected.face_ids).all() and (found.depths == expected.depths).all()
-    assert n_drawn < 0.2 * sum(drawn)
 
 
 def test_stacked_coordinates_are_rasterized_twice(monkeypatch):

@@ -30,7 +30,6 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 
 # Which faces of an object are drawn.
@@ -127,8 +126,6 @@ def project(
 BAND_ROWS = 32
 # Triangles per sorting task.
 _CHUNK = 65536
-# More than `_STACK` triangles that span more bands than this, in the mean, may be copies.
-_MOST_BANDS_A_FACE, _STACK = 4, 256
 
 
 @dataclass(frozen=True)
@@ -165,14 +162,9 @@ def _sorted_into_bands(
     grid: npt.NDArray[np.int32],
     size: tuple[int, int],
     window: Window,
-    depths: npt.NDArray[np.float32] | None,
     threads: int | None,
 ) -> _Bands:
-    """Sort the faces into bands of rows.
-
-    With the depths of the vertices, copies of faces before them are left out where faces are large:
-    at the same depth they never are in front.
-    """
+    """Sort the faces into bands of rows."""
     n_rows, n_columns = window.shape
     n_faces, n_bands = world.n_faces, -(-n_rows // BAND_ROWS)
     n_chunks = -(-n_faces // _CHUNK)
@@ -190,11 +182,6 @@ def _sorted_into_bands(
         )  # fmt: skip
 
     run_bands(sort, n_faces, band=_CHUNK, threads=threads)
-    if depths is not None and counts.sum() > _MOST_BANDS_A_FACE * max(n_survivors.sum(), _STACK):
-        for chunk, copies in enumerate(
-            _copies_on_grid(world, grid, depths, survivors, n_survivors)
-        ):
-            _drop(copies, survivors, spans, n_survivors, counts, chunk)
     # Band by band, and within each chunk by chunk.
     ends = np.cumsum(counts.T).reshape(n_bands, n_chunks)
     places = np.ascontiguousarray((ends - counts.T).T)
@@ -207,41 +194,6 @@ def _sorted_into_bands(
 
     run_bands(scatter, n_faces, band=_CHUNK, threads=threads)
     return _Bands(sorted_faces, np.append(0, ends[:, -1]))
-
-
-def _copies_on_grid(
-    world: World,
-    grid: npt.NDArray[np.int32],
-    depths: npt.NDArray[np.float32],
-    survivors: IntArray,
-    n_survivors: npt.NDArray[np.int64],
-) -> list[npt.NDArray[np.bool_]]:
-    """For each chunk, which survivors have the corners of one before them, on the grid."""
-    starts = range(0, len(survivors), _CHUNK)
-    kept = [survivors[i : i + n] for i, n in zip(starts, n_survivors.tolist(), strict=True)]
-    corners = world.faces[np.concatenate(kept)]
-    rows = np.concatenate([grid[corners], depths.view(np.int32)[corners][..., None]], axis=2)
-    copies = later_copies(rows.reshape(-1, 9))
-    copies[(rows[:, :, 0] == OFF_GRID).any(axis=1)] = False
-    return np.split(copies, np.cumsum(n_survivors)[:-1])
-
-
-def _drop(
-    copies: npt.NDArray[np.bool_],
-    survivors: IntArray,
-    spans: npt.NDArray[np.int16],
-    n_survivors: npt.NDArray[np.int64],
-    counts: npt.NDArray[np.int64],
-    chunk: int,
-) -> None:
-    """Take copies out of what the first pass found in a chunk."""
-    found = slice(chunk * _CHUNK, chunk * _CHUNK + len(copies))
-    left = slice(found.start, found.start + int(np.count_nonzero(~copies)))
-    survivors[left], spans[left] = survivors[found][~copies], spans[found][~copies]
-    first, last = spans[left].T.astype(np.int64)
-    n_bands = counts.shape[1]
-    begins, ends = (np.bincount(at, minlength=n_bands + 1) for at in (first, last + 1))
-    n_survivors[chunk], counts[chunk] = len(first), np.cumsum(begins - ends)[:n_bands]
 
 
 def rasterize(
@@ -267,11 +219,7 @@ def rasterize(
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)
-    every_copy_counts = tries is not None or behind is not None
-    bands = _sorted_into_bands(
-        world, modes, clip_from_world, grid, size, window,
-        None if every_copy_counts else vertex_depths, threads,
-    )  # fmt: skip
+    bands = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)
     n_rows, n_columns = window.shape
     face_ids = np.full((n_rows, n_columns), -1, np.int32)
     depths = np.zeros((n_rows, n_columns), np.float32)

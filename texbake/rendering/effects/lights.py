@@ -16,10 +16,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
@@ -88,7 +86,7 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
     axes = camera.axes.T if follows and camera is not None else np.eye(3)
     position = pm.matmul(axes, np.asarray(light.position, np.float64))
     direction, up = (
-        pm.matmul(axes, _of_unit_size(vector)) for vector in (light.direction, light.up)
+        pm.matmul(axes, np.asarray(vector, np.float64)) for vector in (light.direction, light.up)
     )
     if follows and camera is not None:
         position = position + camera.eye
@@ -103,12 +101,6 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
         cosines=_cosines(light) if is_spot else (-1.0, -1.0),
         decay=float(light.decay),
     )
-
-
-def _of_unit_size(direction: npt.ArrayLike) -> FloatArray:
-    """(3,) float64: a direction times a power of two, so that no square is beyond float64."""
-    vector = np.asarray(direction, np.float64)
-    return vector * unit_scale(float(np.abs(vector).max()))
 
 
 def _cosines(light: Light) -> tuple[float, float]:
