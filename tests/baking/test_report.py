@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from texbake.baking.adaptive_texels.bounded_maps import BakeSampling
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.low_parts import BakeTarget
@@ -149,6 +150,14 @@ def test_reports_of_parts_add_up():
     assert (found.texels_overlapping, found.faces_without_texel) == (3.0, 2)
     assert list(vars(found.counts).values()) == [3 * i for i in vars(counts).values()]
     assert found.distance_percentiles == {}
+    adaptive = replace(PLAIN, sampling=BakeSampling(
+        max_error="1deg", sample_percents={1: 100.0}, within_percent=100.0, n_checked=1,
+        samples_of_check=13, errors=(), rays_per_texel=1.0, rays_of_check=13,
+    ))  # fmt: skip
+    assert joined_reports([adaptive]).sampling is adaptive.sampling
+    assert joined_reports([adaptive, adaptive]).sampling is None
+    assert ("samples per texel", "1: 100.0 %; 1.00 rays per texel") in adaptive.table()
+    assert ("size", "64 x 32, adaptive samples") in adaptive.table()
 
 
 MATCHING = Matching(

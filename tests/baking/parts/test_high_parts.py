@@ -102,3 +102,20 @@ def test_one_mesh_as_a_whole_stays_as_it_is():
     joined, materials = HighMeshes([mesh]).joined([NamedPart("all", 0)])
     np.testing.assert_array_equal(joined.faces, mesh.faces)
     assert materials is None and joined.name == mesh.name
+
+
+@pytest.mark.parametrize("colored", list(product((0, 1), repeat=2)))
+@pytest.mark.parametrize("factors", list(product((False, True), repeat=2)))
+def test_vertex_colors_are_factors_if_they_are_of_all_meshes_that_have_any(colored, factors):
+    made = meshes((0, 0), (0, 0), colored, (0, 0))
+    materials = [
+        Materials(
+            face_materials=np.zeros(mesh.n_faces, np.int32),
+            materials=(RED,),
+            has_vertex_colors=is_set,
+        )
+        for mesh, is_set in zip(made, factors, strict=True)
+    ]
+    _, joined = HighMeshes(made, materials).joined([NamedPart("a", 0), NamedPart("b", 1)])
+    those = [is_set for is_set, has in zip(factors, colored, strict=True) if has]
+    assert joined.has_vertex_colors == (bool(those) and all(those))

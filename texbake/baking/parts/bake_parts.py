@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -298,10 +297,11 @@ def bake_objects(
     *,
     pair: bool = True,
     cage: Mesh | None = None,
+    materials: Materials | None = None,
     skew_mask: FloatArray | None = None,
     offset_map: FloatArray | None = None,
+    progress: ProgressSink | None = None,
     clock: BudgetClock | None = None,
-    **shared: Any,
 ) -> BakeResult:
     """Bake each object from the one with the matching name if all names pair up, else as `bake`.
 
@@ -312,11 +312,15 @@ def bake_objects(
     if pair and isinstance(high, Mesh) and options.time_budget is None and not options.keep_hits:
         paired = match_objects([high], [low], PartsOptions())
     if paired is None or not isinstance(high, Mesh):
-        shared |= {"skew_mask": skew_mask, "offset_map": offset_map}
-        return bake(high, low, options, cage=cage, clock=clock, **shared)
-    ray_maps = RayMaps.of(skew_mask, offset_map)
-    shared["high_materials"] = [shared.pop("materials", None)]
-    done = bake_parts([high], [low], options, cage=cage, ray_maps=lambda _: ray_maps, **shared)
+        return bake(
+            high, low, options, cage=cage, materials=materials, skew_mask=skew_mask,
+            offset_map=offset_map, progress=progress, clock=clock,
+        )  # fmt: skip
+    images = RayMaps.of(skew_mask, offset_map)
+    done = bake_parts(
+        [high], [low], options, cage=cage, high_materials=[materials],
+        ray_maps=lambda _: images, progress=progress,
+    )  # fmt: skip
     (baked,) = done.targets.values()
     warnings = tuple(done.report.part_warnings)
     report = replace(baked.report, n_objects=len(paired[0].matches), of_objects=warnings)

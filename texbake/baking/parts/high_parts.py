@@ -122,8 +122,7 @@ class HighMeshes:
         self, meshes: Sequence[Mesh], materials: Sequence[Materials | None] | None = None
     ) -> None:
         self.meshes, self._first_groups = _with_common_groups(meshes)
-        several = len(meshes) > 1
-        self.materials = _with_common_names(meshes, materials or [None] * len(meshes), several)
+        self.materials = _with_common_names(meshes, materials or [None] * len(meshes))
 
     def joined(self, parts: Sequence[NamedPart]) -> tuple[Mesh, Materials | None]:
         """Join parts into one mesh, in their order.
@@ -171,10 +170,10 @@ def _with_common_groups(meshes: Sequence[Mesh]) -> tuple[list[Mesh], list[int]]:
 
 
 def _with_common_names(
-    meshes: Sequence[Mesh], materials: Sequence[Materials | None], several: bool
+    meshes: Sequence[Mesh], materials: Sequence[Materials | None]
 ) -> list[Materials | None]:
     """Materials numbered over all meshes; a mesh without any gets one without a color."""
-    if not several or all(item is None for item in materials):
+    if len(meshes) == 1 or all(item is None for item in materials):
         return list(materials)
     found: list[MeshMaterial] = []
     ids = []
