@@ -112,12 +112,14 @@ def test_the_map_is_scaled_turned_and_multiplied_like_any_other(wall):
     np.testing.assert_allclose(found, wall.uvs + share[..., None] * way, atol=1e-8)
 
 
-def test_seen_small_the_ray_follows_a_smaller_level(wall):
+@pytest.mark.parametrize("tiles", [1, 3000])
+def test_seen_small_the_ray_follows_a_smaller_level(wall, tiles):
     stripes = np.zeros((512, 512), np.float32)
     stripes[:, ::2] = 1.0
-    found = moved_to(wall, Parallax(texture=heights(stripes, filter="trilinear"), depth=DEPTH))
-    # A pixel covers several stripes: their mean is 1/2.
-    np.testing.assert_allclose(found, wall.uvs + 0.5 * ways(wall), atol=1e-8)
+    holder = Parallax(texture=heights(stripes, filter="trilinear"), depth=DEPTH)
+    found = moved_to(wall, holder, uvs=tiles * wall.mesh().uvs)
+    # A pixel covers several stripes, or more than the whole map: their mean is 1/2.
+    np.testing.assert_allclose(found, tiles * wall.uvs + 0.5 * ways(wall), atol=1e-7)
 
 
 def test_all_lookups_move_and_only_they(wall):

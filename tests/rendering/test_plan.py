@@ -43,6 +43,7 @@ SMALL = RenderOptions(width=24, height=16, supersampling=2, view=(20.0, 25.0))
 SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))
 LAMP = Light(name="lamp", kind="spot", position=(0.5, 0.5, 2.0), direction=(0, 0, -1), angle=90)
 ROOM = Environment(color=(0.2, 0.3, 0.4), lighting=True)
+HALF = Reflection(strength=0.5, environment="rendered", size=8)
 CROSSED = plane().replace(positions=plane().positions[:, [2, 0, 1]] + (0.5, 0.0, 0.0))
 TWO_SETS = plane().replace(uv_sets={"second": UvSet(plane().uvs, plane().uv_faces)})
 HOOKS = ("load", "prepare", "shade", "dim", "tint", "unneeded", "behind")
@@ -161,7 +162,8 @@ CASES: dict[str, Case] = {
     ),
     "rendered environment": Case(
         wanted=scene(
-            unlit(reflection=Reflection(environment="rendered", size=8)), unlit(double_sided=True)
+            unlit(reflection=HALF),
+            unlit(reflection=HALF, base_color=(0.9, 0.2, 0.1), double_sided=True),
         ),
         unwanted=scene(unlit(reflection=Reflection(environment="scene")), unlit()),
     ),
