@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -230,7 +229,7 @@ def _icosahedron() -> tuple[FloatArray, IntArray]:
     return corners / pm.norm(corners[0]), faces
 
 
-_N_CELLS = 48  # a side of the grid that finds the pores near a direction; see `_Pores`
+_N_CELLS = 48  # a side of the grid that finds the pores near a direction; see `_pores`
 _FLATTENING = 0.93  # height over width
 _N_PORES = 8000
 _PORE_RADIUS = 0.6  # of the greatest pore, in units of the lattice spacing
@@ -250,12 +249,13 @@ def peel_radii(directions: FloatArray) -> FloatArray:
 
     `directions` (n, 3) float64: unit vectors. Returns (n,) float64.
     """
-    pores = _pores()
-    radii = np.empty(len(directions))
+    directions = np.ascontiguousarray(directions, dtype=np.float64)
+    pores, radii, depths = _pores(), np.empty(len(directions)), np.empty(len(directions))
 
     def work(start: int, stop: int) -> None:
         part = directions[start:stop]
-        radii[start:stop] = _fruit_radii(part) * (1.0 - _pore_depths(part, pores))
+        core.pore_depths(part, *pores, depths[start:stop])
+        radii[start:stop] = _fruit_radii(part) * (1.0 - depths[start:stop])
 
     run_bands(work, len(directions), band=65536)
     return radii
@@ -280,23 +280,13 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
     return np.asarray(flattened * (1.0 + uneven + stem + button + navel))
 
 
-@dataclass(frozen=True)
-class _Pores:
-    """Pores as balls on the unit sphere, listed by the grid cells that they reach into.
-
-    The grid has `_N_CELLS` cells a side over the cube from -1 to 1; cell c holds the pores
-    `cell_pores[cell_starts[c]:cell_starts[c + 1]]`.
-    """
-
-    centers: FloatArray
-    radii: FloatArray
-    depths: FloatArray
-    cell_starts: npt.NDArray[np.int64]
-    cell_pores: npt.NDArray[np.int64]
-
-
 @cache
-def _pores() -> _Pores:
+def _pores() -> tuple[Any, ...]:
+    """Pores as balls on the unit sphere, listed by the cells of a grid that they reach into.
+
+    Their centers, radii and depths. Then the number of cells along each side of the cube from -1
+    to 1, and two lists: the pores of cell c are `pores[starts[c]:starts[c + 1]]`.
+    """
     i = np.arange(_N_PORES)
     spacing = np.sqrt(4.0 * np.pi / _N_PORES)
     jitter = (0.7 * spacing) * (np.stack([_hashed(i, stream) for stream in range(3)], 1) - 0.5)
@@ -320,7 +310,7 @@ def _pores() -> _Pores:
     cell_of = np.concatenate(cells)
     order = np.lexsort([np.concatenate(pores), cell_of])
     starts = np.searchsorted(cell_of[order], np.arange(_N_CELLS**3 + 1))
-    return _Pores(centers, radii, depths, starts, np.concatenate(pores)[order])
+    return centers, radii, depths, _N_CELLS, starts, np.concatenate(pores)[order]
 
 
 def _cells(points: FloatArray) -> npt.NDArray[np.int64]:
@@ -336,19 +326,3 @@ def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.asarray(((z ^ (z >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53, dtype=np.float64)
-
-
-def _pore_depths(directions: FloatArray, pores: _Pores) -> FloatArray:
-    """How far the pores sink the peel, in units of its radius."""
-    depths = np.empty(len(directions))
-    core.pore_depths(
-        np.ascontiguousarray(directions, dtype=np.float64),
-        pores.centers,
-        pores.radii,
-        pores.depths,
-        _N_CELLS,
-        pores.cell_starts,
-        pores.cell_pores,
-        depths,
-    )
-    return depths

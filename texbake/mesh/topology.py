@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
@@ -174,61 +174,17 @@ def repeated_vertices(faces: IntArray) -> BoolArray:
 
 
 def duplicate_faces(faces: IntArray) -> BoolArray:
-    """Faces that repeat an earlier one: the same three vertices, in any order.
-
-    `faces` (F, 3) int32. Returns (F,) bool: false for the first of them.
-    """
-    duplicate = np.zeros(len(faces), dtype=bool)
-    candidates, same = _with_equal_ones_together(faces)
-    duplicate[candidates[1:][same]] = True
-    return duplicate
+    """(F,) bool: faces that repeat an earlier one: the same three vertices, in any order."""
+    return later_copies(np.sort(faces, axis=1))
 
 
 def two_sided_faces(faces: IntArray) -> BoolArray:
-    """Faces that there are in both windings: the same three vertices, seen from either side.
-
-    `faces` (F, 3) int32. Returns (F,) bool.
-    """
-    two_sided = np.zeros(len(faces), dtype=bool)
-    candidates, same = _with_equal_ones_together(faces)
-    if not same.any():
-        return two_sided
-    a, b, c = faces[candidates].T
+    """(F,) bool: faces that there are in both windings: the same vertices, from either side."""
+    firsts = weld_rows(np.sort(faces, axis=1))
+    a, b, c = faces.T
     rising = (a < b).astype(np.intp) + (b < c) + (c < a) == 2
-    groups = np.concatenate([[0], np.cumsum(~same)])
-    both = np.bincount(groups, rising) * np.bincount(groups, ~rising) > 0.0
-    two_sided[candidates[both[groups]]] = True
-    return two_sided
-
-
-def _with_equal_ones_together(faces: IntArray) -> tuple[npt.NDArray[np.intp], BoolArray]:
-    """Find faces among which are all that share their three vertices with another one.
-
-    Returns `candidates` (n,) intp: faces, those of the same vertices in a row, from the first on;
-    `same` (n - 1,) bool: whether each has the vertices of the next.
-    """
-    ordered = np.sort(faces, axis=1)
-    mixed = _mixed(ordered)
-    in_order = np.sort(mixed)
-    repeated = np.unique(in_order[1:][in_order[1:] == in_order[:-1]])
-    if len(repeated) == 0:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=bool)
-    # Equal hashes are few and need not mean equal faces; those faces are compared themselves.
-    places = np.minimum(np.searchsorted(repeated, mixed), len(repeated) - 1)
-    candidates = np.flatnonzero(repeated[places] == mixed)
-    rows = ordered[candidates]
-    order = np.lexsort((candidates, *rows.T))
-    return candidates[order], (rows[order][1:] == rows[order][:-1]).all(axis=1)
-
-
-def _mixed(rows: IntArray) -> npt.NDArray[np.uint64]:
-    """Hash of each row (multiply and shift, as splitmix64 by Sebastiano Vigna)."""
-    mixed = np.zeros(len(rows), dtype=np.uint64)
-    for column in rows.T:
-        mixed ^= column.astype(np.uint64)
-        mixed *= np.uint64(0xBF58476D1CE4E5B9)
-        mixed ^= mixed >> np.uint64(29)
-    return mixed
+    both = np.bincount(firsts, rising, len(faces)) * np.bincount(firsts, ~rising, len(faces)) > 0.0
+    return np.asarray(both[firsts])
 
 
 def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:

@@ -21,7 +21,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import repeated_vertices
-from texbake.mesh.weld import number_firsts, unique_rows
+from texbake.mesh.weld import unique_rows
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -165,7 +165,7 @@ def grid_mesh(
     """
     kept, node_faces = used_rows(grid.faces, len(grid.nodes))
 
-    first_nodes, vertex_of = number_firsts(_firsts_of(grid.vertex_ids[kept]))
+    first_nodes, vertex_of = unique_rows(grid.vertex_ids[kept][:, np.newaxis])
     uvs = uvs[kept]
     first_uvs, uv_of = unique_rows(np.column_stack([vertex_of, uvs]))
     mesh = Mesh(
@@ -182,14 +182,6 @@ def grid_mesh(
     normals = normals[kept] + 0.0
     first_normals, normal_of = unique_rows(normals)
     return mesh.replace(normals=normals[first_normals], normal_faces=normal_of[node_faces])
-
-
-def _firsts_of(ids: IntArray) -> IntArray:
-    """Index of the first of the equal numbers that each number is one of."""
-    firsts = np.empty(int(ids.max(initial=-1)) + 1, dtype=np.int32)
-    # Of several values for one place numpy keeps the last, so they come in reverse.
-    firsts[ids[::-1]] = np.arange(len(ids), dtype=np.int32)[::-1]
-    return firsts[ids]
 
 
 def circle_points(n_points: int) -> FloatArray:

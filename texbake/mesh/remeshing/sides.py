@@ -85,14 +85,12 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     edges = find_edges(faces)
     areas = face_areas(points, faces, threads=threads)
     length, area = float(loops.lengths.sum()), float(areas.sum())
-    seen = _seen_through_holes(points, faces, areas, threads)
-    n_seen = np.bincount(parts[seen.faces], minlength=n_parts)
-    shares = np.bincount(parts[seen.faces], seen.shares, n_parts) / np.maximum(n_seen, 1)
+    looked_at, seen = _seen_through_holes(points, faces, areas, threads)
+    n_seen = np.bincount(parts[looked_at], minlength=n_parts)
+    shares = np.bincount(parts[looked_at], seen, n_parts) / np.maximum(n_seen, 1)
     has_boundary = np.bincount(loops.parts, minlength=n_parts) > 0
-    open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.shares.mean()) > _OPEN)
-    share = (
-        f"from its back, {100.0 * float(seen.shares.mean()):.0f} % of all directions lead outside"
-    )
+    open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.mean()) > _OPEN)
+    share = f"from its back, {100.0 * float(seen.mean()):.0f} % of all directions lead outside"
     # The area of what would close it, at least.
     least = 0.5 * float(pm.norm(area_vectors(points, faces).sum(axis=0)))
     if least > _WIDE_OPEN * area:
@@ -126,16 +124,13 @@ def unit_normals(positions: FloatArray, faces: IntArray) -> FloatArray:
     return np.asarray(crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300))
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    faces: npt.NDArray[np.int64]
-    shares: FloatArray  # of all directions, 0 where the surface is closed, 0.5 where it is flat
-
-
 def _seen_through_holes(
     points: FloatArray, faces: IntArray, areas: FloatArray, threads: int | None
-) -> _Seen:
-    """Measure at some faces, evenly by area, how much of the other side is seen through holes."""
+) -> tuple[npt.NDArray[np.int64], FloatArray]:
+    """Measure at some faces, evenly by area, how much of the other side is seen through holes.
+
+    As a share of all directions, 0 where the surface is closed, 0.5 where it is flat.
+    """
     sums = np.cumsum(areas)
     # A large odd step puts them in no order, since the last ones may not be measured.
     steps = (np.arange(_SAMPLES) * 197 % _SAMPLES + 0.5) / _SAMPLES
@@ -143,8 +138,7 @@ def _seen_through_holes(
     places = points[faces[chosen]].mean(axis=1) - _OFF * unit_normals(points, faces[chosen])
     windings = winding_numbers(points, faces, places, most_work=_MOST_WORK, threads=threads)
     known = ~np.isnan(windings)
-    middle = np.abs(windings[known] - 0.5)
-    return _Seen(chosen[known], np.maximum(0.5 - middle, 0.0))
+    return chosen[known], np.maximum(0.5 - np.abs(windings[known] - 0.5), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
