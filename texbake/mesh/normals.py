@@ -68,7 +68,8 @@ def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     Returns (V, 3) float64: where the normals of the faces cancel, that of the first face with area;
     0 where no face has area.
     """
-    return _angle_weighted(mesh.positions, mesh.faces, threads)
+    faces = mesh.faces
+    return weighted_normals(mesh.positions, faces, faces, mesh.n_vertices, threads=threads)
 
 
 def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
@@ -82,9 +83,10 @@ def smooth_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     """
     firsts = weld_vertices(mesh, threads=threads)
     if np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32)):
-        return _angle_weighted(mesh.positions, mesh.faces, threads)
+        return vertex_normals(mesh, threads=threads)
     faces = firsts[mesh.faces]
-    return _angle_weighted(mesh.positions, faces, threads)[firsts]
+    normals = weighted_normals(mesh.positions, faces, faces, mesh.n_vertices, threads=threads)
+    return normals[firsts]
 
 
 def shading_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
@@ -126,10 +128,6 @@ def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray,
     return face_normals(mesh, threads=threads), np.repeat(face_ids[:, None], 3, axis=1)
 
 
-def _angle_weighted(positions: FloatArray, faces: IntArray, threads: int | None) -> FloatArray:
-    return weighted_normals(positions, faces, faces, len(positions), threads=threads)
-
-
 def weighted_normals(
     positions: FloatArray,
     faces: IntArray,
@@ -145,7 +143,8 @@ def weighted_normals(
     have no area, as `vertex_normals`.
     """
     normals = np.zeros((n_normals, 3))
-    scale = _position_scale(positions)
+    # Brings the largest coordinate near 1, so that no product overflows.
+    scale = unit_scale(max(float(positions.max()), -float(positions.min())))
     add_angle_weighted(normals, positions, faces, rows, scale, threads)
     if normalize_sums(normals, threads):
         fill_canceled(normals, positions, faces, rows)
@@ -209,11 +208,6 @@ def fill_canceled(
     found, firsts = np.unique(rows, return_index=True)
     is_zero = zero[found]
     normals[found[is_zero]] = of_faces[firsts[is_zero] // 3]
-
-
-def _position_scale(positions: FloatArray) -> float:
-    """Power of two that brings the largest coordinate near 1, so that no product overflows."""
-    return unit_scale(max(float(positions.max()), -float(positions.min())))
 
 
 def vertex_curvatures(

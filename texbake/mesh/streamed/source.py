@@ -28,7 +28,7 @@ from texbake.mesh.files.ply_tables import (
 )
 from texbake.mesh.mesh import IntArray
 from texbake.mesh.polygons import triangulated
-from texbake.mesh.streamed.vertices import FileVertices, MappedFile, map_file
+from texbake.mesh.streamed.vertices import FileVertices, map_file
 from texbake.parallel import run_bands
 
 # Rows that are read at once.
@@ -218,13 +218,8 @@ def _open_stl(path: Path) -> MeshSource | None:
     n_triangles = stl.binary_count(file.data)
     if n_triangles is None or n_triangles == 0:
         return None
-    size = stl.RECORD.itemsize
-    if len(file.data) != stl.HEADER_SIZE + 4 + n_triangles * size:
+    if len(file.data) != stl.HEADER_SIZE + 4 + n_triangles * stl.RECORD.itemsize:
         return None
-    return _stl_source(path, file, n_triangles)
-
-
-def _stl_source(path: Path, file: MappedFile, n_triangles: int) -> MeshSource | None:
     if 3 * n_triangles > np.iinfo(np.int32).max:
         raise FileFormatError(f"{path}: it has {n_triangles} triangles, more than can be numbered")
     fields = stl.RECORD.fields
