@@ -94,8 +94,10 @@ def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
         text = f"{text.rstrip('.')}: {', '.join(kind.known)}."
     if option.many:
         default = None
-    elif isinstance(default, tuple) and not isinstance(kind, Size):
-        default = ",".join(f"{v:g}" if isinstance(v, float) else str(v) for v in default)
+    elif isinstance(default, tuple):
+        default = ("x" if isinstance(kind, Size) else ",").join(
+            f"{v:g}" if isinstance(v, float) else str(v) for v in default
+        )
     # For click a default of None is one, and the option would never be missing.
     given = {"required": True} if required else {"default": default}
     return click.option(
@@ -250,17 +252,6 @@ _PIXELS = click.option(
     show_default=True,
     help="Width and height of the picture in pixels.",
 )
-
-
-def picture_options(command: Command) -> Command:
-    """Add the options of a picture; the command receives them as `picture`, `RenderOptions`."""
-
-    @functools.wraps(command)
-    def with_picture(*args: Any, size: Any, **options: Any) -> None:
-        chosen = {name: options.pop(name) for name in _PICTURE}
-        command(*args, picture=RenderOptions(**_sides(size), **chosen), **options)
-
-    return all_of((_PIXELS, options_of(RenderOptions, *_PICTURE)))(with_picture)  # type: ignore[no-any-return]
 
 
 def picture_changes(command: Command) -> Command:

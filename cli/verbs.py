@@ -131,4 +131,4 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
         return click.option(flag, part.name, type=kind, metavar=metavar, help=part.help)
     many = [item.name for item in verb.of_kind(Reads) if item.many and item.required]
     after = many[0] if many else None
-    return output_option(kind, metavar, part.help, after=after, required=True)
+    return output_option(kind, metavar, part.help, after=after, required=part.required)

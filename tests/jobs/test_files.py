@@ -9,11 +9,11 @@ import texbake
 from texbake import BakeOptions, OptionError
 from texbake.errors import FileFormatError, MeshError
 from texbake.jobs.check_meshes import check_mesh_files
-from texbake.jobs.comparison import compare_files
 from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.meshes import info_file
 from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import uv_sphere
+from texbake.verbs.compare import compare_files
 from texbake.verbs.make import make_file
 from texbake.verbs.remap import remap_files
 from texbake.verbs.simplify import simplify_file, simplify_levels

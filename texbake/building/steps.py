@@ -212,14 +212,15 @@ def _page(job: Job) -> dict[str, Any]:
     from texbake.jobs.comparison import page_file
 
     options: PageStep = PAGE.made(job.settings)
-    maps: dict[str, Any] = {name: job.input(name) for name in (*_SHOWN, "misses")}
+    maps = {name.removesuffix("_map"): file for name in _SHOWN if (file := job.input(name))}
     comparison = page_file(
         job.file("high"),
         job.file("low"),
         job.outputs["page"],
         options.picture,
         name=job.asset,
-        **maps,
+        maps=maps,
+        misses=job.input("misses"),
         threads=job.threads,
     ).report
     if comparison is None:

@@ -1,27 +1,22 @@
-"""How closely a low-poly mesh with its maps resembles the high-poly mesh, from files to files."""
+"""How closely a low-poly mesh with its maps resembles the high-poly mesh: figures and pages."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from texbake.files import PathLike, appearing_together
+from texbake.files import PathLike
 from texbake.jobs.outputs import (
     JobResult,
-    check_distinct,
-    check_page,
-    check_picture,
-    check_report,
-    present_paths,
-    write_report,
 )
 from texbake.mesh.files import read_mesh
+from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
 from texbake.rendering.compare import Closeness, Comparison, compare
 from texbake.rendering.options import RenderOptions
-from texbake.texture.image import write_image
 
 # Differences below which nobody sees which of two pictures is closer: in degrees of the mean of all
 # normals, in dB of PSNR, where that is below SAME_DB, and as a share of the pixels of the mesh.
@@ -31,105 +26,51 @@ SAME_DB = 40.0
 VISIBLE_OUTLINE = 0.01
 
 
-@appearing_together()
-def compare_files(
-    high: PathLike,
-    low: PathLike,
-    output: PathLike | None = None,
-    options: RenderOptions | None = None,
-    *,
-    normal_map: PathLike | None = None,
-    displacement: PathLike | None = None,
-    albedo: PathLike | None = None,
-    report: PathLike | None = None,
-    html: PathLike | None = None,
-    command: str = "",
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> JobResult[Comparison]:
-    """Compare two mesh files from six sides, and write the pictures side by side."""
-    output = Path(f"{Path(low).stem}_compare.png" if output is None else output)
-    maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
-    check_distinct([output, report, html], [high, low, *maps.values()])
-    check_picture(output)
-    check_report(report)
-    check_page(html)
-    options = options or RenderOptions()
-    high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
-    comparison = compare(
-        high_mesh,
-        low_mesh,
-        normal_map=normal_map,
-        displacement=displacement,
-        albedo=albedo,
-        options=options,
-        threads=threads,
-        progress=progress,
-    )
-    write_image(comparison.side_by_side(), output, color=True, threads=threads)
-    if report is not None:
-        write_report(report, comparison_report(comparison))
-    if html is not None:
-        from texbake.pages.asset_page import AssetPage, write_asset_page
-
-        page = AssetPage(
-            high=high_mesh,
-            low=low_mesh,
-            files={name: path for name, path in maps.items() if path is not None},
-            comparison=comparison,
-            figures=comparison_table(comparison),
-            command=command,
-            picture=options,
-        )
-        write_asset_page(html, page)
-    return JobResult(files=present_paths(output, report, html), report=comparison)
-
-
 def page_file(
     high: PathLike,
     low: PathLike,
     html: PathLike,
     options: RenderOptions | None = None,
     *,
-    name: str | None = None,
-    normal_map: PathLike | None = None,
-    displacement: PathLike | None = None,
-    albedo: PathLike | None = None,
+    name: str,
+    maps: Mapping[str, PathLike],
     misses: PathLike | None = None,
     threads: int | None = None,
     progress: ProgressSink | None = None,
 ) -> JobResult[Comparison | None]:
     """Write a page of an asset: both meshes, the maps, and how closely they match."""
-    check_page(html)
     options = options or RenderOptions()
     high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
-    if name is not None:
-        high_mesh = high_mesh.replace(name="its high-poly mesh")
-        low_mesh = low_mesh.replace(name=name)
+    high_mesh = high_mesh.replace(name="its high-poly mesh")
+    low_mesh = low_mesh.replace(name=name)
     comparison = None
-    if normal_map is not None:
+    if "normal" in maps:
         comparison = compare(
             high_mesh,
             low_mesh,
-            normal_map=normal_map,
+            normal_map=maps["normal"],
             options=options,
             threads=threads,
             progress=progress,
         )
+    write_comparison_page(
+        html, high_mesh, low_mesh, comparison, files=maps, misses=misses, picture=options
+    )
+    return JobResult(files=(Path(html),), report=comparison)
+
+
+def write_comparison_page(
+    html: PathLike, high: Mesh, low: Mesh, comparison: Comparison | None, **more: Any
+) -> None:
+    """Write a page of two meshes, the files of maps, and how closely they match.
+
+    `more` are fields of `AssetPage`.
+    """
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
-    maps = {"normal": normal_map, "displacement": displacement, "albedo": albedo}
-    page = AssetPage(
-        high=high_mesh,
-        low=low_mesh,
-        files={kind: path for kind, path in maps.items() if path is not None},
-        misses=misses,
-        comparison=comparison,
-        figures=[] if comparison is None else comparison_table(comparison),
-        picture=options,
-    )
+    figures = [] if comparison is None else comparison_table(comparison)
+    page = AssetPage(high=high, low=low, comparison=comparison, figures=figures, **more)
     write_asset_page(html, page)
-    return JobResult(files=present_paths(html), report=comparison)
 
 
 def comparison_report(comparison: Comparison) -> dict[str, Any]:

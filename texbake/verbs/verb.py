@@ -48,7 +48,7 @@ class Reads:
 
 @dataclass(frozen=True)
 class Writes:
-    """A file that a verb writes; the one called `output` is required."""
+    """A file that a verb writes; the one called `output` is required, unless that is False."""
 
     name: str  # parameter of the function
     # A key of `OUTPUT_CHECKS`. The function checks the format of an `image`, and all of `images`,
@@ -56,6 +56,7 @@ class Writes:
     kind: str
     help: str
     _: KW_ONLY
+    required: bool = True
     over: str = ""  # the input that it may replace
     like: str = ""  # the inputs whose names it takes where they are several; then it is a folder
     suffixes: tuple[str, ...] = ()
