@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -229,6 +230,10 @@ class MissingParts:
         self.lines.append((channel, line))
         if image is not None:
             self.images[image] = None
+
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of `Materials` that they are."""
+        return {"missing": tuple(self.lines), "missing_images": tuple(self.images)}
 
 
 _READERS = {

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,7 +29,7 @@ from texbake.mesh.files.mtl import IMAGES, VALUES, library_names, library_statem
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
 from texbake.mesh.files.reader_process import read_in_child
-from texbake.mesh.files.unread_parts import unread_fbx_parts, unread_gltf_parts
+from texbake.mesh.files.unread_parts import unread_parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +62,10 @@ def read_contents(path: PathLike) -> FileContents | None:
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
         document = read_document(path)
-        return replace(_of_gltf(document), passed_over=unread_gltf_parts(document))
+        return replace(_of_gltf(document), passed_over=unread_parts(document))
     if suffix == ".fbx":
         scene = read_scene(path)
-        return replace(_of_fbx(scene), passed_over=unread_fbx_parts(scene))
+        return replace(_of_fbx(scene), passed_over=unread_parts(scene))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
         contents: FileContents = read_in_child(path, "contents", _CLASSES)
         return contents
@@ -149,9 +149,10 @@ def _of_obj(path: Path) -> FileContents:
     data = read_obj_text(path).tobytes()
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for library in _allowed(path, library_names(path, data)):
-        if is_file(library):
-            for keyword, words in library_statements(library):
+    for name in library_names(path, data):
+        with suppress(FileError):
+            library = file_beside(path, name)
+            for keyword, words in library_statements(library) if is_file(library) else ():
                 _add_statement(library, keyword.lower(), words, materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
@@ -184,13 +185,6 @@ def _add_statement(
         if images.setdefault(label, None) is None:
             with suppress(FileError):
                 images[label] = read_bytes(file_beside(library, name))
-
-
-def _allowed(path: Path, names: Iterable[str]) -> Iterator[Path]:
-    """Yield the paths of files that another one names and that may be read."""
-    for name in names:
-        with suppress(FileError):
-            yield file_beside(path, name)
 
 
 # Channels by properties, with those that materials do not have.

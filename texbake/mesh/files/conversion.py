@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, OptionError, warn_of
+from texbake.errors import MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
@@ -191,6 +191,15 @@ def check_normal_map(path: PathLike) -> None:
         raise OptionError(
             f"{path}: its green channel is {facts[CONVENTION]}; "
             "glTF and USD need a map baked with `convention` opengl"
+        )
+
+
+def require_uvs(mesh: Mesh) -> None:
+    """Raise `UvError` for a mesh that cannot have a texture."""
+    if mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates, which a texture needs; "
+            f"make some with: texbake unwrap {mesh.name} -o OUT"
         )
 
 

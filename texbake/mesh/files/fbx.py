@@ -48,7 +48,7 @@ from texbake.mesh.files.fbx_scene import (
     read_scene,
 )
 from texbake.mesh.files.source import decode_name
-from texbake.mesh.files.unread_parts import unread_fbx_parts, warn_of_fbx
+from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
 from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
@@ -97,7 +97,7 @@ def _why_empty(scene: FbxScene) -> str:
         )
     if any(model_geometry(scene, item) for item in scene.objects.values()):
         return "all its meshes are empty; a mesh needs at least one triangle"
-    others = unread_fbx_parts(scene)
+    others = unread_parts(scene)
     has = f", but {', '.join(others)}" if others else ""
     return f"it has no faces{has}; a mesh needs at least one triangle"
 

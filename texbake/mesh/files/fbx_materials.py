@@ -83,8 +83,7 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         face_materials=np.concatenate(of_faces),
         materials=_without_shear(materials, mesh, uv_sets),
         uv_sets=uv_sets,
-        missing=tuple(reader.missing.lines),
-        missing_images=tuple(reader.missing.images),
+        **reader.missing.fields(),
     )
 
 

@@ -91,8 +91,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
         uv_sets=uv_sets,
         has_vertex_colors=mesh.colors is not None,
-        missing=tuple(reader.missing.lines),
-        missing_images=tuple(reader.missing.images),
+        **reader.missing.fields(),
     )
 
 

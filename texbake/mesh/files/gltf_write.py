@@ -30,7 +30,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import as_text, far_origin, float32_positions
+from texbake.mesh.files.conversion import as_text, far_origin, float32_positions, require_uvs
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import (
     QUANTIZATION,
@@ -77,7 +77,7 @@ def write_glb(
         _check_materials(mesh, materials, alone=len(meshes) == 1 and not any(textures))
     elif any(isinstance(texture, str | os.PathLike) for texture in textures):
         for level in meshes:
-            _check_uvs(level)
+            require_uvs(level)
     name = Path(path).stem if name is None else name
     asset = GltfAsset(compress=bool(compress))
     quantization = None
@@ -115,14 +115,6 @@ def _coverages(n_levels: int, coverages: Sequence[float] | None) -> Sequence[flo
     return coverages
 
 
-def _check_uvs(mesh: Mesh) -> None:
-    if mesh.uvs is None:
-        raise UvError(
-            f"{mesh.name}: it has no texture coordinates, which a texture needs; "
-            f"make some with: texbake unwrap {mesh.name} -o OUT"
-        )
-
-
 def _check_materials(mesh: Mesh, materials: Materials, *, alone: bool) -> None:
     if not alone:
         raise OptionError("materials: give them without levels and without files of a material")
@@ -135,7 +127,7 @@ def _check_materials(mesh: Mesh, materials: Materials, *, alone: bool) -> None:
         if uv_set and uv_set not in materials.uv_sets:
             raise UvError(f"{mesh.name}: an image lies on texture coordinates {uv_set}, not there")
     if materials.has_images:
-        _check_uvs(mesh)
+        require_uvs(mesh)
 
 
 def _add_groups(

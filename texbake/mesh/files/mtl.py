@@ -95,8 +95,7 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     return Materials(
         face_materials=faces,
         materials=tuple(known.get(name, MeshMaterial(name=name)) for name in ids),
-        missing=tuple(missing.lines),
-        missing_images=tuple(missing.images),
+        **missing.fields(),
     )
 
 

@@ -33,27 +33,22 @@ _LIGHTS = "KHR_lights_punctual"
 _POSES = ("skin", "shape key")
 
 
-def unread_parts(path: PathLike) -> tuple[str, ...]:
+def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
-    Those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other formats.
+    Of a path, those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other
+    formats.
     """
-    suffix, counts = Path(path).suffix.lower(), {}
+    if isinstance(source, Document):
+        return _named(_counts_of_gltf(source))
+    if isinstance(source, FbxScene):
+        return _named(_counts_of_fbx(source))
+    suffix, counts = Path(source).suffix.lower(), {}
     if suffix in (".gltf", ".glb"):
-        counts = _counts_of_gltf(read_document(path))
+        counts = _counts_of_gltf(read_document(source))
     elif suffix == ".fbx":
-        counts = _counts_of_fbx(read_scene(path))
+        counts = _counts_of_fbx(read_scene(source))
     return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
-
-
-def unread_gltf_parts(document: Document) -> tuple[str, ...]:
-    """Count the parts of a glTF document that are not read."""
-    return _named(_counts_of_gltf(document))
-
-
-def unread_fbx_parts(scene: FbxScene) -> tuple[str, ...]:
-    """Count the parts of an FBX scene that are not read."""
-    return _named(_counts_of_fbx(scene))
 
 
 def warn_of_gltf(document: Document) -> None:

@@ -87,8 +87,7 @@ def materials_of_stage(path: PathLike) -> Materials | None:
     return Materials(
         face_materials=of_groups,
         materials=materials,
-        missing=tuple(reader.missing.lines),
-        missing_images=tuple(reader.missing.images),
+        **reader.missing.fields(),
     )
 
 
@@ -294,24 +293,6 @@ def _asset_bytes(root: str, resolved: str) -> bytes | None:
         return None
 
 
-def usd_channels(material: Any) -> dict[str, tuple[str, bytes | None] | None]:
-    """Channels that a material sets, each with the path and content of its image; None for values.
-
-    The content is None where the image is missing.
-    """
-    surface = material.ComputeSurfaceSource()[0]
-    channels: dict[str, tuple[str, bytes | None] | None] = {}
-    for where in _INPUTS:
-        source = surface.GetInput(where.usd) if surface else None
-        shader, _ = _producer(source)
-        if shader is not None:
-            path, _, data = _image_file(shader)
-            channels[where.name] = (path, data)
-        elif _value(source) is not None:
-            channels[where.name] = None
-    return channels
-
-
 def contents_of_stage(path: PathLike) -> FileContents:
     """Answer for `read_contents`."""
     from pxr import UsdGeom, UsdShade
@@ -324,10 +305,16 @@ def contents_of_stage(path: PathLike) -> FileContents:
         for prim in stage.Traverse():
             if prim.IsA(UsdShade.Material):
                 channels: dict[str, str | None] = {}
-                for channel, image in usd_channels(UsdShade.Material(prim)).items():
-                    channels[channel] = None if image is None else Path(image[0]).name
-                    if image is not None:
-                        images[Path(image[0]).name] = image[1]
+                surface = UsdShade.Material(prim).ComputeSurfaceSource()[0]
+                for where in _INPUTS if surface else ():
+                    source = surface.GetInput(where.usd)
+                    shader, _ = _producer(source)
+                    if shader is not None:
+                        file, _, data = _image_file(shader)
+                        channels[where.name] = Path(file).name
+                        images[Path(file).name] = data
+                    elif _value(source) is not None:
+                        channels[where.name] = None
                 materials.append(MaterialContent(name=prim_name(prim), channels=channels))
             elif prim.IsA(UsdGeom.Mesh):
                 primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()

@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import UvError
 from texbake.files import PathLike, replacing, scratch_folder
 from texbake.mesh.compose import excerpt
 from texbake.mesh.files.channels import FILE_CHANNELS
@@ -36,6 +35,7 @@ from texbake.mesh.files.conversion import (
     far_origin,
     float32_positions,
     image_file,
+    require_uvs,
 )
 from texbake.mesh.files.usd_stage import require_usd
 from texbake.mesh.mesh import FloatArray, Mesh
@@ -66,11 +66,8 @@ def write_usd(
         for slot, source in given.items()
         if isinstance(source, str | os.PathLike)
     }
-    if textures and mesh.uvs is None:
-        raise UvError(
-            f"{mesh.name}: it has no texture coordinates, which a texture needs; "
-            f"make some with: texbake unwrap {mesh.name} -o OUT"
-        )
+    if textures:
+        require_uvs(mesh)
     if normal_map is not None:
         check_normal_map(normal_map)
     media = {slot: image_file(file)[1] for slot, file in textures.items()}
