@@ -15,9 +15,12 @@ from texbake.baking.parts.options import PartsOptions
 from texbake.baking.parts.result import PartFigures, PartsReport
 from texbake.baking.parts.target_maps import joined_reports
 from texbake.baking.report import BakeReport, DistanceSummary
+from texbake.baking.result import BakeResult, check_texels, unseen_faces
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.result import PhotoShare, TextureReport
 from texbake.baking.trace import TraceCounts
+from texbake.errors import UvError
+from texbake.mesh.shapes import plane
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
 from texbake.raycast.rays import NO_HIT
@@ -262,3 +265,29 @@ def test_the_report_of_a_texture_is_read_as_that_of_maps():
     filled = replace(report, texels_unseen=1)
     assert "filled from the colors around them;" in filled.warnings[0]
     assert other.to_json()["unseen_percent"] == 25.0 and other.to_json()["seconds"] == 1.75
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_faces_that_own_no_texel_are_those_that_no_texel_names(seed):
+    n = 12
+    texels = np.random.default_rng(seed).integers(-1, n, (2, 3 + seed)).astype(np.int32)
+    wanted = ~np.isin(np.arange(n), texels)
+    np.testing.assert_array_equal(unseen_faces(n, texels), wanted)
+    assert unseen_faces(n, np.full((2, 2), -1, np.int32)).all()
+
+
+@pytest.mark.parametrize(("padding", "remedy"), [(1, "larger `size`$"), (2, "or less `padding`$")])
+def test_faces_without_a_texel_are_an_error_beyond_a_hundredth_of_the_area(padding, remedy):
+    low = plane(16, 8).replace(name="low.obj")
+    report = replace(PLAIN, options=BakeOptions(size=(64, 32), padding=padding))
+    for n_unseen in (0, 2, 3, 256):
+        seen = np.arange(n_unseen, 256, dtype=np.int32) if n_unseen < 256 else np.int32(-1)
+        texels = np.resize(seen, (16, 16))
+        baked = BakeResult({}, report, None, texels, texels >= 0)
+        if n_unseen <= 2:
+            check_texels(low, baked)
+        else:
+            share = f"low.obj: {n_unseen} of 256 faces, {n_unseen / 2.56:.1f} % of the area"
+            words = f"^{share}, own no texel at 64 x 32 .* {padding}; .*{remedy}"
+            with pytest.raises(UvError, match=words):
+                check_texels(low, baked)

@@ -70,6 +70,8 @@ def test_faces_of_joined_parts_keep_all_they_had(flags, materials):
     # Without any normals, those of the joined mesh are smooth over what it is made of.
     for column, values in zip(wanted[: 3 + any(some)], corners_of(joined), strict=False):
         np.testing.assert_allclose(values, column, atol=1e-12)
+    for values, has in ((joined.normals, some), (joined.uvs, some), (joined.colors, others)):
+        assert (values is None) == (not any(has))
     groups = [joined.group_names[g] for g in joined.face_groups]
     sources = [(made[p.mesh], known[p.mesh], c) for p, c in zip(parts, chosen, strict=True)]
     assert groups == [

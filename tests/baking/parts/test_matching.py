@@ -5,7 +5,7 @@ import string
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.baking.parts.matching import base_of, match_names
+from texbake.baking.parts.matching import base_of, match_names, pair_names
 from texbake.baking.parts.options import PartsOptions
 from texbake.errors import MeshError, OptionError
 
@@ -103,3 +103,28 @@ def test_options_of_matching_need_matching(choice: dict[str, str]) -> None:
     with pytest.raises(OptionError, match="match_by_name"):
         PartsOptions(**choice)
     PartsOptions(match_by_name=True, **choice)
+
+
+@pytest.mark.parametrize(
+    ("high", "low", "matches"),
+    [
+        (["a", "b_high", "c_ignore"], ["a_low", "B"], {"a_low": ["a"], "B": ["b_high"]}),
+        (["b", "A"], ["a", "b", "z_ignore"], {"a": ["A"], "b": ["b"]}),
+        (["a", "b", "b_high.001"], ["a_high", "b"], {"a_high": ["a"], "b": ["b", "b_high.001"]}),
+        (["a"], ["a"], None),
+        (["a", "b_ignore"], ["a", "b_ignore"], None),
+        (["a", "b", "c"], ["a", "b"], None),
+        (["a", "b"], ["a", "b", "c"], None),
+        (["a", "b"], ["a", "b", "A_low"], None),
+    ],
+)
+def test_objects_pair_up_if_every_name_that_is_not_ignored_has_its_match(high, low, matches):
+    found = pair_names(high, low, PartsOptions())
+    if matches is None:
+        assert found is None
+        return
+    listed = found.to_json()
+    assert {match["low"]: match["high"] for match in listed["matches"]} == matches
+    assert not listed["low_left_over"] and not listed["high_left_over"]
+    assert listed["high_ignored"] == [name for name in high if "ignore" in name]
+    assert listed["low_ignored"] == [name for name in low if "ignore" in name]
