@@ -65,6 +65,14 @@ def first_few(items: Iterable[str], most: int = 20) -> tuple[str, ...]:
     return (*each[:most], f"and {len(each) - most:,} more like these")
 
 
+def require_known(name: str, value: object, known: Iterable[str]) -> None:
+    """Raise `OptionError` unless the value of an option is one of those that are known."""
+    if value not in (choices := tuple(known)):
+        raise OptionError(
+            f"{name}: {quoted(value)} is not known; it is one of {', '.join(choices)}"
+        )
+
+
 def counted(n: int, one: str, many: str = "") -> str:
     """Return a number with what it counts; `many` is `one` with an s unless it is given.
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError, quoted
+from texbake.errors import FileError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, check_folder, check_writable, is_folder
 from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap
@@ -43,10 +43,7 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
     For "inside", the four sides are mirrored left to right. The top and the bottom are mirrored up
     and down, so that they continue the side along -z.
     """
-    if convention not in CONVENTIONS:
-        raise OptionError(
-            f"convention: {quoted(convention)} is not known; it is one of {', '.join(CONVENTIONS)}"
-        )
+    require_known("convention", convention, CONVENTIONS)
     if convention == "opengl":
         return faces
     seen = faces[:, :, ::-1].copy()

@@ -30,9 +30,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, require_known
 from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
+from texbake.texture.lookup import require_image
 
 # As in `core/cube_lookup.c`.
 CUBE_FILTER_CODES = {"nearest": 0, "bilinear": 1, "trilinear": 2}
@@ -61,19 +62,16 @@ def sample_cube(
     >>> sample_cube(cube, np.array([[-2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])).ravel().tolist()
     [1.0, 4.0]
     """
-    if filter not in CUBE_FILTER_CODES:
-        raise OptionError(
-            f"filter: {quoted(filter)} is not known; it is one of {', '.join(CUBE_FILTERS)}"
-        )
+    require_known("filter", filter, CUBE_FILTERS)
     if isinstance(cube, CubeMap):
         texels = cube.bordered.reshape(-1, cube.n_channels)
         offsets, sizes = np.zeros(1, np.int64), np.full(1, cube.size, np.int64)
     else:
         texels, offsets, sizes = cube.texels, cube.offsets, cube.sizes
-    directions = _readable(directions)
+    directions = np.require(directions, np.float32, ["C", "A"])
     if directions.ndim != 2 or directions.shape[1] != 3:
         raise OptionError(f"directions: the shape {directions.shape} is not (n, 3)")
-    wanted = None if levels is None else _readable(levels)
+    wanted = None if levels is None else np.require(levels, np.float32, ["C", "A"])
     if wanted is not None and wanted.shape != directions.shape[:1]:
         raise OptionError(f"levels: the shape {wanted.shape} is not ({len(directions)},)")
     out = np.empty((len(directions), cube.n_channels), np.float32)
@@ -91,10 +89,6 @@ def resize_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
     return CubeMap(sample_cube(cube, directions, threads=threads).reshape(6, size, size, -1))
 
 
-def _readable(values: npt.ArrayLike) -> npt.NDArray[np.float32]:
-    return np.require(values, np.float32, ["C", "A"])
-
-
 # Lookups per band: a few milliseconds of work.
 _LATITUDE_BAND = 1 << 17
 
@@ -106,9 +100,7 @@ def from_latitude_longitude(
 
     `image` (H, W, C) float32, linear, row 0 at the top; `size`: side of a face in texels.
     """
-    pixels = np.require(image, np.float32, ["C", "A"])
-    if pixels.ndim != 3 or pixels.size == 0:
-        raise OptionError(f"image: the shape {pixels.shape} is not (height, width, channels)")
+    pixels = require_image(image)
     height, width, n_channels = pixels.shape
     size = max(width // 4, 1) if size is None else size
     if size < 1:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import DependencyError, FileFormatError, OptionError, quoted
+from texbake.errors import DependencyError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
 from texbake.texture.encoding import encode_normals, quantize_srgb
@@ -73,11 +73,7 @@ def write_dds(
     """
     if Path(path).suffix.lower() != ".dds":
         raise FileFormatError(f"{path}: block-compressed textures are DDS files; give a .dds name")
-    if block_format not in BLOCK_FORMATS:
-        known = ", ".join(BLOCK_FORMATS)
-        raise OptionError(
-            f"block_format: {quoted(block_format)} is not known; it is one of {known}"
-        )
+    require_known("block_format", block_format, BLOCK_FORMATS)
     form = BLOCK_FORMATS[block_format]
     if kind == "color" and not form.dxgi_srgb:
         raise OptionError(f"block_format: {block_format} cannot store colors; use bc7 or bc1")

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, require_known
 from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
@@ -267,8 +267,5 @@ def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def _green_sign(convention: str) -> float:
-    if convention not in _CONVENTIONS:
-        raise OptionError(
-            f"convention: {quoted(convention)} is not known; it is one of {', '.join(_CONVENTIONS)}"
-        )
+    require_known("convention", convention, _CONVENTIONS)
     return 1.0 if convention == "opengl" else -1.0

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, quoted, require_known
 from texbake.parallel import run_bands
 
 # As in `core/texture_lookup.h`.
@@ -34,8 +34,7 @@ _IMAGE_BAND = 1 << 18
 
 def wrap_code(wrap: str) -> int:
     """Return the number of a wrap mode in kernels."""
-    if wrap not in _CODES:
-        raise OptionError(f"wrap: {quoted(wrap)} is not known; it is one of {', '.join(_CODES)}")
+    require_known("wrap", wrap, _CODES)
     return _CODES[wrap]
 
 
@@ -101,6 +100,14 @@ def texel_coordinates(
         return np.stack([uvs[..., 0] * width, row_of_v(uvs[..., 1], height)], axis=-1)
 
 
+def require_image(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """(H, W, C) float32, contiguous; `OptionError` for another shape."""
+    image = np.require(image, np.float32, ["C", "A"])
+    if image.ndim != 3 or image.size == 0:
+        raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
+    return image
+
+
 def lookup(
     image: npt.NDArray[Any],
     uvs: npt.NDArray[Any],
@@ -115,9 +122,7 @@ def lookup(
     float or (C,). Returns (..., C) float32.
     """
     code = wrap_codes(wrap)
-    image = np.require(image, np.float32, ["C", "A"])
-    if image.ndim != 3 or image.size == 0:
-        raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
+    image = require_image(image)
     uvs = np.asarray(uvs, dtype=np.float64)
     flat = np.require(uvs.reshape(-1, 2), requirements=["C", "A"])
     outside = border_values(border, image.shape[2])
@@ -185,10 +190,7 @@ def volume_lookup(
     float32; a constant volume gives exactly its constant where the border is not read.
     """
     code = wrap_code(wrap)
-    if filter not in VOLUME_FILTERS:
-        raise OptionError(
-            f"filter: {quoted(filter)} is not known; it is one of {', '.join(VOLUME_FILTERS)}"
-        )
+    require_known("filter", filter, VOLUME_FILTERS)
     volume = np.require(volume, np.float32, ["C", "A"])
     if volume.ndim != 4 or volume.size == 0:
         raise OptionError(

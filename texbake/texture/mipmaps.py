@@ -23,9 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, require_known
 from texbake.parallel import run_bands
-from texbake.texture.lookup import MIRROR, REPEAT, Wrap, wrap_code, wrap_pair
+from texbake.texture.lookup import MIRROR, REPEAT, Wrap, require_image, wrap_code, wrap_pair
 
 KINDS = ("color", "data", "normal")
 MIP_FILTERS = ("box", "kaiser")
@@ -83,7 +83,7 @@ def single_level(image: npt.NDArray[Any]) -> MipChain:
 
     `image` (H, W, C) float32.
     """
-    image = _checked(image)
+    image = require_image(image)
     height, width, n_channels = image.shape
     return MipChain(
         image.reshape(-1, n_channels),
@@ -106,13 +106,10 @@ def mip_chain(
     `image` (H, W, C) float32, linear values; `kind`: "color" or "data", which are averaged, or
     "normal": unit vectors.
     """
-    image = _checked(image)
+    image = require_image(image)
     along_u, along_v = map(wrap_code, wrap_pair(wrap))
-    for name, value, known in ("kind", kind, KINDS), ("filter", filter, MIP_FILTERS):
-        if value not in known:
-            raise OptionError(
-                f"{name}: {quoted(value)} is not known; it is one of {', '.join(known)}"
-            )
+    require_known("kind", kind, KINDS)
+    require_known("filter", filter, MIP_FILTERS)
     if roughness and kind != "normal":
         raise OptionError(f"roughness: only normal maps have it, not {kind}; give kind='normal'")
     if kind == "normal":
@@ -138,13 +135,6 @@ def mip_chain(
             # The length of the mean vector, not the mean of the lengths.
             smaller[:, n_channels] = pm.norm(smaller[:, :n_channels], axis=1)
     return chain
-
-
-def _checked(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    image = np.require(image, np.float32, ["C", "A"])
-    if image.ndim != 3 or image.size == 0:
-        raise OptionError(f"image: the shape {image.shape} is not (height, width, channels)")
-    return image
 
 
 def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, require_known
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
@@ -80,10 +80,7 @@ def sample(
     one pixel to the next; `border` float or (C,). Returns (n, C) float32; a constant image gives
     exactly its constant wherever the border is not read.
     """
-    if filter not in FILTERS:
-        raise OptionError(
-            f"filter: {quoted(filter)} is not known; it is one of {', '.join(FILTERS)}"
-        )
+    require_known("filter", filter, FILTERS)
     code = wrap_codes(wrap)
     if not max_anisotropy >= 1.0:
         raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")

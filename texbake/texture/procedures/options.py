@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
 
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, quoted, require_known
 
 WEIGHTS = ("cubic", "quintic")
 INTERPOLATIONS = ("none", "linear", "cubic", "quintic")
@@ -96,10 +96,7 @@ def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, An
     >>> checked_parameters("noise", {"seed": 4})
     {'weight': 'cubic', 'seed': 4}
     """
-    if name not in PROCEDURE_DEFAULTS:
-        raise OptionError(
-            f"procedure: {quoted(name)} is not known; it is one of {', '.join(PROCEDURE_NAMES)}"
-        )
+    require_known("procedure", name, PROCEDURE_NAMES)
     defaults = PROCEDURE_DEFAULTS[name]
     full = dict(defaults)
     for key, value in parameters.items():

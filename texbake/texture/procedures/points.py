@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -43,7 +42,7 @@ class ProcedurePoints:
 
 def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Return points as a contiguous array; raise `OptionError` on another shape."""
-    array = _readable(points, np.float64)
+    array = np.require(points, np.float64, ["C", "A"])
     if array.ndim != 2 or array.shape[1] not in (2, 3):
         raise OptionError(
             f"points: the shape {array.shape} is not (n, 3) or (n, 2); give one row a point"
@@ -58,7 +57,7 @@ def checked_widths(
     if footprint is None:
         return None
     with np.errstate(over="ignore"):  # widths beyond float32 become infinite
-        array = _readable(footprint, np.float32)
+        array = np.require(footprint, np.float32, ["C", "A"])
     if array.ndim == 1:
         array = array.reshape(-1, 1)
     n_points, n_dimensions = points.shape
@@ -68,10 +67,6 @@ def checked_widths(
             f"({n_points}, {n_dimensions}); give the width of the pixel at each point"
         )
     return array
-
-
-def _readable(values: npt.ArrayLike, dtype: type) -> npt.NDArray[Any]:
-    return np.require(values, dtype, ["C", "A"])
 
 
 @lru_cache(maxsize=64)
