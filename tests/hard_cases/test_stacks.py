@@ -7,7 +7,7 @@ import texbake
 from texbake.baking import texels
 from texbake.core import core
 from texbake.errors import MeshError
-from texbake.mapping.atlas.charts import find_isolated_faces, single_face_charts
+from texbake.mapping.atlas.charts import ChartSurface, find_isolated_faces, single_face_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
@@ -129,7 +129,7 @@ def test_rays_through_triangles_that_overlap_are_bounded(monkeypatch):
 
 def test_loose_triangles_keep_their_shapes():
     mesh = loose()
-    isolated, others = find_isolated_faces(mesh.positions, mesh.faces, None, 1)
+    isolated, others = find_isolated_faces(ChartSurface(points=mesh.positions, faces=mesh.faces))
     assert len(isolated) == N and len(others) == 0
     charts = single_face_charts(mesh.positions, mesh.faces)
     flat, space = charts.uvs[charts.faces], mesh.positions[mesh.faces]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
@@ -15,6 +15,10 @@ from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.shapes import icosphere, plane
+
+
+def surface(mesh: Mesh) -> ChartSurface:
+    return ChartSurface(points=mesh.positions, faces=mesh.faces)
 
 
 def one_chart(mesh: Mesh, uvs: FloatArray, faces: IntArray | None = None) -> Charts:
@@ -60,9 +64,7 @@ def test_every_chart_of_a_cap_holds_the_bound(max_stretch: float) -> None:
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
     assert flat.l2 > 1.02
-    charts = bound_charts(
-        mesh.positions, mesh.faces, one_chart(mesh, flat.uvs), max_stretch=max_stretch
-    )
+    charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=max_stretch)
     # Rounding of sums over 900 faces.
     assert worst(checked(mesh, charts)) <= max_stretch + 1e-12
     assert charts.notes == ()
@@ -73,9 +75,7 @@ def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart() -> None:
     mesh = cap(0.8)
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
-    charts = bound_charts(
-        mesh.positions, mesh.faces, one_chart(mesh, flat.uvs), max_stretch=1.0 + 1e-7
-    )
+    charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=1.0 + 1e-7)
     assert worst(checked(mesh, charts)) <= 1.0 + 1.1e-7
     # Faces about a vertex of the sphere lack 0.03 rad or more of a full turn, but a polygon that
     # is cut in m triangles, without a vertex inside, has m + 2 vertices and lies flat.
@@ -86,14 +86,14 @@ def test_charts_that_hold_the_bound_stay_as_they_are() -> None:
     mesh = plane(4, 4)
     assert mesh.uvs is not None
     charts = one_chart(mesh, np.array(mesh.uvs))
-    assert bound_charts(mesh.positions, mesh.faces, charts, max_stretch=1.01) is charts
+    assert bound_charts(surface(mesh), charts, max_stretch=1.01) is charts
 
 
 def test_a_bad_layout_is_relaxed_and_not_cut() -> None:
     mesh = plane(6, 6)
     assert mesh.uvs is not None
     squeezed = np.array(mesh.uvs) ** 2
-    charts = bound_charts(mesh.positions, mesh.faces, one_chart(mesh, squeezed), max_stretch=1.0001)
+    charts = bound_charts(surface(mesh), one_chart(mesh, squeezed), max_stretch=1.0001)
     assert charts.n_charts == 1
     assert worst(checked(mesh, charts)) <= 1.0001
 
@@ -103,7 +103,7 @@ def test_a_face_too_thin_to_flatten_is_reported() -> None:
     positions = np.concatenate([square.positions, [[0.5, -1e-300, 0.0]]])
     mesh = Mesh(positions=positions, faces=np.concatenate([square.faces, [[0, 4, 1]]]))
     uvs = np.concatenate([positions[:4, :2] * [1.0, 3.0], [[0.5, -0.5]]])
-    charts = bound_charts(mesh.positions, mesh.faces, one_chart(mesh, uvs), max_stretch=1.01)
+    charts = bound_charts(surface(mesh), one_chart(mesh, uvs), max_stretch=1.01)
     assert len(charts.notes) <= 1
     assert all("too thin" in note for note in charts.notes)
     assert np.isfinite(charts.uvs).all()
@@ -117,6 +117,6 @@ def test_faces_without_a_chart_stay_without() -> None:
     faces[5] = faces[5, 0]
     uvs = np.array(mesh.uvs) ** 2
     charts = replace(one_chart(mesh, uvs, faces), n_ignored=1)
-    bounded = bound_charts(mesh.positions, mesh.faces, charts, max_stretch=1.001)
+    bounded = bound_charts(surface(mesh), charts, max_stretch=1.001)
     assert len(set(bounded.faces[5].tolist())) == 1
     assert bounded.n_ignored == 1

@@ -11,12 +11,16 @@ from tests.models import BROKEN, model, real
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import cut, xatlas_charts
-from texbake.mapping.atlas.cutting.cut import cut_charts
+from texbake.mapping.atlas.cutting.cut import cut_charts as cut_surface, surface_of
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
+
+
+def cut_charts(mesh: Mesh, regions: IntArray | None = None, **options: object) -> Charts:
+    return cut_surface(mesh, surface_of(mesh, regions), **options)
 
 
 def worker(folder: Path, monkeypatch: pytest.MonkeyPatch, code: str) -> None:

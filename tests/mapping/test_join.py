@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
@@ -17,6 +17,10 @@ from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
+
+
+def surface(points: FloatArray, faces: IntArray) -> ChartSurface:
+    return ChartSurface(points=points, faces=faces)
 
 
 def charts_by(labels: IntArray, points: FloatArray, faces: IntArray) -> Charts:
@@ -84,7 +88,11 @@ def test_the_sides_of_a_cube_unfold_into_one_chart() -> None:
     for labels in (np.repeat(np.arange(6), 2), np.arange(12)):
         charts = charts_by(labels, mesh.positions, mesh.faces)
         joined = join_charts(
-            mesh.positions, mesh.faces, charts, most_l2=1.0001, most_share=1.0, most_waste=math.inf
+            surface(mesh.positions, mesh.faces),
+            charts,
+            most_l2=1.0001,
+            most_share=1.0,
+            most_waste=math.inf,
         )
         check(mesh.positions, mesh.faces, joined)
         assert joined.n_charts == 1
@@ -96,7 +104,7 @@ def test_the_strips_of_a_tube_unroll_once() -> None:
     labels = (np.arange(len(faces)) // 2 % 32 // 4).astype(np.int32)
     charts = charts_by(labels, points, faces)
     assert charts.n_charts == 8
-    joined = join_charts(points, faces, charts, most_l2=1.0001, most_share=1.0)
+    joined = join_charts(surface(points, faces), charts, most_l2=1.0001, most_share=1.0)
     check(points, faces, joined)
     assert joined.n_charts == 1
     assert l2_of(points, faces, joined) == pytest.approx(1.0, abs=1e-6)
@@ -111,7 +119,7 @@ def test_a_strip_is_joined_up_to_the_length_that_is_allowed(
     points = flat.positions * [8.0, 1.0, 0.0]
     charts = charts_by(np.arange(16, dtype=np.int32) // 2, points, flat.faces)
     joined = join_charts(
-        points, flat.faces, charts, most_l2=1.0001, most_share=1.0, most_length=most_length
+        surface(points, flat.faces), charts, most_l2=1.0001, most_share=1.0, most_length=most_length
     )
     check(points, flat.faces, joined)
     longest = max(
@@ -127,7 +135,9 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
     before = l2_of(mesh.positions, mesh.faces, charts)
-    joined = join_charts(mesh.positions, mesh.faces, charts, most_l2=most_l2, most_share=0.3)
+    joined = join_charts(
+        surface(mesh.positions, mesh.faces), charts, most_l2=most_l2, most_share=0.3
+    )
     check(mesh.positions, mesh.faces, joined)
     # Rounding of sums over 1,280 faces.
     assert l2_of(mesh.positions, mesh.faces, joined) <= max(before, most_l2) + 1e-12
@@ -137,7 +147,7 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
 
 def joined_in_any_shape(mesh: Mesh, charts: Charts, **bounds: float) -> Charts:
     return join_charts(
-        mesh.positions, mesh.faces, charts, most_share=1.0, most_waste=math.inf, **bounds
+        surface(mesh.positions, mesh.faces), charts, most_share=1.0, most_waste=math.inf, **bounds
     )
 
 
@@ -152,7 +162,7 @@ def test_a_chart_keeps_its_own_bound() -> None:
 def test_no_chart_takes_more_than_its_share() -> None:
     mesh = plane(8, 8)
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = join_charts(mesh.positions, mesh.faces, charts, most_l2=1.01, most_share=0.25)
+    joined = join_charts(surface(mesh.positions, mesh.faces), charts, most_l2=1.01, most_share=0.25)
     check(mesh.positions, mesh.faces, joined)
     areas = np.bincount(
         joined.chart_ids[joined.faces[:, 0]], surface_areas(mesh.positions[mesh.faces])
@@ -171,7 +181,7 @@ def test_a_snake_is_cut_into_compact_charts() -> None:
     faces = grid.faces[outside]
     charts = charts_by(np.zeros(len(faces), dtype=np.int32), grid.positions, faces)
     joined = join_charts(
-        grid.positions, faces, charts, most_l2=1.01, most_share=1.0, most_waste=0.3
+        surface(grid.positions, faces), charts, most_l2=1.01, most_share=1.0, most_waste=0.3
     )
     check(grid.positions, faces, joined)
     assert 1 < joined.n_charts <= 8
@@ -186,7 +196,10 @@ def test_no_chart_crosses_regions() -> None:
     regions = (centers[:, 0] > 0.5).astype(np.int32)
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
     joined = join_charts(
-        mesh.positions, mesh.faces, charts, most_l2=1.01, most_share=1.0, regions=regions
+        ChartSurface(points=mesh.positions, faces=mesh.faces, regions=regions),
+        charts,
+        most_l2=1.01,
+        most_share=1.0,
     )
     check(mesh.positions, mesh.faces, joined)
     assert joined.n_charts == 2
@@ -214,7 +227,11 @@ def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
 def test_only_two_faces_of_one_winding_are_joined(mesh: Mesh, n_charts: int) -> None:
     charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
     joined = join_charts(
-        mesh.positions, mesh.faces, charts, most_l2=1.5, most_share=1.0, most_waste=math.inf
+        surface(mesh.positions, mesh.faces),
+        charts,
+        most_l2=1.5,
+        most_share=1.0,
+        most_waste=math.inf,
     )
     check(mesh.positions, mesh.faces, joined)
     assert joined.n_charts == n_charts
@@ -234,7 +251,7 @@ def test_faces_without_a_chart_stay_without() -> None:
         chart_ids=charts.chart_ids[kept],
         n_ignored=1,
     )
-    joined = join_charts(mesh.positions, mesh.faces, thinned, most_l2=1.1, most_share=1.0)
+    joined = join_charts(surface(mesh.positions, mesh.faces), thinned, most_l2=1.1, most_share=1.0)
     assert len(set(joined.faces[3].tolist())) == 1
     assert joined.faces[3, 0] == joined.faces[0, 1]
     assert joined.n_ignored == 1

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from tests.models import model, real
-from texbake.mapping.atlas.charts import Charts, gather_charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.cut import snap_points
 from texbake.mapping.atlas.cutting.xatlas_charts import xatlas_charts
 from texbake.mapping.atlas.flatten import measure_layout, relax_charts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import overlap_layers
+
+
+def surface(points, faces, threads=None):
+    return ChartSurface(points=points, faces=faces, threads=threads)
 
 
 def charts_of(uvs, faces, chart_ids):
@@ -47,7 +51,7 @@ def tent(n=9):
 def test_developable_chart_becomes_exact():
     points, faces = tent()
     before = charts_of(points[:, :2], faces, np.zeros(len(points)))
-    after = relax_charts(points, faces, before)
+    after = relax_charts(surface(points, faces), before)
     l2, energy, upright = figures(points, faces, after)
     assert (l2, energy, upright) == (pytest.approx(1, abs=1e-7), pytest.approx(4, abs=1e-7), True)
     assert after.notes == before.notes
@@ -63,8 +67,10 @@ def test_repeated_vertices_stay_together():
     own = points[faces.ravel()]
     own_faces = np.arange(len(own)).reshape(-1, 3)
     before = charts_of(own[:, :2], own_faces, np.zeros(len(own)))
-    after = relax_charts(own, own_faces, before)
-    joined = relax_charts(points, faces, charts_of(points[:, :2], faces, np.zeros(len(points))))
+    after = relax_charts(surface(own, own_faces), before)
+    joined = relax_charts(
+        surface(points, faces), charts_of(points[:, :2], faces, np.zeros(len(points)))
+    )
     assert (after.n_charts, len(after.uvs), after.n_split) == (1, len(points), 0)
     assert figures(own, own_faces, after)[1] == pytest.approx(4, abs=1e-7)
     spread = [np.linalg.norm(charts.uvs, axis=1).max() for charts in (after, joined)]
@@ -78,7 +84,7 @@ def test_faces_that_share_no_edge_are_separated():
     faces = np.array([[0, 1, 2], [0, 3, 4], [5, 5, 5], [4, 4, 4]])
     uvs = points[:, :2] * [1.0, 2.0]
     before = charts_of(uvs, [[0, 1, 2], [0, 3, 4], [0, 0, 0], [4, 4, 4]], np.zeros(6))
-    after = relax_charts(points, faces, before)
+    after = relax_charts(surface(points, faces), before)
     assert (after.n_charts, after.n_split, len(after.uvs)) == (2, 1, 6)
     assert figures(points, faces, after)[1] == pytest.approx(4, abs=1e-9)
     np.testing.assert_array_equal(after.faces[2], after.faces[0, [0, 0, 0]])
@@ -99,7 +105,7 @@ def test_a_chart_that_would_overlap_itself():
     )
     uvs = np.concatenate([rim, 1.3 * rim])
     before = charts_of(uvs, faces, np.zeros(len(uvs)))
-    after = relax_charts(points, faces, before)
+    after = relax_charts(surface(points, faces), before)
     layers = overlap_layers(after.uvs[after.faces], np.zeros(len(faces), np.int32), depth=1e-6)
     assert not layers.any()
     old = measure_layout(points, faces, uvs)
@@ -114,7 +120,7 @@ def test_charts_of_xatlas(name):
     whole = [np.arange(mesh.n_faces, dtype=np.int32)]
     pieces, notes = xatlas_charts(points, mesh.faces, whole, timeout=None, threads=1)
     before = gather_charts(mesh.faces, pieces, notes)
-    after = relax_charts(points, mesh.faces, before, threads=2)
+    after = relax_charts(surface(points, mesh.faces, 2), before)
     l2_before, energy_before, _ = figures(points, mesh.faces, before)
     l2_after, energy_after, upright = figures(points, mesh.faces, after)
     assert upright
@@ -126,6 +132,6 @@ def test_charts_of_xatlas(name):
     areas = np.bincount(face_charts, surface_areas(points[mesh.faces]))
     flat_areas = np.bincount(face_charts, signed_areas(after.uvs[after.faces]))
     np.testing.assert_allclose(flat_areas, areas, rtol=1e-4)
-    alone = relax_charts(points, mesh.faces, before, threads=1)
+    alone = relax_charts(surface(points, mesh.faces, 1), before)
     assert alone.uvs.tobytes() == after.uvs.tobytes()
     assert alone.faces.tobytes() == after.faces.tobytes()

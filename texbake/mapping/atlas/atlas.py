@@ -12,12 +12,13 @@ import numpy as np
 from texbake.errors import UnwrapError, UvError
 from texbake.mapping.atlas.charts import (
     Charts,
+    ChartSurface,
     existing_charts,
     find_isolated_faces,
     gather_charts,
     single_face_charts,
 )
-from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
+from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
@@ -134,25 +135,22 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     regions, n_within = regions_between(
         mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
     )
-    points = snap_points(mesh)
-    isolated, others = find_isolated_faces(
-        points, mesh.faces, regions, threads, polygons=mesh.polygon_of
-    )
+    surface = surface_of(mesh, regions, threads)
+    isolated, others = find_isolated_faces(surface)
     if not len(isolated):
-        charts = _connected_charts(mesh, points, options, regions, stages, threads)
+        charts = _connected_charts(mesh, surface, options, stages)
     else:
-        pieces = [(isolated, single_face_charts(points, mesh.faces[isolated]))]
+        pieces = [(isolated, single_face_charts(surface.points, mesh.faces[isolated]))]
         if len(others):
+            part = surface.part(others)
             connected = Mesh(
                 positions=mesh.positions,
-                faces=mesh.faces[others],
-                polygon_of=None if mesh.polygon_of is None else mesh.polygon_of[others],
+                faces=part.faces,
+                polygon_of=part.polygons,
                 name=mesh.name,
             )
-            among = None if regions is None else regions[others]
             with suppress(UnwrapError):  # none of them has an area
-                found = _connected_charts(connected, points, options, among, stages, threads)
-                pieces.append((others, found))
+                pieces.append((others, _connected_charts(connected, part, options, stages)))
         charts = gather_charts(mesh.faces, pieces)
     if n_within:
         note = f"{n_within:,} hard edges have no seam, because they end within a chart"
@@ -161,67 +159,43 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
 
 
 def _connected_charts(
-    mesh: Mesh,
-    points: FloatArray,
-    options: UnwrapOptions,
-    regions: IntArray | None,
-    stages: Stages,
-    threads: int | None,
+    mesh: Mesh, surface: ChartSurface, options: UnwrapOptions, stages: Stages
 ) -> Charts:
     """Cut, relax and join the charts of a mesh, in units of its points."""
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
-            points=points,
+            surface,
             quality=options.quality,
             method=options.charts,
             timeout=options.timeout,
-            regions=regions,
-            threads=threads,
             advance=advance,
         )
     if options.quality != "fast":
-        charts = _improved(points, mesh, charts, options, regions, stages, threads)
+        charts = _improved(mesh, surface, charts, options, stages)
     if options.max_stretch is not None:
         with stages.stage("bound stretch"):
-            charts = bound_charts(
-                points,
-                mesh.faces,
-                charts,
-                max_stretch=options.max_stretch,
-                polygons=mesh.polygon_of,
-                threads=threads,
-            )
+            charts = bound_charts(surface, charts, max_stretch=options.max_stretch)
     return charts
 
 
 def _improved(
-    points: FloatArray,
-    mesh: Mesh,
-    charts: Charts,
-    options: UnwrapOptions,
-    regions: IntArray | None,
-    stages: Stages,
-    threads: int | None,
+    mesh: Mesh, surface: ChartSurface, charts: Charts, options: UnwrapOptions, stages: Stages
 ) -> Charts:
     """Relax charts, and join them as far as the stretch of the mesh allows."""
-    as_cut = _stretch(points, mesh, charts)
+    as_cut = _stretch(surface.points, mesh, charts)
     with stages.stage("relax charts"):
-        charts = relax_charts(points, mesh.faces, charts, threads=threads)
+        charts = relax_charts(surface, charts)
     allowed = _BEST_STRETCH
     if options.quality == "good":
         allowed = min(1.0 + _GOOD_ROOM * (as_cut - 1.0), _GOOD_STRETCH)
     with stages.stage("join charts"):
         return join_charts(
-            points,
-            mesh.faces,
+            surface,
             charts,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
             most_length=_JOINED_SIDES,
-            regions=regions,
-            polygons=mesh.polygon_of,
-            threads=threads,
             most_work=_JOIN_WORK[options.quality],
         )
 

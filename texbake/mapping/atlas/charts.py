@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,31 @@ from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChartSurface:
+    """The surface of a mesh that charts are made of."""
+
+    points: FloatArray  # (V, 3) float64; on the grid, in the unit cube
+    faces: IntArray  # (F, 3) int32
+    polygons: IntArray | None = None  # (F,) int32; triangles of one stay together if they can
+    regions: IntArray | None = None  # (F,) int32; faces of different ones share no chart
+    threads: int | None = None
+
+    def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
+        """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""
+        corners = weld_rows(self.points, threads=self.threads)[self.faces]
+        return opposite_half_edges(
+            corners, solid=solid, regions=self.regions, polygons=self.polygons
+        )
+
+    def part(self, face_ids: IntArray) -> ChartSurface:
+        """Surface of some faces (n,)."""
+        polygons, regions = (
+            None if labels is None else labels[face_ids] for labels in (self.polygons, self.regions)
+        )
+        return replace(self, faces=self.faces[face_ids], polygons=polygons, regions=regions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,25 +148,16 @@ def existing_charts(
 _MANY = 1000
 
 
-def find_isolated_faces(
-    points: FloatArray,
-    faces: IntArray,
-    regions: IntArray | None,
-    threads: int | None,
-    *,
-    polygons: IntArray | None = None,
-) -> tuple[IntArray, IntArray]:
+def find_isolated_faces(surface: ChartSurface) -> tuple[IntArray, IntArray]:
     """Find the faces that no other one continues across any edge, if there are many.
 
-    `points` (V, 3) float64; `faces` (F, 3) int32; `regions` (F,) int32; `polygons` (F,) int32.
-    Returns `isolated` (n,) int32: such faces with an area; none if there are no more than a
-    thousand; `others` (m,) int32: all other faces; without those of no area if there are isolated
-    ones.
+    Returns `isolated` (n,) int32: such faces with an area; none if there are few; `others` (m,)
+    int32: all other faces; without those of no area if there are isolated ones.
     """
-    corners = weld_rows(points, threads=threads)[faces]
+    points, faces = surface.points, surface.faces
+    corners = weld_rows(points, threads=surface.threads)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    opposite = opposite_half_edges(corners, solid=solid, regions=regions, polygons=polygons)
-    continued = (opposite.reshape(-1, 3) >= 0).any(axis=1)
+    continued = (surface.opposite(solid).reshape(-1, 3) >= 0).any(axis=1)
     isolated = np.flatnonzero(solid & ~continued).astype(np.int32)
     isolated = isolated[surface_areas(points[faces[isolated]]) > 0.0]
     if len(isolated) <= _MANY:

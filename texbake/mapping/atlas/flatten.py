@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from texbake.core import core
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
@@ -91,15 +91,13 @@ def _flat(uvs: FloatArray, figures: FloatArray) -> Flat:
 _ACCURACY = 1e-5  # at which `flatten` stops
 
 
-def relax_charts(
-    points: FloatArray, mesh_faces: IntArray, charts: Charts, *, threads: int | None = None
-) -> Charts:
+def relax_charts(surface: ChartSurface, charts: Charts) -> Charts:
     """Give each chart the layout of least symmetric Dirichlet energy near its own.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32. Returns charts with the area that their
-    faces have in space. A chart keeps its layout if relaxing does not lower its energy, raises its
-    stretch or makes it overlap itself.
+    Returns charts with the area that their faces have in space. A chart keeps its layout if
+    relaxing does not lower its energy, raises its stretch or makes it overlap itself.
     """
+    points, mesh_faces = surface.points, surface.faces
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))
     solid = np.flatnonzero(whole.solid)
@@ -117,7 +115,7 @@ def relax_charts(
             faces: IntArray = flat.reshape(-1, 3).astype(np.int32)
             uvs[vertices] = _relaxed(places[vertices], faces, whole.uvs[vertices])
 
-    run_bands(relax, whole.n_charts, band=1, threads=threads)
+    run_bands(relax, whole.n_charts, band=1, threads=surface.threads)
     return replace(whole, uvs=uvs)
 
 

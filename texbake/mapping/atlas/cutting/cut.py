@@ -14,7 +14,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.atlas.charts import Charts, gather_charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
     Part,
@@ -31,7 +31,6 @@ from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
-from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 # Small pieces are cut together, about this many faces at a time.
@@ -65,30 +64,39 @@ _QUALITIES = {
 }
 
 
+def surface_of(
+    mesh: Mesh, regions: IntArray | None = None, threads: int | None = None
+) -> ChartSurface:
+    """Surface of a mesh, its points snapped to the grid."""
+    return ChartSurface(
+        points=snap_points(mesh),
+        faces=mesh.faces,
+        polygons=mesh.polygon_of,
+        regions=regions,
+        threads=threads,
+    )
+
+
 def cut_charts(
     mesh: Mesh,
+    surface: ChartSurface,
     *,
-    points: FloatArray | None = None,
     quality: str = "good",
     method: str = "texbake",
     timeout: float | None = None,
-    regions: IntArray | None = None,
-    threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> Charts:
-    """Cut a mesh into charts and flatten them.
+    """Cut the surface of a mesh into charts and flatten them.
 
-    `points` (V, 3) float64; `timeout`: seconds after which xatlas is stopped on a batch; `regions`
-    (F,) int32: faces of different regions never share a chart.
+    `timeout`: seconds after which xatlas is stopped on a batch.
     """
     # On the grid of the points they may have one, depending on where the grid lies.
     if degenerate_faces(mesh).all():
         raise UnwrapError(_why_nothing(mesh))
-    points = snap_points(mesh) if points is None else points
-    regions = np.zeros(mesh.n_faces, dtype=np.int32) if regions is None else regions
+    points, threads = surface.points, surface.threads
     corners = weld_rows(points, threads=threads)[mesh.faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    opposite = opposite_half_edges(corners, solid=solid, regions=regions, polygons=mesh.polygon_of)
+    opposite = surface.opposite(solid)
     notes: tuple[str, ...] = ()
     if method == "xatlas":
         if find_spec("xatlas") is None:
@@ -96,6 +104,7 @@ def cut_charts(
                 "xatlas: it is not installed; install it with: pip install xatlas"
             )
         whole = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
+        regions = np.zeros(mesh.n_faces, np.int32) if surface.regions is None else surface.regions
         batches = face_batches(points, corners, whole, part_faces=_XATLAS_FACES, regions=regions)
         pieces, notes = xatlas_charts(
             points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance

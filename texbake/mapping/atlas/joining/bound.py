@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import (
     ChartPiece,
@@ -26,9 +26,7 @@ from texbake.mapping.atlas.joining.pieces import (
     whole_polygons,
 )
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.topology import opposite_half_edges
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
 _ROUGH_ITERATIONS = 6  # to choose a line by
@@ -38,27 +36,17 @@ _FULL_ITERATIONS = 40
 _MOST_NAMED = 4
 
 
-def bound_charts(
-    points: FloatArray,
-    mesh_faces: IntArray,
-    charts: Charts,
-    *,
-    max_stretch: float,
-    polygons: IntArray | None = None,
-    threads: int | None = None,
-) -> Charts:
+def bound_charts(surface: ChartSurface, charts: Charts, *, max_stretch: float) -> Charts:
     """Cut charts in two until no chart is stretched beyond a bound.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `max_stretch`: largest L2 stretch of a chart
-    at the scale that gives it its area in space; `polygons` (F,) int32: a polygon is cut only if
-    its own chart would be stretched more.
+    `max_stretch`: largest L2 stretch of a chart at the scale that gives it its area in space. A
+    polygon is cut only if its own chart would be stretched more.
     """
     solid = charts.solid
     if not solid.any():
         return charts
-    corners = weld_rows(points)[mesh_faces]
-    opposite = opposite_half_edges(corners, solid=solid, polygons=polygons)
-    pieces = pieces_of(points, mesh_faces, charts, opposite)
+    opposite, polygons = replace(surface, regions=None).opposite(solid), surface.polygons
+    pieces = pieces_of(surface, charts, opposite)
     if all(piece.l2 <= max_stretch for piece in pieces):
         return charts
     held: list[list[ChartPiece]] = [[] for _ in pieces]
@@ -67,22 +55,18 @@ def bound_charts(
         for index in range(start, stop):
             held[index] = _held(pieces[index], opposite, polygons, max_stretch)
 
-    run_bands(hold, len(pieces), band=1, threads=threads)
+    run_bands(hold, len(pieces), band=1, threads=surface.threads)
     cut = charts_of([part for parts in held for part in parts], charts)
-    origins = np.zeros(len(mesh_faces), dtype=np.int32)
+    origins = np.zeros(len(surface.faces), dtype=np.int32)
     for index, piece in enumerate(pieces):
         origins[piece.face_ids] = index
     bounded = join_charts(
-        points,
-        mesh_faces,
+        replace(surface, regions=origins),
         cut,
         most_l2=max_stretch,
         most_chart_l2=max_stretch,
         most_share=1.0,
         most_waste=math.inf,
-        regions=origins,
-        polygons=polygons,
-        threads=threads,
     )
     missed = [part for parts in held for part in parts if part.l2 > max_stretch]
     return replace(bounded, notes=(*bounded.notes, *_notes(missed, bounded, max_stretch)))

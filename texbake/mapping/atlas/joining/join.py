@@ -19,12 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
-from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.topology import opposite_half_edges
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 
 _GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost is based on
@@ -41,8 +39,7 @@ _LEAST_CUT = 0.01
 
 
 def join_charts(
-    points: FloatArray,
-    mesh_faces: IntArray,
+    surface: ChartSurface,
     charts: Charts,
     *,
     most_l2: float,
@@ -50,30 +47,23 @@ def join_charts(
     most_share: float = 0.1,
     most_waste: float = 0.25,
     most_length: float = math.inf,
-    regions: IntArray | None = None,
-    polygons: IntArray | None = None,
-    threads: int | None = None,
     most_work: int = 300,
 ) -> Charts:
     """Join neighboring charts, cheapest first.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `most_share`: largest area of a joined
-    chart, as a share of the mesh's; `regions` (F,) int32: faces of different regions share no
-    chart; `polygons` (F,) int32.
+    `most_share`: largest area of a joined chart, as a share of the mesh's.
     """
     solid = charts.solid
     if not solid.any():
         return charts
-    opposite = opposite_half_edges(
-        weld_rows(points)[mesh_faces], solid=solid, regions=regions, polygons=polygons
-    )
-    pieces = pieces_of(points, mesh_faces, charts, opposite)
+    opposite = surface.opposite(solid)
+    pieces = pieces_of(surface, charts, opposite)
     area = math.fsum(piece.area for piece in pieces)
     pieces = [
         part
         for piece in pieces
         for part in compact_parts(
-            piece, opposite, polygons, most_waste=most_waste, least_area=_LEAST_CUT * area
+            piece, opposite, surface.polygons, most_waste=most_waste, least_area=_LEAST_CUT * area
         )
     ]
     if most_chart_l2 is None:
@@ -85,7 +75,7 @@ def join_charts(
         chart_area=area * most_share,
         chart_length=most_length * math.sqrt(area),
     )
-    joining = _Joining(pieces, opposite, allowed, threads)
+    joining = _Joining(pieces, opposite, allowed, surface.threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
     return charts_of(list(joining.pieces.values()), charts)
 

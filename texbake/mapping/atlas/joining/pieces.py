@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten, measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
@@ -125,13 +125,12 @@ _PLACES = (0.25, 0.5, 0.75)  # shares of the faces on one side of the line
 _LEAST_SAVED = 0.05
 
 
-def pieces_of(
-    points: FloatArray, mesh_faces: IntArray, charts: Charts, opposite: IntArray
-) -> list[ChartPiece]:
+def pieces_of(surface: ChartSurface, charts: Charts, opposite: IntArray) -> list[ChartPiece]:
     """Turn charts into pieces, one for each connected part, in the order of their first faces.
 
-    `points` (V, 3) float64; `mesh_faces` (F, 3) int32; `opposite` (3 F,) int32.
+    `opposite` (3 F,) int32.
     """
+    points, mesh_faces = surface.points, surface.faces
     corners = mesh_faces.ravel(), charts.faces.ravel()
     rows = (points[corners[0]], charts.uvs[corners[1]], charts.chart_ids[corners[1]][:, None])
     same = weld_rows(np.concatenate(rows, axis=1))
