@@ -17,7 +17,7 @@ import texbake
 from texbake.errors import FileFormatError
 
 # Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
-N_BYTES = 100_000
+N_BYTES = 25_000
 
 
 @pytest.fixture(scope="module")

@@ -291,3 +291,45 @@ def test_a_mesh_compares_as_itself(flat_case):
         assert closeness.mean_deg == 0.0 or np.isnan(closeness.mean_deg)
         assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.psnr_db == np.inf
+
+
+def test_threads_change_no_byte(plain_case, in_cells):
+    mesh = in_cells(plain_case)
+    one, more = (
+        texbake.bake(mesh, mesh, texbake.BakeOptions(size=32, maps=MAPS, threads=threads)).maps
+        for threads in (1, 3)
+    )
+    for name in MAPS:
+        np.testing.assert_array_equal(one[name].values, more[name].values)
+    options = texbake.RenderOptions(width=40, height=30)
+    np.testing.assert_array_equal(
+        texbake.render(mesh, options=options, threads=1).color,
+        texbake.render(mesh, options=options, threads=3).color,
+    )
+
+
+def test_a_displaced_bake_gives_back_its_offset(flat_case, in_cells):
+    """Bake, displace: the high-poly mesh is the low-poly one moved along its smooth normals."""
+    low = in_cells(flat_case)
+    offset = 1e-3 * low.diagonal
+    high = low.replace(positions=low.positions + offset * smooth_normals(low))
+    result = texbake.bake(
+        high,
+        low,
+        texbake.BakeOptions(size=48, maps=("displacement",), front=4 * offset, back=4 * offset),
+    )
+    found = result.maps["displacement"].values[..., 0][result.has_data]
+    # Closed form: a point of a face moves by the offset times its interpolated normal, which is
+    # shorter than 1; the ray of its texel goes the same way.
+    faces = result.texel_faces[result.has_data]
+    rows, columns = np.nonzero(result.has_data)
+    centers = np.column_stack([columns + 0.5, 48 - rows - 0.5]) / 48.0
+    corners = low.corner_uvs()[faces]
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    b = np.linalg.solve(edges, (centers - corners[:, 0])[..., None])[..., 0]
+    weights = np.column_stack([1.0 - b.sum(axis=1), b])
+    normals = np.einsum("nc,ncx->nx", weights, smooth_normals(low)[low.faces[faces]])
+    expected = offset * np.linalg.norm(normals, axis=1)
+    assert len(found)
+    # The offset is a thousandth of the size, and directions of rays are float32.
+    np.testing.assert_allclose(found, expected, rtol=1e-4)

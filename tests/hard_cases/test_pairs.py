@@ -72,39 +72,3 @@ def test_distances_are_finite_and_compared_pictures_too(pair_case):
     views = [(30.0, 20.0)]
     seen = texbake.compare(pair.high, pair.low, options=options, views=views, threads=1)
     assert 0.0 <= seen.bare.outline_mismatch <= 1.0
-
-
-# A quarter turn about y and a move by a power of two, both exact in floating point.
-QUARTER = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-CHANGES = {
-    "turn": (lambda points: points @ QUARTER.T, False),
-    "move": (lambda points: points + 1024.0, False),
-    "order of faces": (lambda points: points, True),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES)
-def test_direction_place_and_order_change_no_map(pair_case, change):
-    pair = pair_case.make()
-    place, is_shuffled = CHANGES[change]
-    faces = pair.high.faces
-    if is_shuffled:
-        faces = np.random.default_rng(7).permutation(faces)
-    high, other_high = (
-        texbake.Mesh(positions=positions, faces=order)
-        for positions, order in (
-            (pair.high.positions, pair.high.faces),
-            (place(pair.high.positions), faces),
-        )
-    )
-    low = pair.low.replace(normals=None, normal_faces=None)
-    other_low = low.replace(positions=place(low.positions))
-    options = texbake.BakeOptions(size=48, maps=("normal", "displacement"), threads=1)
-    ours = texbake.bake(other_high, other_low, options)
-    theirs = texbake.bake(high, low, options)
-    np.testing.assert_array_equal(ours.texel_faces, theirs.texel_faces)
-    np.testing.assert_array_equal(ours.missed, theirs.missed)
-    for name in options.maps:
-        np.testing.assert_allclose(
-            ours.maps[name].values, theirs.maps[name].values, rtol=0.0, atol=1e-6
-        )

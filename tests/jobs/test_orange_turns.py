@@ -127,8 +127,9 @@ def test_the_plot_has_a_mark_for_every_figure(turns):
     assert "angle of the viewer" in svg
 
 
-def test_the_page_of_the_demo_shows_the_plots(tmp_path):
-    options = DemoOptions(triangles=5_000, faces=100, size=128)
+def test_the_page_of_the_demo_shows_the_plots(tmp_path, monkeypatch, turns):
+    monkeypatch.setattr("texbake.jobs.orange_turns.measure_turns", lambda **options: turns)
+    options = DemoOptions(triangles=5_000, faces=100, size=64)
     page = tmp_path / "new" / "orange.html"
     result = demo(tmp_path / "new", options, html=page, command="texbake demo")
     assert result.files["html"] == page
