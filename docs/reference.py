@@ -23,7 +23,7 @@ from texbake_cli.main import texbake as commands
 from texbake_cli.signals import EXIT_CODES
 
 import texbake as texbake_package
-from texbake.building.schema import pipeline_schema
+from texbake.building.file import pipeline_schema
 from texbake.building.steps import STEP_KINDS
 from texbake.checks.kinds import KINDS
 from texbake.errors import OptionError

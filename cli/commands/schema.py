@@ -32,7 +32,7 @@ def schema(file: str, output: Path | None, terminal: Terminal) -> None:
     extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene
     file.
     """
-    from texbake.building.schema import pipeline_schema, schema_file
+    from texbake.building.file import pipeline_schema, schema_file
     from texbake.rendering.scene.file.schema import scene_schema
 
     if output is None:

@@ -8,6 +8,7 @@ import pytest
 
 from texbake.building.build import build
 from texbake.building.options import BuildOptions
+from texbake.building.progress import ENDED, BuildEvent
 from texbake.building.report import BuildResult
 from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.building.workers import LocalWorkers
@@ -89,11 +90,24 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def run() -> Callable[..., tuple[BuildResult, list[str]]]:
-    """Build in this process; return the result and the names of the steps that ran."""
+    """Build in this process; return the result and the names of the steps that ran.
+
+    The events of every build are held to what they promise.
+    """
 
     def run(path: Path, **options: Any) -> tuple[BuildResult, list[str]]:
-        crew = Inline()
-        result = build(path, BuildOptions(**options), workers=crew)
+        crew, events = Inline(), list[BuildEvent]()
+        result = build(path, BuildOptions(**options), listener=events.append, workers=crew)
+        first, *between, last = events
+        assert (first.event, first.done, last.event) == ("began", 0, "ended")
+        assert first.total == last.total == last.done
+        ended = [event for event in between if event.state in ENDED]
+        assert [event.done for event in ended] == list(range(1, last.total + 1))
+        assert {(event.asset, event.step): event.state for event in ended} == {
+            (asset.name, step.step): step.state for asset in result.assets for step in asset.steps
+        }
+        # Steps that need not run, or that another asset has as well, are not waited for.
+        assert all(event.seconds_left in (0.0, None) for event in between[-1:])
         return result, crew.steps
 
     return run

@@ -3,7 +3,7 @@
 import tomllib
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.building import locate
 from texbake.building.file import read_pipeline
@@ -77,9 +77,10 @@ def test_brackets_and_quotes_in_texts_end_no_statement() -> None:
             st.sampled_from(["", "# note\n", "\n\n"]),
             st.sampled_from(['"text # = ["', "[\n 1,\n 2,\n]", '"""\na\n"""', "{a = 1}", "1.5"]),
         ),
-        max_size=12,
+        max_size=8,
     )
 )
+@settings(max_examples=40)
 def test_keys_are_where_they_were_put(parts: list[tuple[str, str]]) -> None:
     text, expected = "", {}
     for number, (before, value) in enumerate(parts):

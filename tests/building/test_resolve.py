@@ -37,23 +37,14 @@ def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
     assert key(name, {}) == key(name, written)
 
 
-@pytest.mark.parametrize(
-    ("name", "given"),
-    [
-        ("make", {"shape": "torus"}),
-        ("simplify", {"faces": 10}),
-        ("unwrap", {"padding": 5}),
-        ("bake", {"size": 512}),
-        ("preview", {"width": 99}),
-        ("check", {"fail_on": "warning"}),
-        ("mipmap", {"kind": "normal"}),
-        ("repair", {"winding": False}),
-        ("transform", {"scale": 2.0}),
-        ("remesh", {"close": 0.1}),
-    ],
-)
-def test_a_setting_changes_the_key(name: str, given: dict[str, Any]) -> None:
-    assert key(name, given) != key(name, {})
+@pytest.mark.parametrize("name", STEP_KINDS)
+def test_every_setting_changes_the_key(name: str) -> None:
+    """Each alone, whatever its value: the key is that of all settings."""
+    kind = STEP_KINDS[name]
+    settings = kind.settings(GIVEN.get(name, {}))
+    others = [{**settings, changed: "another"} for changed in kind.choices]
+    keys = {checksum(ingredients_of(kind, each, {}, "a")) for each in (settings, *others)}
+    assert len(keys) == 1 + len(kind.choices)
 
 
 def test_inputs_change_the_key_and_assets_do_not() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from texbake.building.schema import pipeline_schema, schema_file
+from texbake.building.file import pipeline_schema, schema_file
 from texbake.building.steps import STEP_KINDS
 from texbake.rendering.scene.file.schema import scene_schema
 

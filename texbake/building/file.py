@@ -1,11 +1,14 @@
 """The pipeline file: its assets, the steps that they go through, and where the results go.
 
-Here each table is checked by itself. `graph` combines them into the steps of each asset and finds
-where their inputs come from.
+Here each table is checked by itself, and the JSON Schema of the file is made from the same tables.
+`graph` combines them into the steps of each asset and finds where their inputs come from.
+
+Based on: JSON Schema, draft 2020-12 (https://json-schema.org/draft/2020-12).
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -24,9 +27,18 @@ from pydantic import (
 from texbake.building.locate import line_of
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import FileFormatError, OptionError, quoted
-from texbake.files import PathLike, read_bytes
+from texbake.files import PathLike, check_writable, read_bytes, replacing
+from texbake.jobs.outputs import JobResult
 from texbake.limits import folder_beside, toml_content
-from texbake.rendering.scene.file.tables import Table, described, list_of, table
+from texbake.rendering.scene.file.schema import scene_schema
+from texbake.rendering.scene.file.tables import (
+    FileSchema,
+    Table,
+    described,
+    file_schema,
+    list_of,
+    table,
+)
 from texbake.rendering.scene.file.values import (
     Text,
     first_error,
@@ -37,6 +49,7 @@ from texbake.rendering.scene.file.values import (
     place_of,
     validation_error,
 )
+from texbake.schema import JsonSchema
 from texbake.verbs.step import Settings, StepKind
 
 FOLDER = "build"
@@ -325,3 +338,28 @@ def model_of(kind: StepKind) -> type[Table]:
         required=(*kind.required, *(role.name for role in kind.inputs if role.required)),
         more={**common, **roles},
     )
+
+
+def pipeline_schema() -> JsonSchema:
+    """JSON Schema of pipeline files, draft 2020-12, for editors to complete and check them by."""
+    schema = file_schema(PipelineTable, "texbake pipeline")
+    kinds = []
+    for kind in STEP_KINDS.values():
+        step = model_of(kind).model_json_schema(schema_generator=FileSchema)
+        step["description"] = f"{kind.does[:1].upper()}{kind.does[1:]}."
+        step["properties"]["do"] = {"const": kind.name, "description": step["description"]}
+        step["required"] = sorted({"do", *step.get("required", ())})
+        kinds.append(step)
+    schema["properties"]["steps"]["additionalProperties"] = {"oneOf": kinds}
+    return schema
+
+
+def schema_file(file: str, output: PathLike) -> JobResult[JsonSchema]:
+    """Write the JSON Schema of `pipeline` or `scene` files."""
+    if file not in ("pipeline", "scene"):
+        raise OptionError(f"file: {file} is not one of pipeline, scene")
+    check_writable(output)
+    schema = pipeline_schema() if file == "pipeline" else scene_schema()
+    with replacing(output) as partial:
+        partial.write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")
+    return JobResult(files=(Path(output),), report=schema)
