@@ -8,7 +8,7 @@ import pytest
 
 from tests.glb import read_glb
 from texbake.errors import FileFormatError, MeshError, heard_warnings
-from texbake.jobs.carried import compared_without
+from texbake.jobs.material_transfer import compared_without
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import UNPLACED, ChannelSource, Materials, MeshMaterial, read_materials

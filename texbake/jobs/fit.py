@@ -35,7 +35,7 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
     require_alignment(high, low, threads=threads)
 
 
-def why_rays_would_miss(
+def diagnose_opposite_sides(
     high: Mesh, low: Mesh, *, orientation: str, threads: int | None = None
 ) -> tuple[str, ...]:
     """Say in the words of `check` that two meshes face opposite ways; nothing if they do not.
@@ -55,7 +55,7 @@ def _flipped_pair(high: Mesh, low: Mesh, orientation: str, threads: int | None) 
     return MeshPair.of(high, low, threads=threads)
 
 
-def why_missed(
+def diagnose_misses(
     high: Mesh | StreamedMesh, low: Mesh, report: BakeReport, *, join_objects: bool = False
 ) -> tuple[str, ...]:
     """Say why rays of a bake missed, in the words of `check`; nothing if hardly any did.
@@ -100,20 +100,20 @@ def why_missed(
     return ()
 
 
-def explained(
+def with_diagnosis(
     high: Mesh | StreamedMesh, low: Mesh, baked: BakeResult, *, join_objects: bool
 ) -> BakeResult:
     """Return a bake whose report says why rays missed, and which objects could be baked separately.
 
-    Raises as `why_missed` does.
+    Raises as `diagnose_misses` does.
     """
-    why = why_missed(high, low, baked.report, join_objects=join_objects)
+    why = diagnose_misses(high, low, baked.report, join_objects=join_objects)
     if not baked.report.n_objects:
-        why += why_not_apart(high, low)
+        why += unmatched_objects_note(high, low)
     return replace(baked, report=replace(baked.report, why_missed=why))
 
 
-def why_not_apart(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
+def unmatched_objects_note(high: Mesh | StreamedMesh, low: Mesh) -> tuple[str, ...]:
     """Say that objects are baked from all objects, if each has a match of its own."""
     if isinstance(high, StreamedMesh) or not match_objects([high], [low], PartsOptions()):
         return ()

@@ -16,17 +16,17 @@ from texbake.baking.report import BakeReport
 from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, written_file
-from texbake.jobs.carried import (
-    carried_channels,
+from texbake.jobs.fit import with_diagnosis
+from texbake.jobs.low_poly import LowPoly, make_low_poly
+from texbake.jobs.material_transfer import (
     compared_without,
     encoded_channels,
     left_out,
     model_bytes,
     shared_materials,
     texture_size,
+    transferred_channels,
 )
-from texbake.jobs.fit import explained
-from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.options import UnwrapOptions
@@ -258,7 +258,7 @@ def _lightened(
         low, made = _simplified(high, options, rule, progress)
         low = rule.before_unwrap(low)
     simplified = None if made is None else made.report
-    maps = carried_channels(materials)
+    maps = transferred_channels(materials)
     if simplified is not None or any(materials.sources("normal")):
         maps = ("normal", *maps)
     warnings = (*turned.notes, *(() if made is None else (*made.why, *made.report.notes)))
@@ -275,7 +275,7 @@ def _lightened(
         chosen = chosen if made is None else made.aimed(chosen)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if chosen.front is None:  # otherwise they miss what fills the tunnels
-            baked = explained(high, low, baked, join_objects=options.join_objects)
+            baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("encode images"):
         channels = encoded_channels(

@@ -26,7 +26,7 @@ from texbake.files import (
     make_folder,
     scratch_folder,
 )
-from texbake.jobs.fit import check_fit, explained
+from texbake.jobs.fit import check_fit, with_diagnosis
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import CHANNELS, Materials
@@ -132,7 +132,7 @@ def bake_files(
         progress=progress,
         clock=replace(clock, finish=_WritingMaps(maps)),
     )
-    baked = explained(high_mesh, low_mesh, baked, join_objects=join_objects)
+    baked = with_diagnosis(high_mesh, low_mesh, baked, join_objects=join_objects)
     result = baked if files.html is None else as_asked(baked, options)
     with stages.stage("write maps"):
         written = written_maps(result, maps, folder)

@@ -24,7 +24,7 @@ from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
-from texbake.jobs.fit import check_fit, why_missed
+from texbake.jobs.fit import check_fit, diagnose_misses
 from texbake.jobs.maps import (
     DEFAULT_FORMAT,
     BakeFiles,
@@ -242,7 +242,7 @@ def _why_missed(
 ) -> tuple[str, ...]:
     """Say why rays of the worst set of maps missed; raise if all meshes face opposite ways."""
     worst = max(report.targets.values(), key=lambda figures: figures.miss_percent)
-    return why_missed(_whole(highs), joined_objects(_whole(lows)), worst)
+    return diagnose_misses(_whole(highs), joined_objects(_whole(lows)), worst)
 
 
 def _high_materials(

@@ -27,16 +27,16 @@ from texbake.files import (
     scratch_folder,
     written_file,
 )
-from texbake.jobs.carried import (
-    carried_channels,
+from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
+from texbake.jobs.fit import with_diagnosis
+from texbake.jobs.low_poly import LowPoly, make_low_poly
+from texbake.jobs.material_transfer import (
     encoded_channels,
     image_names,
     image_of,
     shared_materials,
+    transferred_channels,
 )
-from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
-from texbake.jobs.fit import explained
-from texbake.jobs.low_poly import LowPoly, make_low_poly
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import write_report
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
@@ -176,7 +176,7 @@ def run(
     """
     options = options or RunOptions()
     high = joined_objects(as_mesh(high)) if options.join_objects else as_mesh(high)
-    channels = () if materials is None else carried_channels(materials)
+    channels = () if materials is None else transferred_channels(materials)
     files = _files_in(folder, high, channels, pictures=options.compare != "off")
     stages = Stages()
     rule = LowNormals(options.normals, options.angle)
@@ -197,7 +197,7 @@ def run(
         chosen = made.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if made.ray_distance is None:  # otherwise they miss what fills the tunnels
-            baked = explained(high, low, baked, join_objects=options.join_objects)
+            baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("write maps"):
         with Stages(progress).stage("write maps"):

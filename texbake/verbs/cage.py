@@ -46,7 +46,7 @@ def cage_file(
     is as tight as possible: no vertex could move farther in on its own. Use it with bake --cage,
     or in any other program that takes cages.
     """
-    from texbake.jobs.fit import check_fit, why_rays_would_miss
+    from texbake.jobs.fit import check_fit, diagnose_opposite_sides
     from texbake.jobs.outputs import JobResult, present_paths
     from texbake.mesh.files import read_mesh, write_mesh
 
@@ -54,7 +54,7 @@ def cage_file(
     check_fit(high_mesh, low_mesh, threads=threads)
     cage = _fitted(high_mesh, low_mesh, margin, threads)
     write_mesh(cage.mesh, output)
-    inside_out = why_rays_would_miss(high_mesh, low_mesh, orientation="auto", threads=threads)
+    inside_out = diagnose_opposite_sides(high_mesh, low_mesh, orientation="auto", threads=threads)
     return JobResult(
         files=present_paths(output), report=cage, warnings=(*inside_out, *cage.warnings)
     )

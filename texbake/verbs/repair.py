@@ -42,12 +42,12 @@ def repair_file(
     Prints what was changed. Holes, edges of more than two faces and parts that intersect stay;
     texbake check names them.
     """
-    from texbake.jobs.written import read_with_materials, written
+    from texbake.jobs.mesh_output import read_with_materials, write_result
     from texbake.mesh.repair import repair
 
     read, materials = read_with_materials(mesh, progress)
     repaired, report = repair(read, options)
-    return written(repaired, output, materials, report, mtl=mtl)
+    return write_result(repaired, output, materials, report, mtl=mtl)
 
 
 STEP = step_of(

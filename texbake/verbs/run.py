@@ -45,7 +45,7 @@ def run_files(
     By default, maps have 2048 x 2048 texels with four rays each, as a finished asset needs.
     texbake bake casts a sixteenth as many by default, which is enough to try options.
     """
-    from texbake.jobs.carried import compared_without, left_out
+    from texbake.jobs.material_transfer import compared_without, left_out
     from texbake.jobs.run import run, with_page
     from texbake.mesh.files import read_mesh
     from texbake.mesh.files.source import parsed_once

@@ -15,8 +15,8 @@ from texbake.verbs.step import FORMAT_OF_MESH, Job, Settings, n_faces, step_of
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb
 
 if TYPE_CHECKING:
+    from texbake.jobs.mesh_output import MeshFileMaterials
     from texbake.jobs.outputs import JobResult
-    from texbake.jobs.written import SourceMaterials
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.simplify import SimplifyReport
     from texbake.progress import ProgressSink
@@ -89,8 +89,8 @@ def simplify_levels(
     Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
     all of them; keep seams, so that no level loses its coordinates.
     """
+    from texbake.jobs.mesh_output import read_with_materials
     from texbake.jobs.outputs import check_mesh
-    from texbake.jobs.written import read_with_materials
     from texbake.mesh.objects import joined_objects
     from texbake.raycast.orientation import oriented
 
@@ -118,7 +118,7 @@ def simplify_levels(
 
 def _level(
     high: Mesh,
-    materials: SourceMaterials,
+    materials: MeshFileMaterials,
     count: int | None,
     output: PathLike,
     options: SimplifyOptions,
@@ -127,7 +127,7 @@ def _level(
     progress: ProgressSink | None,
 ) -> JobResult[SimplifyReport]:
     """Write one level of detail."""
-    from texbake.jobs.written import MaterialBorders, written
+    from texbake.jobs.mesh_output import MaterialPartition, write_result
     from texbake.mesh.hard_edges import with_normals
     from texbake.mesh.reduction import object_by_object
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
@@ -135,7 +135,7 @@ def _level(
     from texbake.mesh.wrapping import wraps
 
     fits = materials.fit(output, mtl=mtl)
-    bordered = MaterialBorders.of(high, materials) if fits else None
+    bordered = MaterialPartition.of(high, materials) if fits else None
     given = high if bordered is None else bordered.mesh
     low, figures = simplify_with_report(
         given,
@@ -158,9 +158,9 @@ def _level(
         remedy = _MORE if options.topology == "simplify" else _CLOSE
         check_count(figures.n_faces, count, high.name, remedy)
     if bordered is not None:
-        low, materials = bordered.taken_from(low, high)
+        low, materials = bordered.restored(low, high)
     low = with_normals(low, options.normals, angle=options.angle)
-    return written(low, output, materials, figures, mtl=mtl)
+    return write_result(low, output, materials, figures, mtl=mtl)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,16 +51,16 @@ def transform_file(
 
     The mesh is scaled and turned upright, then rotated about the origin, then moved.
     """
-    from texbake.jobs.written import MaterialBorders, read_with_materials, written
+    from texbake.jobs.mesh_output import MaterialPartition, read_with_materials, write_result
     from texbake.mesh.transform import transform
 
     read, materials = read_with_materials(mesh, progress)
     if options is not None and options.subdivide:
-        borders = MaterialBorders.of(read, materials)
-        moved, materials = borders.taken_from(transform(borders.mesh, options), read)
+        borders = MaterialPartition.of(read, materials)
+        moved, materials = borders.restored(transform(borders.mesh, options), read)
     else:
         moved = transform(read, options)
-    return written(moved, output, materials, moved, mtl=mtl)
+    return write_result(moved, output, materials, moved, mtl=mtl)
 
 
 def _figures(done: JobResult[Mesh]) -> dict[str, Any]:

@@ -196,9 +196,9 @@ def _written(
 
     These lose their images, unless the coordinates are a further set.
     """
-    from texbake.jobs.written import SourceMaterials, write_with_materials
+    from texbake.jobs.mesh_output import MeshFileMaterials, write_with_materials
 
-    found = SourceMaterials.read(source, read)
+    found = MeshFileMaterials.read(source, read)
     if is_further or found.materials is None or not found.materials.has_images:
         return write_with_materials(mesh, output, found, mtl=mtl)
     # A .mtl file that names images is not written over by one without them.

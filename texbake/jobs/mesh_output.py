@@ -36,7 +36,7 @@ _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SourceMaterials:
+class MeshFileMaterials:
     """The materials of a mesh file, for meshes that are made from it."""
 
     path: Path  # the file
@@ -46,7 +46,7 @@ class SourceMaterials:
     passed_over: tuple[str, ...] = ()  # what else is in the file that a mesh has no place for
 
     @classmethod
-    def read(cls, path: PathLike, mesh: Mesh) -> SourceMaterials:
+    def read(cls, path: PathLike, mesh: Mesh) -> MeshFileMaterials:
         """Read the materials of the file that a mesh was read from."""
         lost: tuple[str, ...] = ()
         with parsed_once():
@@ -65,7 +65,7 @@ class SourceMaterials:
         suffixes = (".glb", ".obj") if mtl else (".glb",)
         return self.materials is not None and Path(output).suffix.lower() in suffixes
 
-    def without_images(self) -> SourceMaterials:
+    def without_images(self) -> MeshFileMaterials:
         """Return the materials with their factors alone, for other texture coordinates."""
         if self.materials is None:
             return self
@@ -73,7 +73,7 @@ class SourceMaterials:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MaterialBorders:
+class MaterialPartition:
     """A mesh whose groups tell its materials apart as well, and what they stand for.
 
     What is made from such a mesh keeps the borders between materials where it keeps those of
@@ -81,13 +81,13 @@ class MaterialBorders:
     """
 
     mesh: Mesh
-    source: SourceMaterials
+    source: MeshFileMaterials
     # (G, 2) int32; group and material of each group of `mesh`; None where there is one material at
     # most.
     parts: IntArray | None
 
     @classmethod
-    def of(cls, mesh: Mesh, source: SourceMaterials) -> MaterialBorders:
+    def of(cls, mesh: Mesh, source: MeshFileMaterials) -> MaterialPartition:
         """Divide the groups of a mesh by its materials."""
         materials = source.materials
         if materials is None or len(np.unique(materials.face_materials)) < 2:
@@ -105,7 +105,7 @@ class MaterialBorders:
         )
         return cls(mesh=divided, source=source, parts=parts.astype(np.int32))
 
-    def taken_from(self, made: Mesh, mesh: Mesh) -> tuple[Mesh, SourceMaterials]:
+    def restored(self, made: Mesh, mesh: Mesh) -> tuple[Mesh, MeshFileMaterials]:
         """Return what was made of the divided mesh, with the groups of `mesh`, and its materials.
 
         Images on further sets of texture coordinates are left out: what was made has one set.
@@ -135,15 +135,15 @@ class MaterialBorders:
 
 def read_with_materials(
     path: PathLike, progress: ProgressSink | None
-) -> tuple[Mesh, SourceMaterials]:
+) -> tuple[Mesh, MeshFileMaterials]:
     """Read a mesh file with its materials, parsing it once."""
     with parsed_once():
         mesh = read_mesh(path, progress=progress)
-        return mesh, SourceMaterials.read(path, mesh)
+        return mesh, MeshFileMaterials.read(path, mesh)
 
 
-def written(
-    mesh: Mesh, output: PathLike, source: SourceMaterials, report: Report, *, mtl: bool
+def write_result(
+    mesh: Mesh, output: PathLike, source: MeshFileMaterials, report: Report, *, mtl: bool
 ) -> JobResult[Report]:
     """Write a mesh with materials; warnings name what the output cannot hold."""
     files, warnings = write_with_materials(mesh, output, source, mtl=mtl)
@@ -151,7 +151,7 @@ def written(
 
 
 def write_with_materials(
-    mesh: Mesh, output: PathLike, source: SourceMaterials, *, mtl: bool
+    mesh: Mesh, output: PathLike, source: MeshFileMaterials, *, mtl: bool
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """Write a mesh with materials, one for each of its faces; return files and warnings.
 

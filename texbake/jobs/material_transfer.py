@@ -82,7 +82,7 @@ def image_of(name: str, channels: Mapping[str, ChannelSource]) -> ChannelImage |
     return next((source.image for source in found if source and source.image), None)
 
 
-def carried_channels(materials: Materials) -> tuple[str, ...]:
+def transferred_channels(materials: Materials) -> tuple[str, ...]:
     """Return the channels that materials set, and that differ over the mesh or have images.
 
     The normal is not among them: normal maps are part of the baked normals.
@@ -141,7 +141,7 @@ def encoded_channels(
         if constant is not None:
             sources[channel] = constant
     values = {}
-    for channel in carried_channels(materials):
+    for channel in transferred_channels(materials):
         found = _constant_of(maps[channel])
         if found is None:
             values[channel] = maps[channel].values

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.jobs.written import MaterialBorders, SourceMaterials
+from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     ChannelImage,
@@ -89,9 +89,9 @@ def test_groups_are_what_they_were(ball: Path) -> None:
     mesh, materials = found_in(ball)
     groups = np.arange(mesh.n_faces, dtype=np.int32) % 3
     mesh = mesh.replace(face_groups=groups, group_names=("a", "b", "c"))
-    source = SourceMaterials(path=ball, materials=materials)
-    borders = MaterialBorders.of(mesh, source)
-    back, of_back = borders.taken_from(borders.mesh, mesh)
+    source = MeshFileMaterials(path=ball, materials=materials)
+    borders = MaterialPartition.of(mesh, source)
+    back, of_back = borders.restored(borders.mesh, mesh)
     np.testing.assert_array_equal(back.face_groups, groups)
     assert back.group_names == mesh.group_names
     assert of_back.materials is not None
