@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -33,8 +33,6 @@ from texbake.rendering.scene.textures import (
 from texbake.rendering.scene_simplification import SkippedEffect, lights_object
 
 AnyTexture = TypeVar("AnyTexture", bound=Texture)
-# Features of a material whose textures parallax moves.
-_MOVED = ("normal_map", "bump_map", "reflection", "refraction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +135,7 @@ class RenderRequest:
 
     def textures(self, index: int) -> Iterator[tuple[str, Texture]]:
         """Textures that shading an object looks up, each with its place in the material."""
-        yield from self._looked_up(index, (*_MOVED, "parallax"))
+        yield from self._looked_up(index, (*_features(self.material(index)), "parallax"))
 
     def textures_of(self, index: int, kind: type[AnyTexture]) -> Iterator[tuple[str, AnyTexture]]:
         """Those of `textures` that are of a kind."""
@@ -215,7 +213,7 @@ class RenderRequest:
             or self.keeps_materials
             or any(
                 isinstance(texture, ImageTexture) or texture.space == "uv"
-                for name, texture in self._looked_up(index, _MOVED)
+                for name, texture in self._looked_up(index, _features(self.material(index)))
             )
         )
 
@@ -244,6 +242,18 @@ class RenderRequest:
         if isinstance(texture, ProcedureTexture):
             return texture.filtered and self.options.filter not in ("nearest", "bilinear")
         return self.filter_of(texture) in FILTERS_WITH_FOOTPRINT
+
+
+def _features(material: Material) -> list[str]:
+    """Features of a material whose textures are looked up, and moved by parallax."""
+    values = {item.name: getattr(material, item.name) for item in fields(material)}
+    return [
+        name
+        for name, value in values.items()
+        if is_dataclass(value)
+        and not isinstance(value, ImageTexture | ProcedureTexture)
+        and name not in ("displacement", "parallax")
+    ]
 
 
 def _image_opacity(material: Material) -> ImageTexture | None:

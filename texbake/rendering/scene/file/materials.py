@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import Discriminator, PlainValidator, Tag, ValidationInfo, WithJsonSchema
@@ -27,6 +27,7 @@ from texbake.rendering.scene.file.tables import (
     converted_by,
     described,
     list_of,
+    read_as,
     table,
 )
 from texbake.rendering.scene.file.values import (
@@ -50,19 +51,11 @@ from texbake.rendering.scene.file.values import (
     one_or_two,
     validation_error,
 )
-from texbake.rendering.scene.material import (
-    BumpMap,
-    Displacement,
-    Material,
-    NormalMap,
-    Parallax,
-    ProjectedTexture,
-    Reflection,
-    Refraction,
-)
+from texbake.rendering.scene.material import Material, ProjectedTexture
 from texbake.rendering.scene.textures import (
     SPACES,
     WRAPS,
+    Constant,
     ImageTexture,
     ProcedureTexture,
     VolumeTexture,
@@ -194,20 +187,10 @@ AmountSlot = _slot(_number_in(0.0, float("inf")), _AMOUNT)
 Texture = _slot(_nothing, {"not": {}})
 
 
-NormalMapTable = table(
-    NormalMap,
-    {"texture": ImageOnly},
-    short="texture",
-)
-BumpMapTable = table(
-    BumpMap,
-    {"texture": Texture},
-    short="texture",
-)
-DisplacementTable = table(Displacement, {"texture": Texture}, short="texture")
-ParallaxTable = table(Parallax, {"texture": ImageOnly}, short="texture")
-ReflectionTable = table(Reflection, {"strength": ColorSlot}, short="strength")
-RefractionTable = table(Refraction, {"strength": ColorSlot}, short="strength")
+# Fields of these types are read alike in all classes, unless a table says otherwise.
+read_as((ImageTexture,), ImageOnly)
+read_as((ImageTexture, ProcedureTexture), Texture)
+read_as((*get_args(Constant), ImageTexture, ProcedureTexture), ColorSlot)
 
 
 def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
@@ -277,7 +260,6 @@ def _projected(
 
 ProjectedTable = table(
     ProjectedTexture,
-    {"texture": ImageOnly},
     without=("matrix",),
     more={
         "matrix": described(
@@ -296,22 +278,12 @@ ProjectedTable = table(
 MaterialTable = table(
     Material,
     {
-        "base_color": ColorSlot,
-        "specular": ColorSlot,
         "exponent": AmountSlot,
         "gloss": UnitSlot,
         "roughness": UnitSlot,
         "metalness": UnitSlot,
-        "emission": ColorSlot,
         "occlusion": UnitSlot,
         "opacity": UnitSlot,
-        "light_map": ColorSlot,
-        "normal_map": built_by(NormalMapTable, NormalMap),
-        "bump_map": built_by(BumpMapTable, BumpMap),
-        "displacement": built_by(DisplacementTable, Displacement),
-        "parallax": built_by(ParallaxTable, Parallax),
-        "reflection": built_by(ReflectionTable, Reflection),
-        "refraction": built_by(RefractionTable, Refraction),
         "projected": list_of(built_by(ProjectedTable, _projected)),
     },
     without=("name",),

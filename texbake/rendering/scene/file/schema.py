@@ -24,18 +24,11 @@ from texbake.limits import toml_content
 from texbake.progress import ProgressSink
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.file.materials import (
-    BumpMapTable,
-    DisplacementTable,
-    ImageOnly,
     ImageTable,
     MaterialOf,
     MaterialTable,
-    NormalMapTable,
-    ParallaxTable,
     ProcedureTable,
     ProjectedTable,
-    ReflectionTable,
-    RefractionTable,
     VolumeTable,
 )
 from texbake.rendering.scene.file.objects import MappingTable, ObjectMaker, ObjectTable
@@ -47,6 +40,7 @@ from texbake.rendering.scene.file.tables import (
     list_of,
     switchable_by,
     table,
+    table_of,
 )
 from texbake.rendering.scene.file.values import (
     COLOR,
@@ -70,6 +64,14 @@ from texbake.rendering.scene.lights import (
     Light,
     Lighting,
     Shadow,
+)
+from texbake.rendering.scene.material import (
+    BumpMap,
+    Displacement,
+    NormalMap,
+    Parallax,
+    Reflection,
+    Refraction,
 )
 from texbake.rendering.scene.scene import CameraView, Scene, check_view
 from texbake.rendering.studio import STUDIO_ROOM
@@ -110,10 +112,7 @@ def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> 
 
 LightTable = table(
     Light,
-    {
-        "shadow": switchable_by(ShadowTable, Shadow),
-        "profile": ImageOnly,
-    },
+    {"shadow": switchable_by(ShadowTable, Shadow)},
     required=("kind",),
     more={
         "target": described(
@@ -271,12 +270,12 @@ TABLES: dict[str, type[Table]] = {
     "an image": ImageTable,
     "a procedure": ProcedureTable,
     "a volume": VolumeTable,
-    "normal_map": NormalMapTable,
-    "bump_map": BumpMapTable,
-    "displacement": DisplacementTable,
-    "parallax": ParallaxTable,
-    "reflection": ReflectionTable,
-    "refraction": RefractionTable,
+    "normal_map": table_of(NormalMap),
+    "bump_map": table_of(BumpMap),
+    "displacement": table_of(Displacement),
+    "parallax": table_of(Parallax),
+    "reflection": table_of(Reflection),
+    "refraction": table_of(Refraction),
     "projected": ProjectedTable,
 }
 

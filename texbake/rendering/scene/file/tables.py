@@ -8,6 +8,8 @@ the same pass, so that errors of the class are reported with their place in the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass
+from functools import cache
 from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import (
@@ -50,6 +52,13 @@ _BY_NAME: dict[str, Any] = {
     "colors": Colors,
 }
 _BY_KIND: dict[Any, Any] = {float: Number, int: Whole, bool: Switch, str: Text}
+# Types of keys by all types that a field can have, such as those of a slot.
+_BY_KINDS: dict[tuple[Any, ...], Any] = {}
+
+
+def read_as(kinds: tuple[Any, ...], key_type: Any) -> None:
+    """Let fields of these types, whatever their class, be read as a type of keys."""
+    _BY_KINDS[kinds] = key_type
 
 
 class Table(BaseModel):
@@ -158,6 +167,12 @@ def table(
     return model
 
 
+@cache
+def table_of(kind: Any) -> type[Table]:
+    """Return the table of a class whose first field is the one that most files set."""
+    return table(kind, short=option_fields(kind)[0].name)
+
+
 def types_of_fields(kind: type, types_of: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Types of keys for the fields of a dataclass, for validation and for JSON Schema."""
     return {
@@ -222,7 +237,12 @@ def list_of(kind: Any, convert: Callable[[list[Any]], Any] = tuple) -> Any:
 
 
 def _type_of(item: OptionField) -> Any:
-    """Type of a key, by the type of its field."""
+    """Type of a key, by the types of its field."""
+    if item.kinds in _BY_KINDS:
+        return _BY_KINDS[item.kinds]
+    kind: Any = item.kinds[0] if len(item.kinds) == 1 else None
+    if isinstance(kind, type) and is_dataclass(kind):
+        return built_by(table_of(kind), kind)
     return Annotated[_check_of(item), WithJsonSchema(item.json_schema())]
 
 
