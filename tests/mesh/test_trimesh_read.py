@@ -42,17 +42,14 @@ def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Pat
     assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == mesh.n_faces
 
 
-@pytest.mark.parametrize("word", ["-nan", "inf"])
-def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(
-    tmp_path: Path, word: str
-) -> None:
+def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(tmp_path: Path) -> None:
     path = tmp_path / "a.dae"
     texbake.to_trimesh(uv_sphere(6, 8)).export(path)
     text = path.read_text()
 
     def read_with(source: str) -> texbake.Mesh:
         """Read the file after replacing the first number of a source by one that is not finite."""
-        changed = re.sub(rf'(<float_array[^>]*id="{source}[^>]*>)\S+', rf"\1{word}", text)
+        changed = re.sub(rf'(<float_array[^>]*id="{source}[^>]*>)\S+', r"\1-nan", text)
         assert changed != text
         path.write_text(changed)
         return texbake.read_mesh(path)
@@ -63,7 +60,7 @@ def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(
         assert np.isfinite(read_with("texcoords").uvs).all()
     with pytest.raises(MeshError, match="a position of a face is not finite"):
         read_with("verts")
-    path.write_text(re.sub('(<float_array[^>]*id="verts[^>]*>[^<]*)', rf"\1 {word} 0 0", text))
+    path.write_text(re.sub('(<float_array[^>]*id="verts[^>]*>[^<]*)', r"\1 inf 0 0", text))
     with pytest.warns(ReadWarning, match="1 of 62 vertices are not finite; no face uses them"):
         assert texbake.read_mesh(path).n_faces == uv_sphere(6, 8).n_faces
 
@@ -295,9 +292,16 @@ def test_a_3mf_file_of_which_objects_would_be_lost_is_refused(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits are those of Linux")
-def test_a_file_that_asks_for_far_more_than_it_holds_is_one_error(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"takes more memory|takes longer"):
-        texbake.read_mesh(nested(tmp_path, 10, 10))
+def test_the_library_runs_within_the_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nested nodes may be far more than a file holds, and take the library any time."""
+    stub = "assert resource.getrlimit(resource.RLIMIT_CPU)[0] == 10; os._exit(7)"
+    (tmp_path / "trimesh.py").write_text(f"import os, resource; {stub}")
+    path = nested(tmp_path, 10, 10)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(FileFormatError, match=r"nested\.dae: .* stopped \(exit code 7\)"):
+        texbake.read_mesh(path)
 
 
 def test_a_3mf_file_without_a_model_is_one_error(tmp_path: Path) -> None:
