@@ -28,9 +28,8 @@ class Work:
         """Spend the time; return the report."""
         rounds = self.rounds
         self.now += self.unit * len(self.errors)
-        rounds.unit, rounds.total = self.unit, float(len(self.errors))
-        rounds.overhead, rounds.after = self.overhead, 0.2
-        rounds.expect_at_least(self.now + rounds.overhead + rounds.after)
+        n = float(len(self.errors))
+        rounds.learn_first(unit=self.unit, total=n, overhead=self.overhead, after=0.2)
         report = rounds.run(self)
         self.now += rounds.after
         return report

@@ -118,6 +118,16 @@ class Rounds:
         self._least = 0.0
         self._is_warned = False
 
+    def learn_first(
+        self, *, unit: float, total: float, overhead: float, after: float, certain: float = 0.0
+    ) -> None:
+        """Note what the first samples have shown, before `run`.
+
+        `certain`: seconds of work that even the widest bound takes.
+        """
+        self.unit, self.total, self.overhead, self.after = unit, total, overhead, after
+        self.expect_at_least(self.clock.spent + after + overhead + certain)
+
     def expect_at_least(self, seconds: float, *, margin: float = 1.0) -> None:
         """Note a prediction of the least time; say at once if it is longer than the budget.
 

@@ -104,6 +104,26 @@ def test_each_part_equals_a_bake_of_it_alone(changes, as_files):
     assert np.array_equal(whole.texel_faces >= 0, covered == 1) and covered.max() == 1
 
 
+@pytest.mark.parametrize("corner", [(0, 0), (1, 0), (0, 1), (1, 1)])
+def test_a_part_of_any_outline_is_there_to_its_last_texel(corner):
+    """A triangle is widest at its first or last row, and highest at its first or last column."""
+    ends = np.abs(np.array([[0.02, 0.02], [0.72, 0.02], [0.02, 0.62]]) - corner)
+    faces = [[0, 1, 2] if corner[0] == corner[1] else [0, 2, 1]]
+    triangle = Mesh(
+        positions=np.insert(ends, 2, 3.0, axis=1), faces=faces, uvs=ends, uv_faces=faces
+    )
+    square = plane().replace(uvs=np.abs(0.25 * plane().uvs + 0.72 - corner))
+    parts = {"a": square, "b": triangle}
+    lows, highs = (
+        [mesh.replace(name=f"{name}_{end}") for name, mesh in parts.items()]
+        for end in ("low", "high")
+    )
+    chosen = BakeOptions(size=40, maps=("position",), padding=0, front=0.1, back=0.1)
+    whole = bake_parts(highs, lows, chosen, MATCH).targets[ONLY]
+    seen = [assert_shows(whole, bake(*both, chosen)) for both in zip(highs, lows, strict=True)]
+    assert np.array_equal(whole.has_data, seen[0] | seen[1]) and seen[1].sum() > 250
+
+
 def test_without_matching_rays_hit_all_parts():
     chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
     plain = bake_parts([HIGH], [LOW], chosen, PartsOptions(join_objects=True)).targets[ONLY]

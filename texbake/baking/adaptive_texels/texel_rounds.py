@@ -65,8 +65,7 @@ class TexelRounds:
 
     def run(self) -> tuple[Refinement, TimeBudget]:
         """Take all samples; return what they have given."""
-        self._take_first()
-        self._predict_least()
+        self._predict_least(self._take_first())
         self._sampler.watch = self._watch
         report = self._rounds.run(self)
         self._sampler.watch = None
@@ -111,8 +110,8 @@ class TexelRounds:
             self._sampling += seconds if share == 1.0 else 0.0
             self._rounds.check(seconds * (1.0 - share) / share)
 
-    def _take_first(self) -> None:
-        """Take the first sample of each texel, and learn how long samples take."""
+    def _take_first(self) -> float:
+        """Take the first sample of each texel; return the seconds that each took."""
         sampler, rounds = self._sampler, self._rounds
         rounds.before = start = self._clock.spent
 
@@ -123,25 +122,27 @@ class TexelRounds:
 
         sampler.watch = watch
         sampler.cast_texels()
-        rounds.total = max(sampler.trace.counts.rays_cast, 1)
-        rounds.unit = (self._clock.spent - start) / rounds.total
+        return (self._clock.spent - start) / max(sampler.trace.counts.rays_cast, 1)
 
-    def _predict_least(self) -> None:
+    def _predict_least(self, unit: float) -> None:
         """Estimate the errors of the first samples, and predict the rest of the least bake."""
-        sampler, rounds = self._sampler, self._rounds
-        start = self._clock.spent
+        sampler, start = self._sampler, self._clock.spent
         with sampler.stages.part("estimate errors"):
             bounded = bounded_maps(sampler.kinds, sampler.inputs, self._closest)
             _, steps = estimate_for(sampler, bounded).of_samples()
             self._first_errors = errors, costs = _of_first_samples(steps)
         estimate = self._clock.spent - start
         n_covered = int(np.count_nonzero(sampler.cells.charts[: len(steps)] != NO_CHART))
-        check = rounds.unit * _CHECK_COST * CHECKED_SHARE * n_covered * N_CHECK_SAMPLES
+        check = unit * _CHECK_COST * CHECKED_SHARE * n_covered * N_CHECK_SAMPLES
         with sampler.stages.stage("time what follows"):
-            rounds.after = self._time_finishing() + check + estimate * len(bounded)
-        rounds.overhead = _ESTIMATES * estimate
-        certain = rounds.unit * float(costs[np.isinf(errors)].sum())
-        rounds.expect_at_least(self._clock.spent + rounds.after + rounds.overhead + certain)
+            after = self._time_finishing() + check + estimate * len(bounded)
+        self._rounds.learn_first(
+            unit=unit,
+            total=max(sampler.trace.counts.rays_cast, 1),
+            overhead=_ESTIMATES * estimate,
+            after=after,
+            certain=unit * float(costs[np.isinf(errors)].sum()),
+        )
 
     def _time_finishing(self) -> float:
         """Predict how long padding, and what the clock includes beside the bake, will take."""

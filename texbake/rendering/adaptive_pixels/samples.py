@@ -248,17 +248,19 @@ class PictureRounds:
 
     def _predict_least(self, first_seconds: float) -> None:
         """Predict what the fewest samples, and all that follows them, take."""
-        adaptive, clock, rounds = self._adaptive, self._clock, self._rounds
+        adaptive, clock = self._adaptive, self._clock
         n_covered = int(np.count_nonzero(adaptive.sums.covered > 0.0))
-        rounds.unit = first_seconds / max((1.0 + 16.0 * float(_SEEN_COST)) * n_covered, 1.0)
         start = clock.spent
         self.predicted_errors()
         estimate = clock.spent - start
         self._window, check = _time_check(adaptive, clock)
-        rounds.overhead = _ESTIMATES * estimate + _WINDOWS * self._window
-        rounds.after = estimate + check + _time_finishing(adaptive, clock)
-        rounds.expect_at_least(clock.spent + rounds.after + rounds.overhead)
-        rounds.total = max(adaptive.sampler.work(float(_SEEN_COST)), 1.0)
+        after = estimate + check + _time_finishing(adaptive, clock)
+        self._rounds.learn_first(
+            unit=first_seconds / max((1.0 + 16.0 * float(_SEEN_COST)) * n_covered, 1.0),
+            total=max(adaptive.sampler.work(float(_SEEN_COST)), 1.0),
+            overhead=_ESTIMATES * estimate + _WINDOWS * self._window,
+            after=after,
+        )
 
 
 def _time_check(adaptive: AdaptivePicture, clock: BudgetClock) -> tuple[float, float]:
