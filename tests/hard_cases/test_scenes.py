@@ -1,22 +1,21 @@
 """Every scene of the catalog, and random ones, through the renderer."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from catalog.scenes import SMALL, checker, floor, looking, scene
-from hypothesis import HealthCheck, given, settings, strategies as st
+from random_scenes import random_scene, write_images
 
 import texbake
-from texbake import Light, Material, RenderOptions, SceneObject
+from texbake import Material, RenderOptions, SceneObject
 from texbake.errors import UvError
-from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.render import plan_scene
-from texbake.rendering.scene.lights import AmbientOcclusion, Environment, Fog, Shadow
 from texbake.rendering.scene.material import NormalMap
-from texbake.rendering.scene.textures import ProcedureTexture
 
-EXAMPLES = 30 if "TEXBAKE_FUZZ" not in os.environ else 3000
+N_SCENES = 30 if "TEXBAKE_FUZZ" not in os.environ else 3000
 BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
 
 
@@ -120,80 +119,19 @@ def test_normal_maps_without_directions_leave_the_surface_as_it_is(value):
     np.testing.assert_allclose(mapped.color, bare.color, atol=1e-6)
 
 
-numbers = st.sampled_from([0.0, 0.25, 1.0, 0.5])
-colors = st.tuples(numbers, numbers, numbers)
-places = st.tuples(*[st.sampled_from([-2.0, 0.0, 0.5, 1.0, 3.0, 1e-9])] * 3)
-vectors = places.filter(any)
-slots = st.one_of(
-    colors,
-    st.builds(
-        ProcedureTexture,
-        procedure=st.sampled_from(["checker", "stripes", "noise", "marble", "wood", "worley"]),
-        scale=st.sampled_from([1.0, 30.0, 1e6]),
-    ),
-)
-materials = st.builds(
-    Material,
-    shading=st.sampled_from(["unlit", "lambert", "blinn-phong", "metallic-roughness"]),
-    base_color=slots,
-    exponent=st.sampled_from([0.0, 1.0, 1e6]),
-    roughness=numbers,
-    metalness=numbers,
-    emission=st.none() | colors,
-    opacity=st.none() | numbers,
-    double_sided=st.none() | st.booleans(),
-)
-lights = st.builds(
-    Light,
-    kind=st.sampled_from(["directional", "point", "spot"]),
-    color=colors,
-    intensity=st.sampled_from([0.0, 1.0, 1e6]),
-    position=places,
-    direction=vectors,
-    angle=st.sampled_from([1.0, 45.0, 179.0]),
-    shadow=st.none() | st.builds(Shadow, size=st.sampled_from([1, 33])),
-)
-objects = st.builds(
-    SceneObject,
-    mesh=st.sampled_from([cube(), plane(2, 2), uv_sphere(4, 6), icosphere(1)]),
-    material=materials,
-    transform=st.sampled_from(
-        [None, np.diag([1.0, -1.0, 1.0, 1.0]), np.diag([9.0, 0.1, 1e-3, 1.0])]
-    ),
-    casts_shadows=st.booleans(),
-)
-views = st.none() | st.tuples(places, places).filter(lambda ends: ends[0] != ends[1]).map(
-    lambda ends: looking(*ends)
-)
+@pytest.fixture(scope="module")
+def images(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("images")
+    write_images(folder)
+    return folder
 
 
-@settings(
-    max_examples=EXAMPLES,
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-@given(
-    things=st.lists(objects, min_size=1, max_size=3),
-    lit=st.lists(lights, max_size=3),
-    view=views,
-    environment=st.none() | st.just(Environment(color=(0.2, 0.3, 0.4), lighting=True, size=4)),
-    fog=st.none() | st.builds(Fog, mode=st.sampled_from(["linear", "exp", "exp2"])),
-    occlusion=st.none() | st.just(AmbientOcclusion(samples=4)),
-)
-def test_random_scenes(things, lit, view, environment, fog, occlusion):
-    made = scene(
-        *things,
-        lights=tuple(lit),
-        view=view,
-        environment=environment,
-        fog=fog,
-        occlusion=occlusion,
-    )
-    options = RenderOptions(width=24, height=16)
-    try:
-        frame = texbake.render_scene(made, options, threads=1)
-    except texbake.TexbakeError as error:
-        assert "\n" not in str(error)
-        return
-    assert_sound(frame)
+@pytest.mark.parametrize("brightness", [1.0, 1e6])
+def test_random_scenes_of_all_keys(images, brightness):
+    for seed in range(N_SCENES):
+        made, options = random_scene(seed, images)
+        lamps = tuple(
+            replace(lamp, intensity=lamp.intensity * brightness) for lamp in made.lighting.lights
+        )
+        made = replace(made, lighting=replace(made.lighting, lights=lamps))
+        assert_sound(texbake.render_scene(made, options, threads=1))
