@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from texbake.errors import FileError, FileFormatError
 from texbake.mesh.files import write_mesh
@@ -377,6 +378,19 @@ def test_what_is_wrong_is_one_line(folder, text, message):
         read(folder, text)
     line = message.replace("{folder}", str(folder))
     assert str(caught.value) == f"{folder / 'scene.toml'}: {line}"
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_only_a_shadow_is_switched_on_and_every_table_names_its_keys(name):
+    """`true` stands for a shadow with its defaults alone, and unknown keys are of no table."""
+    model = TABLES[name]
+    if name == "shadow":
+        assert model.model_validate(True).set_values() == {}
+    else:
+        with pytest.raises(ValidationError):
+            model.model_validate(True)
+    with pytest.raises(ValidationError, match=r"unknown key|is missing"):
+        model.model_validate({"nonsense": 1})
 
 
 def test_a_file_that_is_no_scene(tmp_path):

@@ -132,6 +132,10 @@ HIDDEN: dict[str, tuple[Lighting, dict[str, Any], Lighting, dict[str, Any]]] = {
     "bumps in light from all sides": (
         EVEN, LAMBERT | {"bump_map": BumpMap(texture=IMAGE)}, AMBIENT, {},
     ),
+    "normals of a mirror in one color all around": (
+        Lighting(environment=Environment(color=(0.2, 0.5, 0.9))),
+        UNLIT | {"normal_map": normal_map(), "reflection": Reflection(strength=0.5)}, SKY, {},
+    ),
     "normals of a mirror that shows nothing": (
         EVEN, UNLIT | {"normal_map": normal_map(), "reflection": Reflection(strength=0.5)}, SKY, {},
     ),
@@ -181,8 +185,11 @@ def test_normals_that_the_caller_keeps_count(field: str) -> None:
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS), keep=("normals",))
 
 
-def test_an_unlit_mirror_needs_its_normal_map() -> None:
-    around = replace(AMBIENT, environment=Environment(image=AROUND))
+@pytest.mark.parametrize(
+    "environment", [Environment(image=AROUND), Environment(faces=(AROUND[:, :4],) * 6)]
+)
+def test_an_unlit_mirror_needs_its_normal_map(environment: Environment) -> None:
+    around = replace(AMBIENT, environment=environment)
     scene = scene_of(around, **UNLIT, normal_map=normal_map(), reflection=Reflection())
     with pytest.raises(FileError, match=r"missing\.png"):
         draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS))

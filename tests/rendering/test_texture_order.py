@@ -13,6 +13,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.texture.encoding import decode_srgb
 
 SIZE = 48
 CAMERA = Camera.looking_at((0.5, 0.5, 2.0), (0.5, 0.5, 0.0), fov=2 * math.atan(0.25), near=0.01)
@@ -56,6 +57,10 @@ def test_a_magnified_texture_leaves_gaps_that_can_be_counted() -> None:
     # One pixel of each 4 x 4 is written.
     assert frame.texels.gaps == SIZE**2 * 15 // 16
     assert frame.texels.double_writes == 0
+    gaps = (frame.color[..., :3] == decode_srgb(RenderOptions().background).astype(np.float32)).all(
+        -1
+    )
+    assert np.count_nonzero(gaps) == frame.texels.gaps and (frame.color[..., 3] == 1.0).all()
     whole = drawn(texture(SIZE // 4), "texture-coverage")
     assert whole.texels.gaps == 0
     np.testing.assert_allclose(
