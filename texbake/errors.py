@@ -73,6 +73,12 @@ def require_known(name: str, value: object, known: Iterable[str]) -> None:
         )
 
 
+def require_least(name: str, value: float, least: int = 1) -> None:
+    """Raise `OptionError` below the least value of an option, and for NaN."""
+    if not value >= least:
+        raise OptionError(f"{name}: {value} is too small; it must be at least {least}")
+
+
 def counted(n: int, one: str, many: str = "") -> str:
     """Return a number with what it counts; `many` is `one` with an s unless it is given.
 

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from texbake.errors import OptionError
+from texbake.errors import require_least
 
 
 def default_threads() -> int:
@@ -37,8 +37,7 @@ def resolve_threads(threads: int | None) -> int:
     """Return `threads`, or every processor for None; raise `OptionError` below 1."""
     if threads is None:
         return default_threads()
-    if threads < 1:
-        raise OptionError(f"threads: {threads} is too small; it must be at least 1")
+    require_least("threads", threads)
     return threads
 
 

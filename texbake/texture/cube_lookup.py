@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, require_known
+from texbake.errors import OptionError, require_known, require_least
 from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 from texbake.texture.lookup import require_image
@@ -103,8 +103,7 @@ def from_latitude_longitude(
     pixels = require_image(image)
     height, width, n_channels = pixels.shape
     size = max(width // 4, 1) if size is None else size
-    if size < 1:
-        raise OptionError(f"size: {size} is too small; it must be at least 1")
+    require_least("size", size)
     # Texels at the center of a face are the widest: 2 / size radians.
     finest = min(2 * math.pi / width, math.pi / height)
     n_lookups = max(1, math.ceil(2.0 / size / (finest / 2)))
@@ -123,8 +122,7 @@ def to_latitude_longitude(
     Returns (height, 2 height, C) float32.
     """
     height = 2 * cube.size if height is None else height
-    if height < 1:
-        raise OptionError(f"height: {height} is too small; it must be at least 1")
+    require_least("height", height)
     texels = cube.bordered.reshape(-1, cube.n_channels)
     # Texels in the middle of an edge of a face are 1 / size radians wide.
     n_lookups = max(1, math.ceil(math.pi / height / (0.5 / cube.size)))

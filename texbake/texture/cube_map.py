@@ -31,8 +31,6 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
 
-FACES = ("px", "nx", "py", "ny", "pz", "nz")
-
 # Of each face: the directions in which s and t grow, and the direction of its middle.
 FACE_AXES = np.array(
     [

@@ -18,11 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
 from texbake.errors import DependencyError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
-from texbake.texture.encoding import encode_normals, quantize_srgb
+from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
 from texbake.texture.mipmaps import mip_chain, single_level
 
 
@@ -103,9 +102,7 @@ def _codes(
 ) -> npt.NDArray[np.uint8]:
     """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":
-        lengths = pm.norm(level, axis=2, keepdims=True)
-        unit = np.divide(level, lengths, out=np.zeros_like(level), where=lengths > 0.0)
-        unit[lengths[..., 0] == 0.0] = (0.0, 0.0, 1.0)
+        unit = unit_normals(level)
         codes = encode_normals(unit, bits=8, convention=convention, threads=threads)
     else:
         n_colors = min(level.shape[2], 3) if kind == "color" else 0

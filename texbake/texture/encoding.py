@@ -163,6 +163,16 @@ def color_ids(
     return codes.reshape(*ids.shape, 3)
 
 
+def unit_normals(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Normalize mean normals (..., 3); (0, 0, 1) where they cancel out."""
+    lengths = pm.norm(vectors, axis=-1, keepdims=True)
+    lost = ~(lengths > 0)
+    unit: npt.NDArray[np.float32] = np.where(
+        lost, np.array([0, 0, 1], np.float32), vectors / np.where(lost, 1, lengths)
+    )
+    return unit
+
+
 def encode_normals(
     normals: npt.NDArray[Any],
     *,

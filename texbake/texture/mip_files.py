@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, is_folder
-from texbake.texture.encoding import decode_normals, encode_normals
+from texbake.texture.encoding import decode_normals, encode_normals, unit_normals
 from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
 from texbake.texture.image_formats import check_image_format, holds_floats
@@ -133,18 +132,8 @@ def _images(
     if encoded:
         bits = bits or check_image_format(first, color=True)
         as_floats = 32 if holds_floats(first, bits) else bits
-        levels = [encode_normals(_unit(level[..., :3]), bits=as_floats) for level in levels]
+        levels = [encode_normals(unit_normals(level[..., :3]), bits=as_floats) for level in levels]
     if not folder:
         return {target: levels_picture(levels)}, bits
     files = [first.with_name(f"{stem}_{index}{first.suffix}") for index in range(len(levels))]
     return dict(zip(files, levels, strict=True)), bits
-
-
-def _unit(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Normalize mean normals; (0, 0, 1) where they cancel out."""
-    lengths = pm.norm(vectors, axis=-1, keepdims=True)
-    lost = ~(lengths > 0)
-    unit: npt.NDArray[np.float32] = np.where(
-        lost, np.array([0, 0, 1], np.float32), vectors / np.where(lost, 1, lengths)
-    )
-    return unit

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError
+from texbake.errors import require_least
 from texbake.parallel import run_bands
 from texbake.texture.cube_lookup import resize_cube
 from texbake.texture.cube_map import (
@@ -61,8 +61,7 @@ def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> 
     `cube`: radiance by direction; `size`: side of a face of the result in texels. Returns CubeMap:
     mean radiance over the hemisphere, weighted by cosine.
     """
-    if size < 1:
-        raise OptionError(f"size: {size} is too small; it must be at least 1")
+    require_least("size", size)
     source = shrink_cube(cube, min(cube.size, _IRRADIANCE_SOURCE), threads=threads)
     normals = texel_directions(size).reshape(-1, 3)
     directions = texel_directions(source.size).reshape(-1, 3)
@@ -87,13 +86,9 @@ def specular_levels(
     `cube`: radiance by direction; `size`: side of a face of level 0 in texels. Returns CubeChain:
     radiance by reflected direction; level i is for roughness i / (n_levels - 1).
     """
-    for name, value, least in (
-        ("n_levels", n_levels, 1),
-        ("size", size, 1),
-        ("samples", samples, 16),
-    ):
-        if value < least:
-            raise OptionError(f"{name}: {value} is too small; it must be at least {least}")
+    require_least("n_levels", n_levels)
+    require_least("size", size)
+    require_least("samples", samples, 16)
     mirror = resize_cube(cube, size, threads=threads)
     source = cube_chain(mirror, threads=threads)
     levels = [mirror]
@@ -170,8 +165,7 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
 
     Returns (size, size, 2) float32: a row for each roughness, a column for each n·v. Read-only.
     """
-    if size < 1:
-        raise OptionError(f"size: {size} is too small; it must be at least 1")
+    require_least("size", size)
     centers = (np.arange(size) + 0.5) / size
     rows = [_scales_and_biases(roughness**2, centers) for roughness in centers]
     table: npt.NDArray[np.float32] = np.array(rows, np.float32)

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import OptionError, require_known
+from texbake.errors import OptionError, require_known, require_least
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
@@ -82,8 +82,7 @@ def sample(
     """
     require_known("filter", filter, FILTERS)
     code = wrap_codes(wrap)
-    if not max_anisotropy >= 1.0:
-        raise OptionError(f"max_anisotropy: {max_anisotropy} is too small; it must be at least 1")
+    require_least("max_anisotropy", max_anisotropy)
     uvs = _readable(uvs, np.float64, 2, "uvs")
     changes = None
     if filter in FILTERS_WITH_FOOTPRINT:
