@@ -132,5 +132,4 @@ def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     volumes = np.bincount(parts, cones * np.where(flips, -1, 1), n)
     most_turned = 2 * np.bincount(parts, flips, n) > np.bincount(parts, minlength=n)
     inside_out = np.where(is_open, most_turned, volumes < 0.0)
-    turned: npt.NDArray[np.bool_] = (flips ^ inside_out[parts]) & ~is_one_sided[parts]
-    return turned
+    return np.asarray((flips ^ inside_out[parts]) & ~is_one_sided[parts])

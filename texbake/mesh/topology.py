@@ -45,20 +45,17 @@ class MeshEdges:
     @property
     def boundary(self) -> BoolArray:
         """(E,) bool: edges of a single face."""
-        single: BoolArray = self.n_faces == 1
-        return single
+        return np.asarray(self.n_faces == 1)
 
     @property
     def non_manifold(self) -> BoolArray:
         """(E,) bool: edges of more than two faces."""
-        many: BoolArray = self.n_faces > 2
-        return many
+        return np.asarray(self.n_faces > 2)
 
     @property
     def misoriented(self) -> BoolArray:
         """(E,) bool: edges of two faces that face opposite sides: both walk it one way."""
-        against: BoolArray = (self.n_faces == 2) & (self.n_forward != 1)
-        return against
+        return np.asarray((self.n_faces == 2) & (self.n_forward != 1))
 
     @property
     def closed(self) -> bool:
@@ -169,8 +166,7 @@ def against_most(
 def repeated_vertices(faces: IntArray) -> BoolArray:
     """(F,) bool: faces that have one vertex at two corners or three."""
     a, b, c = faces.T
-    repeated: BoolArray = (a == b) | (b == c) | (c == a)
-    return repeated
+    return np.asarray((a == b) | (b == c) | (c == a))
 
 
 def duplicate_faces(faces: IntArray) -> BoolArray:

@@ -119,16 +119,14 @@ def _curve(points: FloatArray, weights: FloatArray) -> FloatArray:
     """Points of curves of four control points each; exactly that point where all four are equal."""
     a, b, c, d = points
     outer, inner = weights[0] * a + weights[3] * d, weights[1] * b + weights[2] * c
-    result: FloatArray = np.where((a == b) & (b == c) & (c == d), a, outer + inner)
-    return result
+    return np.asarray(np.where((a == b) & (b == c) & (c == d), a, outer + inner))
 
 
 def _slope(points: FloatArray, weights: FloatArray) -> FloatArray:
     """Derivatives of such curves; exactly 0 where all four points are equal."""
     a, b, c, d = points
     outer, inner = weights[0] * (b - a) + weights[2] * (d - c), weights[1] * (c - b)
-    result: FloatArray = 3.0 * (outer + inner)
-    return result
+    return np.asarray(3.0 * (outer + inner))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -139,5 +137,4 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 def _divided(vectors: FloatArray, lengths: FloatArray, where: npt.NDArray[np.bool_]) -> FloatArray:
     """Vectors by their lengths, 0 where that is not wanted."""
-    result: FloatArray = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=where)
-    return result
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=where))

@@ -74,8 +74,7 @@ def part_way(
     first, last, step, steps = (np.asarray(given) for given in (first, last, step, steps))
     near = 2 * step <= steps
     start, towards = np.where(near, first, last), np.where(near, last, first)
-    result: FloatArray = start + (towards - start) * (np.where(near, step, steps - step) / steps)
-    return result
+    return np.asarray(start + (towards - start) * (np.where(near, step, steps - step) / steps))
 
 
 @dataclass(frozen=True, eq=False)

@@ -313,8 +313,7 @@ def _bilinear(pixels: FloatArray, column: FloatArray, row: FloatArray) -> FloatA
     across, up = column - left, row - below
     low = (1.0 - across) * pixels[below, left] + across * pixels[below, left + 1]
     high = (1.0 - across) * pixels[below + 1, left] + across * pixels[below + 1, left + 1]
-    result: FloatArray = (1.0 - up) * low + up * high
-    return result
+    return np.asarray((1.0 - up) * low + up * high)
 
 
 def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twists: int) -> Mesh:

@@ -119,8 +119,7 @@ def _pruned(profile: FloatArray) -> FloatArray:
     """Points without repeats, and without ends that run along the axis."""
     points = profile[np.append(True, (profile[1:] != profile[:-1]).any(axis=1))]
     off_axis = np.flatnonzero(points[:, 0] > 0.0)
-    kept: FloatArray = points[max(off_axis[0] - 1, 0) : off_axis[-1] + 2]
-    return kept
+    return np.asarray(points[max(off_axis[0] - 1, 0) : off_axis[-1] + 2])
 
 
 def _oriented(points: FloatArray) -> FloatArray:
@@ -168,13 +167,11 @@ def _mean(
 def _turn(first: FloatArray, second: FloatArray) -> FloatArray:
     """Angle between vectors, in radians."""
     cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    angle: FloatArray = pm.arctan2(np.abs(cross), (first * second).sum(axis=-1))
-    return angle
+    return np.asarray(pm.arctan2(np.abs(cross), (first * second).sum(axis=-1)))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    unit: FloatArray = vectors / pm.hypot(vectors[..., :1], vectors[..., 1:])
-    return unit
+    return np.asarray(vectors / pm.hypot(vectors[..., :1], vectors[..., 1:]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
