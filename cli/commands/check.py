@@ -27,8 +27,8 @@ from ..terminal import Terminal, columns, say, terminal_options
 from ..types import FileOf
 
 if TYPE_CHECKING:
+    from texbake.checks.check import CheckReport
     from texbake.checks.finding import Finding
-    from texbake.checks.report import CheckReport
 
 _NEVER = "never"
 _WORST_SHOWN = 5

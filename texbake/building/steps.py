@@ -26,7 +26,7 @@ from texbake.verbs.step import (
 from texbake.verbs.verb import Reads
 
 if TYPE_CHECKING:
-    from texbake.checks.report import CheckReport
+    from texbake.checks.check import CheckReport
 
 _NEVER = "never"
 # Maps that `preview` and `page` show.

@@ -28,7 +28,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.text import text_coverage
 
 if TYPE_CHECKING:
-    from texbake.checks.report import CheckReport
+    from texbake.checks.check import CheckReport
 
 
 Picture = npt.NDArray[np.float32]

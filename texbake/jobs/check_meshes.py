@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.check import check_files as read_and_check
+from texbake.checks.check import CheckReport, check_files as read_and_check
 from texbake.checks.finding import N_WORST, Finding
 from texbake.checks.kinds import CheckOptions
 from texbake.checks.picture import COLORS, ring
-from texbake.checks.report import CheckReport
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together

@@ -37,7 +37,7 @@ from invariance.quantities import (
 )
 
 import texbake
-from texbake.checks.report import CheckReport
+from texbake.checks.check import CheckReport
 from texbake.jobs.export.export import share_elsewhere
 from texbake.mesh.normals import face_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.tangents import corner_tangents
