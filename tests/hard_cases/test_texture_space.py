@@ -1,13 +1,9 @@
 """Which face owns a texel, by exact counts, and tangents in hard places."""
 
 import numpy as np
-import pytest
 
 import texbake
-from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, rasterize_uv, snap_uvs
-from texbake.errors import UvError
-from texbake.mesh.shapes import plane, uv_sphere
-from texbake.mesh.tangents import corner_tangents
+from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
 
 
 def covers(corners, points):
@@ -31,40 +27,6 @@ def covers(corners, points):
     return inside & (doubles != 0).astype(bool)[:, None]
 
 
-@pytest.mark.parametrize(("width", "height", "per_side"), [(16, 16, 1), (7, 13, 2), (1, 1, 4)])
-def test_each_sample_has_the_owner_of_exact_integer_arithmetic(
-    textured_case, width, height, per_side
-):
-    mesh = textured_case.make()
-    grid = SampleGrid(width, height, per_side)
-    try:
-        snapped = snap_uvs(mesh, grid)
-    except UvError:
-        # Then no face may cover a sample: refused, never an empty map.
-        corners = np.rint(mesh.corner_uvs() * [grid.n_columns, grid.n_rows] * UNIT)
-        y, x = np.mgrid[: grid.n_rows, : grid.n_columns].reshape(2, -1) * UNIT + UNIT // 2
-        assert not covers(corners, np.stack([x, y], axis=1).astype(object)).any()
-        return
-    owners, n_overlaps = rasterize_uv(snapped, grid)
-    y, x = np.mgrid[: grid.n_rows, : grid.n_columns].reshape(2, -1) * UNIT + UNIT // 2
-    covered = covers(snapped.corners, np.stack([x, y], axis=1).astype(object))
-    expected = np.where(covered.any(axis=0), covered.argmax(axis=0), NO_FACE)
-    np.testing.assert_array_equal(owners.ravel(), expected)
-    assert n_overlaps == np.count_nonzero(covered.sum(axis=0) > 1)
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 64])
-@pytest.mark.parametrize("size", [(64, 64), (61, 67), (1, 5)])
-def test_a_divided_square_owns_each_texel_once(n, size):
-    mesh = plane(n, n)
-    owners, n_overlaps = rasterize_uv(snap_uvs(mesh, SampleGrid(*size, 1)), SampleGrid(*size, 1))
-    assert n_overlaps == 0
-    assert (owners != NO_FACE).all()
-    if size == (64, 64) and 64 % n == 0:
-        counts = np.bincount(owners.ravel(), minlength=mesh.n_faces).reshape(-1, 2)
-        assert (counts.sum(axis=1) == (64 // n) ** 2).all()
-
-
 def test_a_needle_owns_its_share_where_samples_are_dense(case_named):
     """What a face owns tends to its area: each step of the samples brings it closer."""
     mesh = case_named("needle thinner than a texel").make()
@@ -77,26 +39,6 @@ def test_a_needle_owns_its_share_where_samples_are_dense(case_named):
         share = np.count_nonzero(owners == mesh.n_faces - 1) / owners.size
         errors.append(abs(share / area - 1.0))
     assert errors[-1] < 0.02 and errors == sorted(errors, reverse=True)
-
-
-def test_mirrored_halves_keep_opposite_signs_and_one_tangent_each():
-    strip = plane(4, 1)
-    mesh = strip.replace(uvs=np.column_stack([np.abs(strip.uvs[:, 0] - 0.5), strip.uvs[:, 1]]))
-    tangents = corner_tangents(mesh)
-    left = mesh.positions[mesh.faces].mean(axis=1)[:, 0] < 0.5
-    np.testing.assert_allclose(tangents[left][..., 0], -1.0, atol=1e-6)
-    np.testing.assert_allclose(tangents[~left][..., 0], 1.0, atol=1e-6)
-    assert (tangents[left][..., 3] == -1.0).all() and (tangents[~left][..., 3] == 1.0).all()
-
-
-@pytest.mark.parametrize("method", ["cylindrical", "spherical"])
-def test_no_face_smears_over_the_seam_or_about_a_pole(method):
-    ball = uv_sphere(8, 16).replace(uvs=None, uv_faces=None)
-    # The axis of the mapping is the sphere's own: with vertices on the seam and at both poles.
-    mapped = texbake.unwrap(ball, method=method, axis="z")
-    s = mapped.corner_uvs()[..., 0]
-    # Sixteen columns; a triangle at a pole has its two other corners' width.
-    assert np.ptp(s, axis=1).max() <= 1.0 / 16.0 + 1e-12
 
 
 def test_points_on_the_axis_and_rays_along_the_surface_get_finite_coordinates():
