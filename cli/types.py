@@ -45,36 +45,6 @@ class Turntable:
     n_views: int
 
 
-class ViewParam(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
-    """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, a `Turntable`."""
-
-    name = "view"
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """Show the forms."""
-        return "AZ,EL[,DIST]|turntable:N"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...] | Turntable:
-        """Parse into two or three numbers, or a `Turntable`."""
-        if not isinstance(value, str):
-            return value  # type: ignore[no-any-return]  # a default
-        word, colon, count = value.partition(":")
-        if colon and word == "turntable":
-            n_views = whole_number(count)
-            if not n_views:
-                self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
-            return Turntable(n_views)
-        try:
-            numbers = tuple(float(number) for number in value.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) not in (2, 3):
-            self.fail(f"{value!r} is not a view such as 30,20 or 30,20,2.5", param, ctx)
-        return numbers
-
-
 class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """Numbers separated by commas, or one of a few words."""
 
@@ -103,6 +73,29 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
         if len(numbers) not in self._counts:
             self.fail(f"{value!r} is not of the form {self._metavar}")
         return numbers[0] if len(numbers) == 1 else numbers
+
+
+class ViewParam(Numbers):
+    """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, a `Turntable`."""
+
+    name = "view"
+
+    def __init__(self) -> None:
+        super().__init__("AZ,EL[,DIST]")
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Show the forms."""
+        return f"{self._metavar}|turntable:N"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse into two or three numbers, or a `Turntable`."""
+        word, colon, count = str(value).partition(":")
+        if not colon or word != "turntable":
+            return super().convert(value, param, ctx)
+        n_views = whole_number(count)
+        if not n_views:
+            self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
+        return Turntable(n_views)
 
 
 class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none

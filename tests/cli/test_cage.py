@@ -55,14 +55,6 @@ def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) ->
     assert joined.distances[-8:].max() > 2.0 * distances[-8:].max()
 
 
-def test_the_low_poly_mesh_is_not_overwritten(pair: tuple[str, str]) -> None:
-    before = Path(pair[1]).read_bytes()
-    result = CliRunner().invoke(texbake, ["cage", *pair, "-o", pair[1]])
-    assert result.exit_code != 0
-    assert "it is also an input" in result.output
-    assert Path(pair[1]).read_bytes() == before
-
-
 def test_parts_outside_any_cage_are_reported(tmp_path: Path) -> None:
     high, low = tmp_path / "high.ply", tmp_path / "low.obj"
     wide = plane(9, 9)

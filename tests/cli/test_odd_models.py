@@ -100,8 +100,15 @@ REFUSED = {
 }
 
 
-@every_command
-@pytest.mark.parametrize("name", REFUSED)
+# Every model with one command, and every command with all kinds of files.
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        (name, list(COMMANDS)[(i + shift) % len(COMMANDS)])
+        for i, name in enumerate(REFUSED)
+        for shift in (0, 3)
+    ],
+)
 def test_models_that_are_refused(answer, tmp_path, command, name):
     make, reason = REFUSED[name]
     make(tmp_path / name)

@@ -1,19 +1,15 @@
 """Jobs from files to files: what they write, what they return, and what they refuse."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import texbake
-from texbake import BakeOptions, OptionError
+from texbake import BakeOptions
 from texbake.errors import FileFormatError, MeshError
-from texbake.jobs.check_meshes import check_mesh_files
 from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.meshes import info_file
-from texbake.jobs.preview import preview_files
 from texbake.mesh.shapes import uv_sphere
-from texbake.verbs.compare import compare_files
 from texbake.verbs.make import make_file
 from texbake.verbs.remap import remap_files
 from texbake.verbs.simplify import simplify_file, simplify_levels
@@ -70,25 +66,6 @@ def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str)
     with pytest.raises(FileFormatError, match="hold no texture coordinates"):
         unwrap_files([name, "bare.ply"], "folder")
     assert not unwrap_files("bare.ply", "mapped.ply").warnings
-
-
-@pytest.mark.parametrize(
-    "job",
-    [
-        lambda: bake_files("ball.obj", "ball.obj", {"normal": "ball.obj"}, OPTIONS),
-        lambda: compare_files("ball.obj", "bare.ply", "c.png", report="ball.obj"),
-        lambda: preview_files("ball.obj", "p.png", report="ball.obj"),
-        lambda: check_mesh_files("ball.obj", sides="s.png", layout="s.png"),
-    ],
-)
-def test_no_output_replaces_an_input_or_another_output(
-    folder: Path, job: Callable[[], object]
-) -> None:
-    before = Path("ball.obj").read_bytes()
-    with pytest.raises(OptionError, match=r"it is also an input|two outputs have this name"):
-        job()
-    assert Path("ball.obj").read_bytes() == before
-    assert sorted(path.name for path in folder.iterdir()) == ["ball.obj", "bare.ply"]
 
 
 @pytest.mark.parametrize("radius", [1e-320, 1e308])

@@ -34,6 +34,10 @@ def test_an_error_and_a_time_are_passed_on():
         ({"samples": "some"}, "samples: some"),
         ({"max_error": "small"}, "is not an error"),
         ({"time_budget": "later"}, "is not a duration"),
+        ({"size": 16, "padding": 8}, "padding: 8"),
+        ({"convention": "vulkan"}, "convention: vulkan"),
+        ({"up": "x"}, "up: x"),
+        ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
     ],
 )
 def test_impossible_options_are_refused_before_the_work(options, message):

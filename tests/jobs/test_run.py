@@ -12,7 +12,6 @@ import texbake.jobs.run as run_module
 from texbake import (
     FileError,
     Mesh,
-    OptionError,
     RunOptions,
     TexbakeError,
     check,
@@ -195,27 +194,6 @@ def test_an_impossible_folder_is_refused_before_the_work(
         run(high, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"n_faces": 3}, "faces: 3"),
-        ({"n_faces": None}, "neither is given"),
-        ({"error": "wide"}, "error: 'wide' is not a distance"),
-        ({"quality": "worst"}, "quality: worst"),
-        ({"size": 0}, "size: 0"),
-        ({"size": 16, "padding": 8}, "padding: 8"),
-        ({"samples": 2}, "samples: 2"),
-        ({"convention": "vulkan"}, "convention: vulkan"),
-        ({"up": "x"}, "up: x"),
-        ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
-        ({"threads": 0}, "threads: 0"),
-    ],
-)
-def test_wrong_options_are_refused_when_they_are_made(wrong: dict, message: str) -> None:
-    with pytest.raises(OptionError, match=message):
-        RunOptions(**wrong)
-
-
 def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
     result = demo(tmp_path, DemoOptions(triangles=20_000, faces=200, size=128))
     assert result.files["high"] == tmp_path / "orange_high.ply"
@@ -227,11 +205,6 @@ def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
     assert comparison is not None and comparison.displaced is not None
     assert comparison.displaced.mean_deg < 0.5 * comparison.bare.mean_deg
     assert comparison.mapped.mean_deg < comparison.bare.mean_deg
-
-
-def test_an_orange_needs_triangles_for_its_pores() -> None:
-    with pytest.raises(OptionError, match="triangles: 999"):
-        DemoOptions(triangles=999)
 
 
 def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(
