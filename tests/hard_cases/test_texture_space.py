@@ -1,9 +1,11 @@
 """Which face owns a texel, by exact counts, and tangents in hard places."""
 
 import numpy as np
+import pytest
 
 import texbake
-from texbake.baking.texels import SampleGrid, rasterize_uv, snap_uvs
+from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, rasterize_uv, snap_uvs
+from texbake.errors import UvError
 
 
 def covers(corners, points):
@@ -25,6 +27,28 @@ def covers(corners, points):
         owned = ((dy < 0) | ((dy == 0) & (dx > 0)))[:, None]
         inside &= ((edge > 0) | ((edge == 0) & owned)).astype(bool)
     return inside & (doubles != 0).astype(bool)[:, None]
+
+
+@pytest.mark.parametrize(("width", "height", "per_side"), [(16, 16, 1), (7, 13, 2), (1, 1, 4)])
+def test_each_sample_has_the_owner_of_exact_integer_arithmetic(
+    textured_case, width, height, per_side
+):
+    mesh = textured_case.make()
+    grid = SampleGrid(width, height, per_side)
+    try:
+        snapped = snap_uvs(mesh, grid)
+    except UvError:
+        # Then no face may cover a sample: refused, never an empty map.
+        corners = np.rint(mesh.corner_uvs() * [grid.n_columns, grid.n_rows] * UNIT)
+        y, x = np.mgrid[: grid.n_rows, : grid.n_columns].reshape(2, -1) * UNIT + UNIT // 2
+        assert not covers(corners, np.stack([x, y], axis=1).astype(object)).any()
+        return
+    owners, n_overlaps = rasterize_uv(snapped, grid)
+    y, x = np.mgrid[: grid.n_rows, : grid.n_columns].reshape(2, -1) * UNIT + UNIT // 2
+    covered = covers(snapped.corners, np.stack([x, y], axis=1).astype(object))
+    expected = np.where(covered.any(axis=0), covered.argmax(axis=0), NO_FACE)
+    np.testing.assert_array_equal(owners.ravel(), expected)
+    assert n_overlaps == np.count_nonzero(covered.sum(axis=0) > 1)
 
 
 def test_a_needle_owns_its_share_where_samples_are_dense(case_named):
