@@ -85,14 +85,14 @@ ImageTable = table(
 
 
 def _procedure_texture(found: Table) -> ProcedureTexture:
-    given, parameters = found.set_values(), found.model_extra or {}
-    known = PROCEDURE_DEFAULTS[given["procedure"]]
+    values, parameters = found.set_values(), found.model_extra or {}
+    known = PROCEDURE_DEFAULTS[values["procedure"]]
     for key in parameters:
         if key not in known:
             keys = [*known, *ProcedureTable.keys()]
-            raise key_error(key, f"unknown key of {given['procedure']}; {nearest(key, keys)}")
-    full = checked_parameters(given["procedure"], parameters)
-    return ProcedureTexture(**given, parameters={key: full[key] for key in parameters})
+            raise key_error(key, f"unknown key of {values['procedure']}; {nearest(key, keys)}")
+    full = checked_parameters(values["procedure"], parameters)
+    return ProcedureTexture(**values, parameters={key: full[key] for key in parameters})
 
 
 ProcedureTable = table(
@@ -240,21 +240,21 @@ ProjectorMatrix = Annotated[Any, PlainValidator(_projector_matrix), _schema((4, 
 
 
 def _projected(
-    texture: ImageTexture, matrix: FloatArray | None = None, **given: Any
+    texture: ImageTexture, matrix: FloatArray | None = None, **values: Any
 ) -> ProjectedTexture:
     options = {
-        name: given.pop(name) for name in ("strength", "facing", "occlusion") if name in given
+        name: values.pop(name) for name in ("strength", "facing", "occlusion") if name in values
     }
     if matrix is not None:
-        if given:
-            raise OptionError(f"{min(given)}: it conflicts with the matrix; give only one")
+        if values:
+            raise OptionError(f"{min(values)}: it conflicts with the matrix; give only one")
         return ProjectedTexture(texture=texture, matrix=matrix, **options)
     for name in "position", "target":
-        if name not in given:
+        if name not in values:
             raise OptionError(f"{name}: it is missing; give position and target, or a matrix")
-    of_aspect = partial(projector_matrix, **given)
+    of_aspect = partial(projector_matrix, **values)
     return ProjectedTexture(
-        texture=texture, matrix=of_aspect() if "aspect" in given else of_aspect, **options
+        texture=texture, matrix=of_aspect() if "aspect" in values else of_aspect, **options
     )
 
 

@@ -59,10 +59,10 @@ MappingTable = table(
 )
 
 
-def _mapping(matrix: FloatArray | None = None, **given: Any) -> UnwrapOptions:
+def _mapping(matrix: FloatArray | None = None, **values: Any) -> UnwrapOptions:
     if matrix is not None:
-        given["matrix"] = tuple(map(tuple, matrix.tolist()))
-    return UnwrapOptions(**given)
+        values["matrix"] = tuple(map(tuple, matrix.tolist()))
+    return UnwrapOptions(**values)
 
 
 def _material_kind(value: Any) -> str:
@@ -122,30 +122,30 @@ class ObjectMaker:
 
     def build(self, index: int, found: Table) -> list[SceneObject]:
         """Build the objects of one table: a single object, or all objects of a glTF file."""
-        given = found.set_values()
+        values = found.set_values()
         steps = "objects", index
         with at(self.path, *steps):
-            transform = _transform(given)
-            _check_source(given)
-        material = self._material(steps, given.get("material"))
-        flags = {key: given[key] for key in _FLAGS if key in given}
-        if _is_whole_scene(given):
+            transform = _transform(values)
+            _check_source(values)
+        material = self._material(steps, values.get("material"))
+        flags = {key: values[key] for key in _FLAGS if key in values}
+        if _is_whole_scene(values):
             with at(self.path, *steps, "mesh"):
-                scene = read_gltf_scene(given["mesh"], progress=self.progress)
+                scene = read_gltf_scene(values["mesh"], progress=self.progress)
             self.notes += scene.notes
             self.files += scene.files
             return [
                 replace(item, transform=_compose(transform, item.transform), **flags)
                 for item in scene.objects
             ]
-        mesh = self._mesh(steps, given)
-        name = self._free_name(given.get("name") or Path(mesh.name).stem)
-        if material is not None and not isinstance(given["material"], str):
+        mesh = self._mesh(steps, values)
+        name = self._free_name(values.get("name") or Path(mesh.name).stem)
+        if material is not None and not isinstance(values["material"], str):
             material = replace(material, name=name)
         return [
             SceneObject(
                 mesh=mesh,
-                mapping=given.get("mapping"),
+                mapping=values.get("mapping"),
                 material=material or Material(name=name),
                 transform=transform,
                 name=name,
@@ -153,21 +153,21 @@ class ObjectMaker:
             )
         ]
 
-    def _material(self, steps: tuple[str, int], given: str | Material | None) -> Material | None:
-        if isinstance(given, str):
+    def _material(self, steps: tuple[str, int], material: str | Material | None) -> Material | None:
+        if isinstance(material, str):
             with at(self.path, *steps):
-                if given not in self.materials:
-                    known = nearest(given, self.materials)
+                if material not in self.materials:
+                    known = nearest(material, self.materials)
                     advice = known if self.materials else "the file has no [materials.NAME]"
-                    raise OptionError(f"material: there is no {quoted(given)}; {advice}")
-            return self.materials[given]
-        return given
+                    raise OptionError(f"material: there is no {quoted(material)}; {advice}")
+            return self.materials[material]
+        return material
 
-    def _mesh(self, steps: tuple[str, int], given: Mapping[str, Any]) -> Mesh:
-        if "mesh" not in given:
+    def _mesh(self, steps: tuple[str, int], values: Mapping[str, Any]) -> Mesh:
+        if "mesh" not in values:
             with at(self.path, *steps):
-                return self._shape(given)
-        path: Path = given["mesh"]
+                return self._shape(values)
+        path: Path = values["mesh"]
         if path not in self._meshes:
             with at(self.path, *steps, "mesh"):
                 self._meshes[path] = read_mesh(path, progress=self.progress)
@@ -182,13 +182,13 @@ class ObjectMaker:
         self._names.add(free)
         return free
 
-    def _shape(self, given: Mapping[str, Any]) -> Mesh:
+    def _shape(self, values: Mapping[str, Any]) -> Mesh:
         """Make a shape, if all shapes of the scene together do not get too large."""
-        options = _shape_options(given)
+        options = _shape_options(values)
         is_known = not options.keys() & {"image", "patches", "profile"}
         if is_known:
-            self._count(_shape_size(given["shape"], options))
-        mesh = _make_shape(given["shape"], options)
+            self._count(_shape_size(values["shape"], options))
+        mesh = _make_shape(values["shape"], options)
         if not is_known:
             self._count(mesh.n_faces)
         return mesh
@@ -206,34 +206,34 @@ class ObjectMaker:
 _FLAGS = ("casts_shadows", "receives_shadows", "visible")
 
 
-def _is_whole_scene(given: Mapping[str, Any]) -> bool:
+def _is_whole_scene(values: Mapping[str, Any]) -> bool:
     """Whether an object is a whole glTF file with its own materials."""
     return (
-        "mesh" in given
-        and given["mesh"].suffix.lower() in GLTF_SUFFIXES
-        and not given.keys() & {"material", "mapping"}
+        "mesh" in values
+        and values["mesh"].suffix.lower() in GLTF_SUFFIXES
+        and not values.keys() & {"material", "mapping"}
     )
 
 
-def _check_source(given: Mapping[str, Any]) -> None:
-    if ("mesh" in given) == ("shape" in given):
+def _check_source(values: Mapping[str, Any]) -> None:
+    if ("mesh" in values) == ("shape" in values):
         raise OptionError(
             "shape: it conflicts with the mesh; give only one"
-            if "mesh" in given
+            if "mesh" in values
             else "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"
         )
-    if "mesh" in given:
-        for key in given:
+    if "mesh" in values:
+        for key in values:
             if key in _SHAPE_KEYS:
                 raise OptionError(f"{key}: it belongs to a shape, and this object has a mesh")
 
 
-def _transform(given: Mapping[str, Any]) -> FloatArray | None:
-    parts = {key: given[key] for key in ("translate", "rotate", "scale") if key in given}
-    if "matrix" in given:
+def _transform(values: Mapping[str, Any]) -> FloatArray | None:
+    parts = {key: values[key] for key in ("translate", "rotate", "scale") if key in values}
+    if "matrix" in values:
         if parts:
             raise OptionError(f"{next(iter(parts))}: it conflicts with the matrix; give only one")
-        return check_transform(given["matrix"], "matrix")
+        return check_transform(values["matrix"], "matrix")
     return check_transform(transform_matrix(**parts), "scale") if parts else None
 
 
@@ -243,10 +243,10 @@ def _compose(outer: FloatArray | None, inner: FloatArray | None) -> FloatArray |
     return pm.matmul(outer, inner)
 
 
-def _shape_options(given: Mapping[str, Any]) -> dict[str, Any]:
+def _shape_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a shape, all of which it takes."""
-    shape: str = given["shape"]
-    options = {key: given[key] for key in given if key in _SHAPE_KEYS}
+    shape: str = values["shape"]
+    options = {key: values[key] for key in values if key in _SHAPE_KEYS}
     of_others = set(_SHAPE_KEYS) if shape in PLAIN_SHAPES else {"level", "n_triangles"}
     for key in options:
         if key in of_others.difference(PLAIN_SHAPES.get(shape, ())):

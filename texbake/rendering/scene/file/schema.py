@@ -96,18 +96,18 @@ _READ_BY = {
 ShadowTable = table(Shadow, switchable=True)
 
 
-def _light(kind: str, target: tuple[float, ...] | None = None, **given: Any) -> Light:
-    for key in [*given, *(["target"] if target is not None else [])]:
+def _light(kind: str, target: tuple[float, ...] | None = None, **values: Any) -> Light:
+    for key in [*values, *(["target"] if target is not None else [])]:
         if kind not in _READ_BY.get(key, (kind,)):
             raise OptionError(f"{key}: a {kind} light does not use it; leave it out")
-    if kind != "directional" and "position" not in given:
+    if kind != "directional" and "position" not in values:
         raise OptionError(f"position: it is missing; a {kind} light needs one")
     if target is not None:
-        if "direction" in given:
+        if "direction" in values:
             raise OptionError("direction: it conflicts with the target; give only one")
-        start = given.get("position", (0.0, 0.0, 0.0))
-        given["direction"] = tuple(b - a for a, b in zip(start, target, strict=True))
-    return Light(kind=kind, **given)
+        start = values.get("position", (0.0, 0.0, 0.0))
+        values["direction"] = tuple(b - a for a, b in zip(start, target, strict=True))
+    return Light(kind=kind, **values)
 
 
 LightTable = table(
@@ -177,8 +177,8 @@ def _angles(value: Any) -> tuple[float, ...]:
     return tuple(map(float, value))
 
 
-def _view(view: tuple[float, ...] | None = None, **given: Any) -> CameraView:
-    return CameraView(angles=view, **given)  # type: ignore[arg-type]
+def _view(view: tuple[float, ...] | None = None, **values: Any) -> CameraView:
+    return CameraView(angles=view, **values)  # type: ignore[arg-type]
 
 
 def _background(value: Any) -> tuple[float, ...] | None:
@@ -188,9 +188,9 @@ def _background(value: Any) -> tuple[float, ...] | None:
     return tuple(min(channel, 1.0) for channel in encode_srgb(color_of(value)).tolist())
 
 
-def _check_render(**given: Any) -> dict[str, Any]:
-    RenderOptions(**given)
-    return given
+def _check_render(**values: Any) -> dict[str, Any]:
+    RenderOptions(**values)
+    return values
 
 
 _ANGLES = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
