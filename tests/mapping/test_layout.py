@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from texbake.core import core
 from texbake.errors import UvError
-from texbake.mapping.layout import SAMPLES, add_faces, add_lines, draw_layout
+from texbake.mapping.layout import SAMPLES, draw_layout
 from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.oklch import diverging
@@ -178,7 +179,7 @@ def test_faces_cover_the_samples_inside_them(seed: int) -> None:
     pixels = middle + (random.random((6, 3, 2)) - 0.5) * sizes
     colors, half, border_shade = random.random((6, 3)), 0.35, 0.7
     sums = np.zeros((HEIGHT, WIDTH, 4))
-    add_faces(pixels, colors, TOP, half, border_shade, sums)
+    core.cover_faces(pixels, colors, TOP, half, border_shade, sums)
     expected = np.zeros_like(sums)
     for corners, color in zip(pixels, colors, strict=True):
         distances = inwards(corners, samples())
@@ -195,7 +196,7 @@ def test_lines_cover_the_samples_near_them(seed: int) -> None:
     ends[1, :, seed % 2] = ends[1, 0, seed % 2]  # along an axis
     ends[2, 1] = ends[2, 0]  # a point
     masks = np.zeros((HEIGHT, WIDTH), dtype=np.uint16)
-    add_lines(ends, 1.4, TOP, masks)
+    core.cover_lines(ends, TOP, 0.7, masks)
     expected = np.zeros_like(masks)
     for start, end in ends:
         way, to = end - start, samples() - start
@@ -211,7 +212,7 @@ def test_of_many_layers_some_dozens_are_mixed() -> None:
     colors = np.zeros((1000, 3))
     colors[::4, 0] = 1.0
     sums = np.zeros((HEIGHT, WIDTH, 4))
-    add_faces(np.tile(whole, (1000, 1, 1)), colors, TOP, 0.35, 0.7, sums)
+    core.cover_faces(np.tile(whole, (1000, 1, 1)), colors, TOP, 0.35, 0.7, sums)
     assert (sums == sums[0, 0]).all()
     assert 32 <= sums[0, 0, 3] / SAMPLES**2 < 1000
     assert sums[0, 0, 0] / sums[0, 0, 3] == 0.25
@@ -223,7 +224,7 @@ def test_a_face_over_full_pixels_still_shows_beside_them() -> None:
     colors = np.zeros((501, 3))
     colors[-1] = 1.0
     sums = np.zeros((HEIGHT, WIDTH, 4))
-    add_faces(pixels, colors, TOP, 0.0, 1.0, sums)
+    core.cover_faces(pixels, colors, TOP, 0.0, 1.0, sums)
     assert sums[0, 0, 0] == 0.0  # full before it came
     assert (sums[:, 7:, 3] == 16.0).all() and (sums[:, 7:, 0] == 16.0).all()
 

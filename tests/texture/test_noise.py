@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.texture.procedures import evaluate, fractal_sum, signed_noise, turbulence_sum
-from texbake.texture.procedures.noise import WEIGHTS, _SplitMix64, gradients, lattice
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.noise import (
+    WEIGHTS,
+    _SplitMix64,
+    fractal_sum,
+    gradients,
+    lattice,
+    signed_noise,
+    turbulence_sum,
+)
 
 BOTH = pytest.mark.parametrize("weight", ["cubic", "quintic"])
 

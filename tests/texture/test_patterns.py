@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
-from texbake.texture.procedures import DEFAULT_RAMPS, evaluate, turbulence_sum
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.noise import turbulence_sum
+from texbake.texture.procedures.options import DEFAULT_RAMPS
 from texbake.texture.procedures.patterns import HARD, RAMP, SINE, own_ramp
 
 

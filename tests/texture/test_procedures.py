@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.procedures import (
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.evaluation import PROCEDURES
+from texbake.texture.procedures.options import (
     DEFAULT_RAMPS,
     PROCEDURE_DEFAULTS,
     PROCEDURE_NAMES,
-    PROCEDURES,
     checked_parameters,
-    evaluate,
 )
 
 EACH = pytest.mark.parametrize("name", PROCEDURE_NAMES)
@@ -162,7 +162,7 @@ def test_numbers_of_numpy_are_numbers():
 
 def test_names_and_parameters_cost_no_numpy():
     code = (
-        "import sys; from texbake.texture.procedures import PROCEDURE_DEFAULTS, DEFAULT_RAMPS; "
+        "import sys; from texbake.texture.procedures.options import PROCEDURE_DEFAULTS; "
         "assert 'numpy' not in sys.modules"
     )
     subprocess.run([sys.executable, "-P", "-c", code], check=True)

@@ -2,6 +2,8 @@
 
 What is wrong stands out: mirrored faces are red, and the colors of overlapping faces mix. Seams are
 darker than the borders of the surface itself.
+
+Kernels: `core/scanline_coverage.c`.
 """
 
 from __future__ import annotations
@@ -99,7 +101,7 @@ def draw_layout(
     def draw_rows(start: int, stop: int) -> None:
         shape = stop - start, window.width
         sums = np.zeros((*shape, 4))
-        add_faces(pixels, colors, start, EDGE_PX / 2.0, edge_light, sums)
+        core.cover_faces(pixels, colors, start, EDGE_PX / 2.0, edge_light, sums)
         hits = sums[:, :, 3:]
         covered = np.minimum(hits / SAMPLES**2, 1.0)
         rows = covered * (sums[:, :, :3] / np.maximum(hits, 1.0))
@@ -128,7 +130,7 @@ def _tile_borders(window: LayoutWindow) -> FloatArray:
 def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) -> FloatArray:
     """(H, W, 1) float64: share of each pixel, from row `top` on, that is on a line."""
     masks = np.zeros(shape, dtype=np.uint16)
-    add_lines(lines, width, top, masks)
+    core.cover_lines(lines, top, width / 2.0, masks)
     bits = np.unpackbits(masks.view(np.uint8).reshape(*shape, 2), axis=2)
     return np.asarray(bits.sum(axis=2)[:, :, None] / SAMPLES**2)
 
@@ -183,34 +185,3 @@ def _stamp(
     columns = slice(left + left_cut, left + left_cut + ink.shape[1])
     color = linear(INK) if color is None else color
     picture[rows, columns] += ink * (color.astype(np.float32) - picture[rows, columns])
-
-
-def add_faces(
-    pixels: FloatArray,
-    colors: FloatArray,
-    top: int,
-    half_edge: float,
-    edge_light: float,
-    sums: FloatArray,
-) -> None:
-    """Add the colors of the samples that each face covers, and their number, to `sums`.
-
-    Kernel: `core/scanline_coverage.c`.
-
-    `pixels` (F, 3, 2) float64: x to the right and y down; `colors` (F, 3) float64: linear; `top`: y
-    of the first row of `sums`; `half_edge`, `edge_light`: samples within `half_edge` of an edge
-    have their color multiplied by `edge_light`; `sums` (H, W, 4) float64: red, green, blue and the
-    number of samples.
-    """
-    core.cover_faces(pixels, colors, top, half_edge, edge_light, sums)
-
-
-def add_lines(ends: FloatArray, width: float, top: int, masks: npt.NDArray[np.uint16]) -> None:
-    """Set the bit of each sample that lies on a line.
-
-    Kernel: `core/scanline_coverage.c`.
-
-    `ends` (N, 2, 2) float64: end points, which may coincide; `width`: width of the lines in pixels;
-    `top`: y of the first row of `masks`; `masks` (H, W) uint16.
-    """
-    core.cover_lines(ends, top, width / 2.0, masks)

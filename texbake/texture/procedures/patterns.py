@@ -47,8 +47,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.texture.procedures import DEFAULT_RAMPS
 from texbake.texture.procedures.noise import WEIGHTS, gradients, lattice, squared_amplitudes
+from texbake.texture.procedures.options import DEFAULT_RAMPS
 from texbake.texture.procedures.points import ProcedurePoints, Work, unit_vector
 
 # Number of values for the mean color; ramps have only a few stops.
