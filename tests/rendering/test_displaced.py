@@ -125,6 +125,11 @@ def test_no_edge_in_a_picture_is_longer_than_its_excess_says(edge_px, lift):
         pixels = clip[:, :2] / clip[:, 3:] * (150.0, 100.0)
         lengths = np.linalg.norm(np.diff(pixels[now.pieces.ends], axis=1)[:, 0], axis=1)
         assert (lengths <= excess * edge_px * (1.0 + 1e-9)).all()
+    # Maps are read for half of `edge_px` pixels, and for the near plane before it.
+    pixel = 2.0 * np.tan(camera.fov / 2.0) / 200
+    depths = np.append((camera.eye - now.points) @ camera.axes[2], camera.near)
+    shown = np.concatenate([now.points, [camera.eye + camera.axes[2]]])
+    np.testing.assert_allclose(view.widths(shown), 0.5 * edge_px * pixel * depths)
     depths = (camera.eye - now.positions) @ camera.axes[2]
     across = np.abs(np.diff(depths[now.pieces.ends], axis=1)[:, 0]) < 0.02
     assert across.any() and (lengths[across] > 0.5 * excess[across] * edge_px).all()

@@ -334,6 +334,8 @@ WRONG = [
         ("base_color = {image = 'gray.png', filter = 'cubic'}", "base_color.filter: 'cubic' is not "
          "one of nearest, bilinear, bicubic, trilinear, ewa, supersampled; did you mean "
          "'bicubic'?"),
+        ("base_color = {image = ''}", "base_color.image: '' is not a file name"),
+        ("base_color = {image = 3}", "base_color.image: 3 is not a file name"),
         ("base_color = {filter = 'ewa'}", "base_color.image: it is missing; it must be given"),
         ("base_color = [1, 2]", "base_color: [1, 2] is not a color; give a number, [r, g, b] "
          "(linear), '#rrggbb' (sRGB), an image or a procedure"),
