@@ -14,7 +14,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import BUFFERS, RenderOptions
+from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_rows
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Light, Lighting
@@ -73,12 +73,6 @@ def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     assert n_mapped == [BALL.mesh.name]
     (row,) = (row for row in plan_rows(found.plan, found.costs) if row.name == "mapping")
     assert row.milliseconds and row.n_bytes and not row.skipped
-
-
-@pytest.mark.parametrize("buffer", BUFFERS)
-def test_buffers_map_only_if_they_show_coordinates(buffer: str, n_mapped: list[str]) -> None:
-    render_scene(scene_of(BALL), replace(OPTIONS, buffer=buffer))
-    assert len(n_mapped) == (buffer in ("uv", "mip-level", "texel-grid"))
 
 
 def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(

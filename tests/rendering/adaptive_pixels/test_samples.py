@@ -164,13 +164,6 @@ def test_what_is_even_is_sampled_once():
     assert frame.sampling.errors[0].measured[100] == 0.0
 
 
-def test_a_picture_of_nothing():
-    hidden = Scene(objects=(SceneObject(mesh=cube(), material=WHITE, visible=False),))
-    frame = render_scene(hidden, OPTIONS)
-    assert frame.sampling.n_checked == 0 and frame.sampling.errors[0].measured == {}
-    assert not frame.coverage.any() and not frame.sampling.warnings
-
-
 def test_normals_are_of_the_pixels_that_coverage_and_depths_are_of():
     frame = render(icosphere(2), options=OPTIONS)
     plain = render(icosphere(2), options=replace(OPTIONS, max_error=None))
