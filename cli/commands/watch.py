@@ -9,10 +9,10 @@ import click
 
 from texbake import BuildOptions, TexbakeError
 
-from ..building import print_result, shown
 from ..options import build_options
 from ..terminal import Terminal, complain, say, terminal_options
 from ..types import FileOf
+from .build import print_result, shown
 
 if TYPE_CHECKING:
     from texbake.building.report import BuildResult

@@ -15,7 +15,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
-from texbake.verbs.step import Job, steady
+from texbake.verbs.step import Job, without_timings
 
 Do = Callable[..., tuple[dict[str, Path], dict[str, Any]]]
 
@@ -135,7 +135,7 @@ def test_maps_in_several_formats(do: Do, ball: Path) -> None:
 
 def test_reports_have_no_times() -> None:
     report = {"a": [{"seconds": 1.0, "b": 2}], "stages": [], "options": {"threads": 3, "size": 4}}
-    assert steady(report) == {"a": [{"b": 2}], "options": {"size": 4}}
+    assert without_timings(report) == {"a": [{"b": 2}], "options": {"size": 4}}
 
 
 def test_textures(do: Do, ball: Path, tmp_path: Path) -> None:

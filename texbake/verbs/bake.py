@@ -22,8 +22,8 @@ from texbake.verbs.step import (
     n_faces,
     n_texels,
     stage_seconds,
-    steady,
     step_of,
+    without_timings,
 )
 from texbake.verbs.verb import PAGE, Extra, Options, Reads, Writes, verb
 
@@ -215,7 +215,7 @@ def _step(job: Job) -> dict[str, Any]:
     report = done.to_json()
     for file in report["files"].values():
         file["path"] = file["path"].name  # the folder is a temporary one
-    write_report(job.outputs["report"], steady(report))
+    write_report(job.outputs["report"], without_timings(report))
     return {
         "faces": done.report.n_low_faces,
         "miss_percent": done.report.miss_percent,

@@ -110,7 +110,7 @@ def _step(job: Job) -> dict[str, Any]:
     )
     return {
         "bytes": sum(path.stat().st_size for path in done.files),
-        "notes": list(done.notes),
+        "notes": list(done.warnings),
     }
 
 

@@ -18,9 +18,9 @@ from texbake.verbs.step import (
     Job,
     Settings,
     Sizes,
+    lists_to_tuples,
     n_bytes,
     step_of,
-    tupled,
 )
 from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
 
@@ -154,7 +154,7 @@ class MakeStep(MakeOptions):
 def _surface(settings: Settings, files: Mapping[str, Any]) -> MakeOptions:
     """Return those of the settings that are options of a parametric surface."""
     names = {item.name for item in fields(MakeOptions)} & settings.keys()
-    return MakeOptions(**{name: tupled(settings[name]) for name in names}, **files)
+    return MakeOptions(**{name: lists_to_tuples(settings[name]) for name in names}, **files)
 
 
 def _check_shape(settings: Settings, roles: frozenset[str]) -> None:

@@ -96,7 +96,7 @@ class StepKind:
         """Return every option, defaults included, as plain values for JSON."""
         chosen = {name: given[name] for name in self.choices if name in given}
         values = asdict(self.options(**chosen))
-        settings = {name: plain(values[name]) for name in self.choices}
+        settings = {name: to_jsonable(values[name]) for name in self.choices}
         if self.check is not None:
             roles = frozenset(role.name for role in self.inputs if role.name in given)
             self.check(settings, roles)
@@ -104,7 +104,9 @@ class StepKind:
 
     def made(self, settings: Settings, **more: Any) -> Any:
         """Return an instance of `options` from settings and from fields that are not settings."""
-        return self.options(**{name: tupled(settings[name]) for name in self.choices}, **more)
+        return self.options(
+            **{name: lists_to_tuples(settings[name]) for name in self.choices}, **more
+        )
 
 
 def step_of(
@@ -178,28 +180,30 @@ def n_bytes(sizes: Sizes, *roles: str) -> int:
     return sum(size.n_bytes for role in roles for size in sizes.get(role, ()))
 
 
-def plain(value: Any) -> Any:
+def to_jsonable(value: Any) -> Any:
     """Return a value as JSON has it: tuples become lists."""
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: to_jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [to_jsonable(item) for item in value]
     return value
 
 
-def tupled(value: Any) -> Any:
+def lists_to_tuples(value: Any) -> Any:
     """Return a value of JSON as options classes have it: lists become tuples."""
     if isinstance(value, dict):
-        return {key: tupled(item) for key, item in value.items()}
-    return tuple(map(tupled, value)) if isinstance(value, list) else value
+        return {key: lists_to_tuples(item) for key, item in value.items()}
+    return tuple(map(lists_to_tuples, value)) if isinstance(value, list) else value
 
 
-def steady(report: Any) -> Any:
+def without_timings(report: Any) -> Any:
     """Return a report without times and threads, so that the same inputs give the same bytes."""
     if isinstance(report, Mapping):
-        return {key: steady(value) for key, value in report.items() if key not in _UNSTEADY}
+        return {
+            key: without_timings(value) for key, value in report.items() if key not in _UNSTEADY
+        }
     if isinstance(report, list | tuple):
-        return [steady(value) for value in report]
+        return [without_timings(value) for value in report]
     return report
 
 

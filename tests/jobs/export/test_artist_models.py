@@ -60,7 +60,7 @@ def asset(request, tmp_path_factory):
         options = ExportOptions(to="blender", mesh_format=suffix)
         result = export_files(files["low"], folder / suffix, options, maps=maps)
         files[suffix] = result.mesh
-        said = [note for note in result.notes if "written as triangles" in note]
+        said = [note for note in result.warnings if "written as triangles" in note]
         assert len(said) == (suffix == "glb")
     return Asset(name, low, baked.report.miss_percent, maps / "normal.png", files)
 

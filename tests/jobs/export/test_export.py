@@ -186,13 +186,13 @@ def test_a_packed_map_of_one_channel_is_refused(tmp_path, mesh, maps):
 def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
     given = {"roughness": maps / "rock_roughness.png"}
     result = export_asset(mesh, given, tmp_path, ExportOptions(to="unreal"))
-    assert result.notes == (
+    assert result.warnings == (
         "T_rock_ORM.png: no ao and no metalness was given; the channel is constant",
     )
     codes = codes_of(result.maps[0].path)
     assert (codes[..., 0] == 255).all()
     assert (codes[..., 2] == 0).all()
-    assert result.notes[0] in " ".join(result.settings.read_text(encoding="utf-8").split())
+    assert result.warnings[0] in " ".join(result.settings.read_text(encoding="utf-8").split())
 
 
 NAMES = {
@@ -300,7 +300,9 @@ def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
         assert (tmp_path / target / name).is_file()
         assert "UDIM" in result.settings.read_text(encoding="utf-8")
         assert "images" not in read_document(result.mesh).content
-        assert any("does not support UDIM" in note for note in result.notes) == (target == "godot")
+        assert any("does not support UDIM" in note for note in result.warnings) == (
+            target == "godot"
+        )
 
 
 def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):

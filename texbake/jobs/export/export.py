@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -52,12 +52,7 @@ class ExportResult:
     settings: Path  # the text that says what to set in the program
     layers: Path | None = None  # the EXR file of all maps, if `ExportOptions.layers` is set
     # what was assumed or could not be done, a sentence each
-    notes: tuple[str, ...] = field(default=())
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The notes, as every job calls them."""
-        return self.notes
+    warnings: tuple[str, ...] = ()
 
     @property
     def files(self) -> list[Path]:
@@ -134,7 +129,7 @@ def export_asset(
         maps=tuple(written),
         settings=folder / SETTINGS,
         layers=layers,
-        notes=(*converter.notes, *triangle_notes(mesh, mesh_file)),
+        warnings=(*converter.notes, *triangle_notes(mesh, mesh_file)),
     )
 
 
