@@ -1,5 +1,7 @@
 """Simplified meshes: face counts, preserved attributes, and distances to the original."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,8 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import face_objects, joined_objects, object_names
 from texbake.mesh.options import QUALITIES
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
-from texbake.mesh.simplify import simplify, simplify_with_report
+from texbake.mesh.simplify import Trial, search_fewest, simplify, simplify_with_report
+from texbake.mesh.smoothing_groups import is_flat_shaded
 from texbake.mesh.topology import face_components, find_edges, genus
 from texbake.mesh.vertex_stream import gather, weld_corners, weld_positions
 
@@ -650,3 +653,96 @@ def test_threads_change_nothing(quality, target):
 def test_wrong_options_are_errors(options, message):
     with pytest.raises(OptionError, match=message):
         simplify(icosphere(2), **options)
+
+
+# Normals of facets: where they are all that a mesh has, no edge is hard.
+
+
+def with_facet_normals(mesh, facet_of_face=None):
+    """The mesh with one normal for each triangle, or for each group of triangles."""
+    facets = np.arange(mesh.n_faces) if facet_of_face is None else facet_of_face
+    a, b, c = (mesh.positions[mesh.faces[:, corner]] for corner in range(3))
+    normals = np.zeros((facets.max() + 1, 3))
+    np.add.at(normals, facets, np.cross(b - a, c - a))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normal_faces = np.repeat(facets[:, None], 3, axis=1).astype(np.int32)
+    return mesh.replace(normals=normals, normal_faces=normal_faces)
+
+
+def test_a_sphere_of_facets_is_flat_shaded():
+    assert is_flat_shaded(with_facet_normals(icosphere(4)))
+
+
+def test_so_is_one_of_polygons_cut_into_triangles():
+    sphere = grid_sphere(24, 48)
+    facets = np.unique(np.arange(sphere.n_faces) // 2, return_inverse=True)[1]
+    assert is_flat_shaded(with_facet_normals(sphere, facets))
+
+
+@pytest.mark.parametrize("mesh", [cube(), plane(8, 8)], ids=["cube", "plane"])
+def test_what_is_built_of_flat_sides_is_not(mesh):
+    assert not is_flat_shaded(with_facet_normals(mesh))
+
+
+def test_smooth_and_absent_normals_are_not():
+    sphere = icosphere(3)
+    assert not is_flat_shaded(sphere.replace(normals=None, normal_faces=None))
+    smooth = sphere.replace(normals=sphere.positions.copy(), normal_faces=sphere.faces)
+    assert not is_flat_shaded(smooth)
+
+
+def test_simplify_takes_no_edge_of_a_facet_for_a_hard_one():
+    sphere = icosphere(4).replace(normals=None, normal_faces=None)
+    for quality in ("fast", "best"):
+        low, report = simplify_with_report(with_facet_normals(sphere), 300, quality=quality)
+        assert_same(low, simplify(sphere, 300, quality=quality))
+        assert "facets" in " ".join(report.notes)
+
+
+# The search for the fewest faces within an error.
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("wanted", [5, 77, 1_000, 90_000])
+def test_the_fewest_are_found_in_a_few_tries(power, wanted):
+    tried = []
+
+    def attempt(n):
+        tried.append(n)
+        return Trial(n, n**-power)
+
+    found = search_fewest(attempt, wanted**-power * (1.0 + 1e-12), 4, 100_000, 2_000)
+    assert wanted <= found <= 1.021 * wanted + 1
+    assert len(tried) <= 12
+    assert len(set(tried)) == len(tried)
+
+
+def test_nothing_fits_but_the_surface_itself():
+    assert search_fewest(lambda n: Trial(n, 1.0), 0.0, 4, 5_000, 1_000) == 5_000
+    assert search_fewest(lambda n: Trial(n, math.inf), 1.0, 4, 5_000, 1_000) == 5_000
+
+
+def test_everything_fits():
+    assert search_fewest(lambda n: Trial(n, 0.0), 0.0, 4, 5_000, 1_000) == 4
+
+
+def test_no_more_tries_where_fewer_are_not_possible():
+    tried = []
+
+    def attempt(n):
+        tried.append(n)
+        return Trial(max(n, 300), 0.1)
+
+    assert search_fewest(attempt, 0.5, 4, 5_000, 1_000) <= 300
+    assert sum(n < 290 for n in tried) == 1
+
+
+def test_the_least_count_is_tried_first_and_is_enough():
+    tried = []
+
+    def attempt(n):
+        tried.append(n)
+        return Trial(n, 1.0 / n)
+
+    assert search_fewest(attempt, 0.1, 50, 5_000, 50) == 50
+    assert tried == [50]
