@@ -92,7 +92,7 @@ def oriented(
     if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
     scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
-    if share_seen_from_behind(scene) == 0.0:
+    if not _is_seen_from_behind(scene):
         return mesh, OrientationReport(mesh=mesh.name)
     return oriented_in(mesh, scene, keep_open=keep_open)
 
@@ -124,8 +124,8 @@ def oriented_in(
     return turned_over(mesh, turned), report
 
 
-def share_seen_from_behind(scene: RayScene) -> float:
-    """Share of the rays from all around a mesh that meet it from behind first."""
+def _is_seen_from_behind(scene: RayScene) -> bool:
+    """Whether any ray from all around a mesh meets it from behind first."""
     low, high = scene.frame.to_local(scene.mesh.bounds)
     middle, radius = (low + high) / 2.0, 0.5 * float(pm.norm(high - low))
     steps = (np.arange(_LOOKS_ACROSS) + 0.5) / _LOOKS_ACROSS * 2.0 - 1.0
@@ -133,9 +133,8 @@ def share_seen_from_behind(scene: RayScene) -> float:
     starts = [middle - 2.0 * radius * axes[2] + pm.matmul(grid, axes[:2]) for axes in _VIEWS]
     directions = np.repeat([axes[2] for axes in _VIEWS], len(grid), axis=0)
     hits = _cast(scene, np.concatenate(starts), directions, 4.0 * radius)
-    n_hits = int(np.count_nonzero(hits.faces != NO_HIT))
     # Without culling, what is met first is the hit, and `passed_back` says that it is a back face.
-    return float(np.count_nonzero(hits.passed_back & (hits.faces != NO_HIT))) / max(n_hits, 1)
+    return bool((hits.passed_back & (hits.faces != NO_HIT)).any())
 
 
 def _open_faces(welded: IntArray, n_vertices: int) -> BoolArray:
