@@ -9,7 +9,7 @@ COORDINATE_KINDS = (
         name="no-coordinates",
         title="no texture coordinates",
         unit=MESHES,
-        low="error",
+        severity="error",
         problem="Without texture coordinates nothing can be baked to this mesh.",
         remedy="Unwrap it: texbake unwrap.",
     ),
@@ -17,7 +17,7 @@ COORDINATE_KINDS = (
         name="nothing-covered",
         title="no texel covered",
         unit=MESHES,
-        low="error",
+        severity="error",
         problem="Its texture coordinates cover the center of no texel: the faces have no area "
         "there, lie outside the UV tile or are smaller than texels.",
         remedy="Unwrap it again: texbake unwrap.",
@@ -25,7 +25,7 @@ COORDINATE_KINDS = (
     Kind(
         name="outside-tile",
         title="coordinates outside the UV tile",
-        low="error",
+        severity="error",
         problem="Only what lies inside the unit square is baked.",
         remedy="Move the charts into the unit square, or unwrap it again: texbake unwrap. "
         "To bake all tiles of a UDIM layout, put the tile into the names of the maps: texbake bake "
@@ -34,7 +34,7 @@ COORDINATE_KINDS = (
     Kind(
         name="overlapping-coordinates",
         title="overlapping coordinates",
-        low="error",
+        severity="error",
         problem="Faces share texels. Each texel is baked from the first of them, and the others "
         "show detail that is not theirs.{unsure}",
         remedy="Separate the charts: texbake unwrap. Islands that are meant to share texels must "
@@ -44,7 +44,7 @@ COORDINATE_KINDS = (
     Kind(
         name="shared-coordinates",
         title="groups that share the texture",
-        low="warning",
+        severity="warning",
         problem="Faces share texels with faces of other groups, but with none of their own group. "
         "That is correct where each group has its own texture, and an overlap where all groups "
         "share one.",
@@ -54,7 +54,7 @@ COORDINATE_KINDS = (
         name="stacked-coordinates",
         title="stacked islands",
         unit=("island", "islands"),
-        low="note",
+        severity="note",
         problem="These islands lie exactly on others, as they are, mirrored, or moved by whole "
         "tiles. One of each stack is baked, and the others share its texels. Ambient occlusion, "
         "and normals in object or world space, fit only the one that is baked.",
@@ -65,7 +65,7 @@ COORDINATE_KINDS = (
     Kind(
         name="mirrored-coordinates",
         title="mirrored coordinates",
-        low="warning",
+        severity="warning",
         problem="These faces run clockwise in the texture: text reads backward, and programs that "
         "ignore the sign of the bitangent shade the detail as if lit from the wrong side.",
         remedy="Unwrap it again, unless they are mirrored on purpose: texbake unwrap.",
@@ -73,7 +73,7 @@ COORDINATE_KINDS = (
     Kind(
         name="collapsed-coordinates",
         title="coordinates without area",
-        low="warning",
+        severity="warning",
         problem="These faces have an area in space but none in the texture: they own no texel, and "
         "no tangent can be computed.",
         remedy="Unwrap it again: texbake unwrap.",
@@ -85,7 +85,7 @@ TEXEL_KINDS = (
         name="thin-charts",
         title="charts thinner than the padding",
         unit=CHARTS,
-        low="warning",
+        severity="warning",
         problem="At this texture size they are less than {padding} texels wide, the thinnest "
         "{least:.2g}. Filtering reads more padding than chart, and they vanish in the first mip "
         "levels.",
@@ -96,7 +96,7 @@ TEXEL_KINDS = (
         name="close-charts",
         title="charts closer than the padding",
         unit=("pair", "pairs"),
-        low="warning",
+        severity="warning",
         problem="The padding of two charts meets on {texels:,} texels. In the smaller mip levels, "
         "the color of one chart bleeds into the other.",
         remedy="Pack the charts with more room (texbake unwrap --padding {padding}), or bake with "
@@ -105,7 +105,7 @@ TEXEL_KINDS = (
     Kind(
         name="faces-without-texel",
         title="faces without a texel",
-        low="note",
+        severity="note",
         problem="At this texture size they cover the center of no texel, so they show what is "
         "baked for their neighbors.",
         remedy="Use a larger texture, or fewer faces: texbake simplify.",
@@ -113,7 +113,7 @@ TEXEL_KINDS = (
     Kind(
         name="low-texel-density",
         title="low texel density",
-        low="warning",
+        severity="warning",
         problem="The worst of them get {least:.3g} texels per model unit, while the mean of the "
         "mesh is {mean:.3g}. Detail is blurred there, in one direction at least.",
         remedy="Unwrap again so that charts keep their size (texbake unwrap --max-stretch 1.2).",
@@ -125,7 +125,7 @@ PAIR_KINDS = (
         name="differing-scale",
         title="meshes of different scale",
         unit=MESHES,
-        low="error",
+        severity="error",
         problem="The high-poly mesh is {ratio:.4g} times as large as the low-poly mesh: rays do "
         "not reach it.",
         remedy="Scale the low-poly mesh by {ratio:.4g}: texbake transform --scale {ratio:.4g}. Or "
@@ -135,7 +135,7 @@ PAIR_KINDS = (
         name="differing-place",
         title="meshes in different places",
         unit=MESHES,
-        low="error",
+        severity="error",
         problem="The centers of the two meshes are {distance} apart: rays do not reach the "
         "high-poly mesh.",
         remedy="Move the low-poly mesh by {offset}: texbake transform --move. Or export both from "
@@ -145,7 +145,7 @@ PAIR_KINDS = (
         name="differing-axes",
         title="meshes with different axes",
         unit=MESHES,
-        low="error",
+        severity="error",
         problem="The meshes fit if in the low-poly mesh {axes}: one of them lies on its side or is "
         "rotated.",
         remedy="Export both with the same up axis, or turn one of them: texbake transform --up or "
@@ -154,7 +154,7 @@ PAIR_KINDS = (
     Kind(
         name="far-from-high",
         title="low-poly faces far from the high-poly mesh",
-        low="warning",
+        severity="warning",
         problem="The high-poly surface is farther from them than {percent:g} % of the size of the "
         "mesh, at most {most:.3g} model units. Rays miss there, or become so long that they hit "
         "other parts.{part}",
@@ -163,7 +163,7 @@ PAIR_KINDS = (
     Kind(
         name="far-from-low",
         title="high-poly faces far from the low-poly mesh",
-        high="warning",
+        severity="warning",
         problem="The low-poly surface is farther from them than {percent:g} % of the size of the "
         "mesh, at most {most:.3g} model units. This detail is lost, or rays must start beyond "
         "neighboring parts to hit it.{part}",
@@ -173,7 +173,7 @@ PAIR_KINDS = (
     Kind(
         name="thin-walls",
         title="walls thinner than the ray distance",
-        low="note",
+        severity="note",
         problem="Rays end up to {reach:.3g} model units behind the surface; the thinnest of these "
         "walls is {least:.3g} thick. A ray that misses its own side goes on through the other: it "
         "hits that side where back faces are not culled, or else what lies beyond.{part}",
@@ -182,7 +182,7 @@ PAIR_KINDS = (
     Kind(
         name="other-parts",
         title="rays that hit another part",
-        low="warning",
+        severity="warning",
         problem="The rays from the centers of these faces hit the high-poly surface only beyond "
         "another part of the low-poly mesh, which is {least:.3g} model units away where it is "
         "nearest; rays start up to {reach:.3g} outside. The wrong part is baked.{part}",
@@ -192,7 +192,7 @@ PAIR_KINDS = (
     Kind(
         name="opposite-sides",
         title="meshes that face opposite ways",
-        low="error",
+        severity="error",
         problem="Most of the low-poly mesh faces against the high-poly surface next to it: rays "
         "pass through what they should hit.",
         remedy="Flip the mesh that is inside out: texbake repair if it is closed, texbake "
@@ -202,7 +202,7 @@ PAIR_KINDS = (
         name="high-is-coarser",
         title="high-poly mesh coarser than the low-poly mesh",
         unit=MESHES,
-        high="warning",
+        severity="warning",
         problem="It has {high:,} faces and the low-poly mesh has {low:,}: there is no detail to "
         "bake.",
         remedy="Name the high-poly mesh first: texbake check HIGH LOW.",
@@ -211,7 +211,7 @@ PAIR_KINDS = (
         name="detail-below-texels",
         title="detail finer than texels",
         unit=MESHES,
-        high="warning",
+        severity="warning",
         problem="At this texture size there are {per_texel:.1f} high-poly faces per texel. With "
         "one ray per texel, chance decides which of them is baked.",
         remedy="Bake {size} x {size} texels, or 16 rays per texel (`samples=16`).",

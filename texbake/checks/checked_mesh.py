@@ -225,12 +225,10 @@ def make_finding(
     if not count:
         return None
     kind = KINDS[name]
-    severity = kind.low if mesh == "low" else kind.high
-    assert severity is not None, f"{name} is not checked in a {mesh}-poly mesh"
     faces = _worst_first(faces, badness)
     return Finding(
         kind=kind,
-        severity=severity,
+        severity=(mesh == "high" and kind.in_high) or kind.severity,
         mesh=mesh,
         count=int(count),
         faces=faces,

@@ -25,9 +25,8 @@ class Kind:
     name: str  # its identifier, for scripts
     title: str  # what a reader sees
     unit: tuple[str, str] = FACES  # what is counted, in the singular and the plural
-    # low, high: severity in a low-poly mesh and in a high-poly mesh; None where it is not checked.
-    low: str | None = None
-    high: str | None = None
+    severity: str  # `error`, `warning` or `note`
+    in_high: str | None = None  # severity in a high-poly mesh, where it is another
     # What goes wrong. The check fills in the figures in braces.
     problem: str
     remedy: str  # what to do

@@ -21,8 +21,7 @@ _FILES = (
         name="unreadable",
         title="not a mesh",
         unit=("file", "files"),
-        low="error",
-        high="error",
+        severity="error",
         problem="{message}.",
         remedy="Export it again. Nothing else in this file was checked.",
     ),
@@ -33,24 +32,23 @@ _SURFACE = (
         name="no-surface",
         title="no surface",
         unit=MESHES,
-        low="error",
-        high="error",
+        severity="error",
         problem="No face has any area: no ray starts from this mesh, and none hits it.",
         remedy="Export it again. Its points lie on lines, or all in one place.",
     ),
     Kind(
         name="zero-area-faces",
         title="faces without area",
-        low="warning",
-        high="note",
+        severity="warning",
+        in_high="note",
         problem="They have no normal: rays from them have no direction, and no ray can hit them.",
         remedy="Remove them: texbake repair. Or merge the vertices that make them so thin.",
     ),
     Kind(
         name="duplicate-faces",
         title="duplicate faces",
-        low="warning",
-        high="note",
+        severity="warning",
+        in_high="note",
         problem="They repeat the three vertices of an earlier face. Which of the two is baked, hit "
         "or drawn depends on the order of the faces.",
         remedy="Remove one of each pair: texbake repair. To draw a surface from both sides, "
@@ -60,8 +58,7 @@ _SURFACE = (
         name="duplicate-vertices",
         title="duplicate vertices",
         unit=VERTICES,
-        low="note",
-        high="note",
+        severity="note",
         problem="They repeat an earlier vertex with all its attributes. texbake treats them as one "
         "vertex; other programs may shade a crease there or open a gap.",
         remedy="Merge them: texbake repair. Where groups or materials meet, GLB files repeat "
@@ -71,8 +68,7 @@ _SURFACE = (
         name="unused-vertices",
         title="unused vertices",
         unit=VERTICES,
-        low="note",
-        high="note",
+        severity="note",
         problem="No face uses them. texbake ignores them; in other programs they may enlarge the "
         "bounding box.",
         remedy="Remove them: texbake repair.",
@@ -81,8 +77,8 @@ _SURFACE = (
         name="non-manifold-edges",
         title="non-manifold edges",
         unit=EDGES,
-        low="warning",
-        high="note",
+        severity="warning",
+        in_high="note",
         problem="More than two faces share each of these edges. Normals are averaged over sheets "
         "that do not belong together, so rays lean the wrong way, and charts end there.",
         remedy="Separate the sheets, delete faces inside the model, or wrap it in a new surface: "
@@ -92,8 +88,8 @@ _SURFACE = (
         name="pinched-vertices",
         title="pinched vertices",
         unit=VERTICES,
-        low="warning",
-        high="note",
+        severity="warning",
+        in_high="note",
         problem="Several fans of faces touch in a single vertex (a bow tie). Its normal is the "
         "mean of all of them and fits none.",
         remedy="Split the vertex, and move the parts of the mesh slightly apart; or wrap it in a "
@@ -103,8 +99,7 @@ _SURFACE = (
         name="cracks",
         title="cracks",
         unit=VERTICES,
-        low="warning",
-        high="warning",
+        severity="warning",
         problem="Vertices of open edges lie almost at the same place, within a millionth of the "
         "size of the mesh, but not exactly. Rays slip through, and the shading shows a crease.",
         remedy="Merge vertices by distance ({distance:.2g} model units), or wrap the mesh in a new "
@@ -113,8 +108,8 @@ _SURFACE = (
     Kind(
         name="self-intersections",
         title="self-intersections",
-        low="warning",
-        high="note",
+        severity="warning",
+        in_high="note",
         problem="Face {one} passes through face {other}, for example. On a low-poly mesh, the part "
         "inside the model takes up texels that nobody sees, and rays that start inside it hit the "
         "surface of the other part. On a high-poly mesh, the part inside is never hit.{unsure}",
@@ -124,8 +119,7 @@ _SURFACE = (
     Kind(
         name="undecided-intersections",
         title="possible self-intersections",
-        low="note",
-        high="note",
+        severity="note",
         problem="So many other faces lie near these that the search for intersections was stopped. "
         "Everywhere else no face passes through another.",
         remedy="Split long or large faces that span detailed regions, or check the parts of the "
@@ -135,8 +129,7 @@ _SURFACE = (
         name="inconsistent-winding",
         title="inconsistent winding",
         unit=EDGES,
-        low="error",
-        high="error",
+        severity="error",
         problem="The two faces at each of these edges disagree about which side is outside. "
         "Flipped faces of a low-poly mesh cast rays the wrong way; rays pass through flipped faces "
         "of a high-poly mesh.",
@@ -146,8 +139,7 @@ _SURFACE = (
         name="inside-out-shells",
         title="inside-out shells",
         unit=("shell", "shells"),
-        low="error",
-        high="error",
+        severity="error",
         problem="The faces of a closed shell point inward. Rays from a low-poly mesh go the wrong "
         "way; rays pass through such a shell of a high-poly mesh.",
         remedy="Turn the shell over: texbake repair.",
@@ -156,8 +148,7 @@ _SURFACE = (
         name="far-from-origin",
         title="far from the origin",
         unit=MESHES,
-        low="warning",
-        high="warning",
+        severity="warning",
         problem="It lies {times:,.0f} times its own size away from the origin. File formats and "
         "programs with 32-bit floats round its vertices to steps of {step:.2g} of its size.",
         remedy="Move both meshes to the origin, by the same offset: texbake transform --move.",
@@ -166,8 +157,7 @@ _SURFACE = (
         name="extreme-size",
         title="extreme size",
         unit=MESHES,
-        low="note",
-        high="note",
+        severity="note",
         problem="It is {size:.3g} model units across. texbake works at any size, but programs that "
         "treat lengths below 1e-6 as zero or store distances in 16 bits do not.",
         remedy="Choose a unit of length in which it is about 1 across: texbake transform --scale.",
@@ -176,8 +166,7 @@ _SURFACE = (
         name="unmeasurable-size",
         title="size that cannot be computed with",
         unit=MESHES,
-        low="error",
-        high="error",
+        severity="error",
         problem="It is {length:.3g} model units long and extends up to {farthest:.3g} from the "
         "origin, so its areas cannot be computed.",
         remedy="Scale it first: texbake transform --scale.",
@@ -189,8 +178,7 @@ _SHADING = (
         name="no-normals",
         title="no normals",
         unit=MESHES,
-        low="note",
-        high="note",
+        severity="note",
         problem="The file has no normals, so smooth ones are computed, weighted by angle. A "
         "low-poly mesh that is drawn elsewhere with other normals shows seams; hard edges of a "
         "high-poly mesh become round.",
@@ -200,8 +188,7 @@ _SHADING = (
     Kind(
         name="zero-normals",
         title="normals of length zero",
-        low="warning",
-        high="warning",
+        severity="warning",
         problem="A corner has a normal without a direction. texbake replaces it by the smooth "
         "normal; other programs may draw black or NaN.",
         remedy="Recalculate the normals before you export.",
@@ -209,8 +196,7 @@ _SHADING = (
     Kind(
         name="turned-normals",
         title="normals that point backward",
-        low="warning",
-        high="warning",
+        severity="warning",
         problem="A corner's normal points to the back of its face. The face is lit from the wrong "
         "side, and rays along vertex normals (`rays=vertex`) go the wrong way.",
         remedy="Recalculate the normals, or flip the face if the normals are right.",
@@ -219,7 +205,7 @@ _SHADING = (
         name="hard-edges-without-seam",
         title="hard edges without a seam",
         unit=EDGES,
-        low="warning",
+        severity="warning",
         problem="The shading has a hard edge here, but the texture continues across it. Filtering "
         "mixes the two sides, and a line shows along the edge.",
         remedy="Cut there (texbake unwrap --seams-at-hard-edges), or make the edges smooth.",
@@ -227,7 +213,7 @@ _SHADING = (
     Kind(
         name="other-diagonals",
         title="curved polygons that other programs may triangulate differently",
-        low="note",
+        severity="note",
         problem="texbake splits polygons along the shorter diagonal, and bakes maps for these "
         "triangles. Programs that split polygons from the first corner use other triangles, and "
         "their shading with the normal map is wrong there.",
