@@ -5,7 +5,6 @@ gives values of other arguments, it runs for few combinations, in which every tw
 cases themselves are plain modules in `catalog/`, which `table.py` reads as well.
 """
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -84,29 +83,6 @@ def in_cells() -> Callable[[Case[Mesh]], Mesh]:
 
 
 @pytest.fixture(scope="session")
-def case_named() -> Callable[[str], Case[Mesh]]:
-    """Find one mesh of the catalog by its name."""
-    return {case.name: case for case in MESHES}.__getitem__
-
-
-@pytest.fixture(scope="session")
-def case_of_pair() -> Callable[[str], Case[Any]]:
-    """Find one pair of the catalog by its name."""
-    return {case.name: case for case in PAIRS}.__getitem__
-
-
-@pytest.fixture(scope="session")
-def case_of_mapping() -> Callable[[str], Case[Any]]:
-    """Find one mapping of the catalog by its name."""
-    return {case.name: case for case in MAPPINGS}.__getitem__
-
-
-@pytest.fixture(scope="session")
-def fuzz_minutes() -> float:
-    """Minutes of fuzzing per format; 0 for the number of bytes of a normal run."""
-    return float(os.environ.get("TEXBAKE_FUZZ", "0"))
-
-
-@pytest.fixture(scope="session")
-def hard_cases_dir() -> Path:
-    return HERE
+def case_named() -> Callable[[str], Case[Any]]:
+    """Find one mesh, pair or mapping of the catalog by its name."""
+    return {case.name: case for case in (*PAIRS, *MAPPINGS, *MESHES)}.__getitem__

@@ -74,13 +74,12 @@ def test_every_mesh_is_checked_against_itself(mesh_case, in_cells):
     assert not names & {"far-from-high", "far-from-low", "other-parts"}
 
 
-@pytest.mark.parametrize("knob", ["texture-size"])
-def test_every_mesh_is_studied(mesh_case, in_cells, knob, attempt):
+def test_every_mesh_is_studied(mesh_case, in_cells, attempt):
     mesh = in_cells(mesh_case)
 
     def errors():
-        bench = knob_named(knob).prepare(StudyCase(mesh, mesh, quick=True, threads=1))
-        found = [bench.judge(s.value, bench.work(s.value)).error for s in bench.settings]
+        bench = knob_named("texture-size").prepare(StudyCase(mesh, mesh, quick=True, threads=1))
+        found = [bench.judge(s.value, bench.work(s.value)).error for s in bench.settings[:2]]
         bench.close()
         return found
 

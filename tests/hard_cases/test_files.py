@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import fuzz_files
 import numpy as np
@@ -16,17 +17,19 @@ from fuzz_formats import FORMATS
 import texbake
 from texbake.errors import FileFormatError
 
-# Bytes of mutants per format in a normal run; TEXBAKE_FUZZ=minutes fuzzes each for that long.
+HERE = Path(__file__).parent
+FUZZ_MINUTES = float(os.environ.get("TEXBAKE_FUZZ", "0"))  # for each format
+# Bytes of mutants per format in a normal run.
 N_BYTES = 25_000
 
 
 @pytest.fixture(scope="module")
-def fuzzed(hard_cases_dir, fuzz_minutes, tmp_path_factory):
+def fuzzed(tmp_path_factory):
     """The result of each format, and what was printed beside it."""
-    limit = 900.0 + len(FORMATS) * 60.0 * fuzz_minutes
+    limit = 900.0 + len(FORMATS) * 60.0 * FUZZ_MINUTES
     command = [
-        sys.executable, str(hard_cases_dir / "fuzz_files.py"), "--bytes", str(N_BYTES),
-        "--minutes", str(fuzz_minutes), "--folder", str(tmp_path_factory.mktemp("mutants")),
+        sys.executable, str(HERE / "fuzz_files.py"), "--bytes", str(N_BYTES),
+        "--minutes", str(FUZZ_MINUTES), "--folder", str(tmp_path_factory.mktemp("mutants")),
     ]  # fmt: skip
     # Libraries print other text beside it, in any bytes.
     run = subprocess.run(
@@ -72,11 +75,11 @@ sys.exit(fuzz_files.main())
 """
 
 
-def test_a_reader_that_ends_the_process_or_fills_the_memory_is_at_fault(hard_cases_dir, tmp_path):
+def test_a_reader_that_ends_the_process_or_fills_the_memory_is_at_fault(tmp_path):
     script = tmp_path / "readers.py"
     script.write_text(READERS)
     command = [sys.executable, str(script), "end", "fill", "--files", "3"]
-    environment = {**os.environ, "HARD_CASES": str(hard_cases_dir)}
+    environment = {**os.environ, "HARD_CASES": str(HERE)}
     run = subprocess.run(
         command, env=environment, capture_output=True, text=True, timeout=60.0, check=False
     )

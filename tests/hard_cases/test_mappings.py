@@ -13,9 +13,9 @@ def test_coordinates_are_finite_and_no_face_is_smeared(mapping_case):
     assert (np.ptp(corners, axis=1).max(axis=0) <= case.widest).all()
 
 
-def test_a_cap_of_1e_9_about_the_pole_keeps_its_angles(case_of_mapping):
+def test_a_cap_of_1e_9_about_the_pole_keeps_its_angles(case_named):
     """Closed form: t is the angle from the pole over π, which is 0 by the arc cosine."""
-    case = case_of_mapping("arccos at its ends").make()
+    case = case_named("arccos at its ends").make()
     mapped = texbake.unwrap(case.mesh, **case.options)
     rim = mapped.corner_uvs()[:6, :2, 1]
     np.testing.assert_allclose((1.0 - rim) * np.pi, 1e-9, rtol=1e-6)

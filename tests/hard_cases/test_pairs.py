@@ -37,10 +37,10 @@ def test_heights_are_those_of_the_surface_in_front(pair_case):
     np.testing.assert_allclose(heights[near], pair.height, rtol=0, atol=1e-6)
 
 
-def test_rays_miss_where_there_is_no_surface(case_of_pair):
-    hole = baked(case_of_pair("high-poly mesh with a hole").make())
+def test_rays_miss_where_there_is_no_surface(case_named):
+    hole = baked(case_named("high-poly mesh with a hole").make())
     assert 0 < hole.report.texels_missed < hole.report.texels_covered
-    inside_out = baked(case_of_pair("high-poly mesh inside out").make())
+    inside_out = baked(case_named("high-poly mesh inside out").make())
     assert inside_out.report.texels_missed == inside_out.report.texels_covered
     assert inside_out.report.counts.rays_past_back_faces > 0
 
