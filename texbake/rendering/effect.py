@@ -113,6 +113,8 @@ class Effect:
     # Where `shade` runs for a material that is shaded per vertex: `vertex` for the corners of
     # triangles alone, `pixel` for pixels alone, None for both
     rate: str | None = None
+    # Whether mirrors and kept normals need it at pixels, too, where `rate` is `vertex`
+    gives_normals: bool = False
     # Whether it must run before rasterization, because visibility depends on it
     moves_surface: bool = False
     # Whether the result of `load` for an object depends on the other objects, so that it cannot be

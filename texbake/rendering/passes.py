@@ -29,7 +29,6 @@ from texbake.rendering.rasterize import (
     rasterize_scanlines,
 )
 
-_GIVE_NORMALS = ("normals", "normal map", "bump map")
 # Rows of samples per band.
 _ROWS = 64
 
@@ -157,7 +156,7 @@ def _is_for_pixels(state: RenderState, effect: Effect, target: int) -> bool:
     request = state.request
     is_kept = request.shows_buffer or "normals" in request.keep
     needs_normals = material.reflection or material.refraction or is_kept
-    return bool(needs_normals) and effect.name in _GIVE_NORMALS
+    return bool(needs_normals) and effect.gives_normals
 
 
 def _fragments_of(

@@ -315,6 +315,7 @@ BUMP_MAP = Effect(
     load=BUMP_SURFACES,
     shade=_bump,
     rate="vertex",
+    gives_normals=True,
 )
 
 EMBOSS = Effect(

@@ -86,6 +86,7 @@ NORMALS = Effect(
     needs=("vertex normals",),
     shade=_interpolate,
     rate="vertex",
+    gives_normals=True,
 )
 
 
@@ -167,4 +168,5 @@ NORMAL_MAP = Effect(
     needs=("images", _frames_for_map),
     shade=_look_up_normals,
     rate="vertex",
+    gives_normals=True,
 )
