@@ -40,56 +40,33 @@ def line_of(text: str, place: str) -> int | None:
     >>> line_of(text, "assets[0].size.high"), line_of(text, "assets[0].size.low")
     (3, 3)
     """
-    search = _Search(place)
+    lines: dict[str, int] = {}
     tables: dict[str, int] = {}  # number of tables in each list of tables so far
-    prefix, is_near = "", True
+    prefix = ""
     for line, statement in _statements(text.replace("\r\n", "\n")):
         if statement.startswith("["):
             prefix = _header(tomllib.loads(statement), tables)
-            is_near = search.leads_to(prefix)
             if prefix.endswith("]"):
-                search.note(prefix[: prefix.rindex("[")], line)
-            search.note(prefix, line)
-        elif is_near:
-            search.note_all(prefix, tomllib.loads(statement), line)
-    return search.line
+                lines.setdefault(prefix[: prefix.rindex("[")], line)
+            lines.setdefault(prefix, line)
+        else:
+            for key in _places(prefix, tomllib.loads(statement)):
+                lines.setdefault(key, line)
+    while place and place not in lines:
+        place = place[: max(place.rfind("."), place.rfind("["), 0)]
+    return lines.get(place)
 
 
-class _Search:
-    """The line of a place, or of the nearest one around it so far."""
-
-    def __init__(self, place: str) -> None:
-        self._place = place
-        self._length = 0  # of the nearest place
-        self.line: int | None = None
-
-    def leads_to(self, place: str) -> bool:
-        """Whether the searched place is this one, or in it."""
-        return self._goes_on("", place)
-
-    def _goes_on(self, place: str, step: str) -> bool:
-        """Whether a place that leads to the searched one still does so after one more step."""
-        end = len(place) + len(step)
-        return self._place.startswith(step, len(place)) and (
-            end == 0 or self._place[end : end + 1] in ("", ".", "[")
-        )
-
-    def note(self, place: str, line: int) -> None:
-        """Note the line of a place; the first one counts."""
-        if len(place) > self._length and self.leads_to(place):
-            self._length, self.line = len(place), line
-
-    def note_all(self, place: str, value: Any, line: int) -> None:
-        """Note the line of all that is in a value, as far as it leads to the searched place."""
-        self.note(place, line)
-        items: Any = ()
-        if isinstance(value, dict):
-            items = ((_step(place, key), inner) for key, inner in value.items())
-        elif isinstance(value, list):
-            items = ((f"[{index}]", inner) for index, inner in enumerate(value))
-        for step, inner in items:
-            if self._goes_on(place, step):
-                self.note_all(place + step, inner, line)
+def _places(place: str, value: Any) -> Iterator[str]:
+    """Yield the places of all that is in a value."""
+    items: Any = ()
+    if isinstance(value, dict):
+        items = ((_step(place, key), inner) for key, inner in value.items())
+    elif isinstance(value, list):
+        items = ((f"[{index}]", inner) for index, inner in enumerate(value))
+    for step, inner in items:
+        yield place + step
+        yield from _places(place + step, inner)
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
