@@ -75,10 +75,10 @@ def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
         for name in others:
             if len(rule.inputs[name]) != 1:
                 raise pipeline.fault((*place, "inputs", name), "only the first may be a list")
-            try:
-                inputs[name] = absolute(pipeline, filled(rule.inputs[name][0], values))
-            except OptionError as error:
-                raise pipeline.fault((*place, "inputs", name), str(error)) from error
+            where = (*place, "inputs", name)
+            inputs[name] = absolute(
+                pipeline, fill_in(pipeline, where, rule.inputs[name][0], values)
+            )
         assets.append(_asset(pipeline, rule, inputs, values))
     return assets
 
@@ -99,10 +99,7 @@ def _asset(
     pipeline: Pipeline, rule: AssetRule, inputs: dict[str, str], values: dict[str, str]
 ) -> PipelineAsset:
     place = ("assets", rule.index, "name")
-    try:
-        name = filled(rule.name or DEFAULT_NAME, values)
-    except OptionError as error:
-        raise pipeline.fault(place, str(error)) from error
+    name = fill_in(pipeline, place, rule.name or DEFAULT_NAME, values)
     parts = name.split("/")
     if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
         raise pipeline.fault(
@@ -127,20 +124,18 @@ def _twice(pipeline: Pipeline, one: PipelineAsset, other: PipelineAsset) -> Exce
     )
 
 
-def filled(pattern: str, values: Mapping[str, str]) -> str:
-    """Fill in the names in braces.
-
-    >>> filled("{asset}_{output}.png", {"asset": "vase", "output": "normal"})
-    'vase_normal.png'
-    """
+def fill_in(
+    pipeline: Pipeline, place: tuple[int | str, ...], pattern: str, values: Mapping[str, str]
+) -> str:
+    """Fill in the names in braces of a pattern at a place of the file."""
     if {"{", "}"} & set(_PLACE.sub("", pattern)):
-        raise OptionError(f"{quoted(pattern)} has an unmatched brace; names are written {{name}}")
+        what = f"{quoted(pattern)} has an unmatched brace; names are written {{name}}"
+        raise pipeline.fault(place, what)
 
     def value(found: re.Match[str]) -> str:
         if found[1] not in values:
-            raise OptionError(
-                f"{quoted(pattern)} has {found[0]}, which is not known; {nearest(found[1], values)}"
-            )
+            what = f"{quoted(pattern)} has {found[0]}, which is not known"
+            raise pipeline.fault(place, f"{what}; {nearest(found[1], values)}")
         return values[found[1]]
 
     return _PLACE.sub(value, pattern)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePosixPath
 
-from texbake.building.assets import PipelineAsset, absolute, filled
+from texbake.building.assets import PipelineAsset, absolute, fill_in
 from texbake.building.file import Pipeline, StepTable
 from texbake.building.locations import is_url
-from texbake.errors import OptionError, quoted
+from texbake.errors import quoted
 from texbake.files import is_file
 from texbake.rendering.scene.file.values import nearest
 
@@ -124,10 +124,8 @@ def _source(
             f"{quoted(text)} is neither a step nor an input of {asset.name}; "
             f"{nearest(text, known)}",
         )
-    try:
-        path = absolute(pipeline, filled(text, {"asset": asset.name}))
-    except OptionError as error:
-        raise pipeline.fault((*table.place, role), str(error)) from error
+    filled = fill_in(pipeline, (*table.place, role), text, {"asset": asset.name})
+    path = absolute(pipeline, filled)
     if not is_url(path) and "{" not in text and not is_file(path):
         raise pipeline.fault(
             (*table.place, role),
@@ -155,10 +153,7 @@ def _published(
             "output": output,
             "ext": PurePosixPath(file).suffix.removeprefix("."),
         }
-        try:
-            name = filled(table.output, values)
-        except OptionError as error:
-            raise pipeline.fault((*table.place, "output"), str(error)) from error
+        name = fill_in(pipeline, (*table.place, "output"), table.output, values)
         name = name.removesuffix(".")  # a folder has no suffix
         if (fault := _fault_of(name, PurePosixPath(file).suffix)) is not None:
             raise pipeline.fault((*table.place, "output"), fault)
