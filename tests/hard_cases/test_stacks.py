@@ -312,6 +312,7 @@ def test_a_vertex_of_thousands_of_faces_is_simplified_in_small_pieces(monkeypatc
     monkeypatch.setattr(decimate, "core", spied)
     monkeypatch.setattr(decimate, "_CROWD", 1 << 10)
     monkeypatch.setattr(decimate, "_MOST_LOOKS", 5e6)
+    monkeypatch.setattr(decimate, "_CROWDED_START", 1 << 10)
     low = texbake.simplify(star(2_500), 500)
     assert 0 < low.n_faces <= 500
     assert max(sizes) == 1024
