@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 
 TESTS = Path(__file__).parent
+FILES = "fbx_smoothing", "read_mesh"
 
 
 def test_skipped_tests_are_counted_in_the_last_lines(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "pytest", "-q", "-n", "1", "-k", "real_meshes or figure",
-         "-p", "no:cacheprovider", TESTS / "mesh/test_info.py", TESTS / "mesh/test_read_mesh.py"],
+        [sys.executable, "-P", "-m", "pytest", "-q", "-n", "1", "-k", "of_the_file or real_files",
+         "-p", "no:cacheprovider", *(TESTS / "mesh" / f"test_{name}.py" for name in FILES)],
         env={**os.environ, "TEXBAKE_DATA": str(tmp_path)}, cwd=TESTS.parent,
         capture_output=True, text=True, check=True, timeout=120,
     )  # fmt: skip

@@ -34,7 +34,8 @@ LINES = {
         " --camera back.txt --size 64 --unseen-map u.png",
     ),
     "bake-texture mapped": (
-        "bake-texture low.obj -o t.jpg --photo rgb.png --photo-uvs low.obj --size 32",
+        "bake-texture low.obj -o t.jpg --photo rgb.png --photo-uvs low.obj --size 32"
+        " --report t.json",
     ),
     "bench": (
         "bench --quick --task simplify --case sphere --program texbake --size 32 --triangles 1000"

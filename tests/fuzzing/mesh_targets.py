@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 from drawn import Drawn
-from texbake.baking.remap import remap_hits
+from texbake.baking.bake import remap_hits
 
 import texbake as tb
 from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
@@ -138,7 +138,7 @@ def mappings(drawn: Drawn) -> None:
     mesh = drawn.mesh(most=20)
     method = drawn.pick([name for name in METHODS if name != "atlas"])
     given = {"size": drawn.pick((16, 64)), "method": method}
-    if "padding" in METHODS[method]:
+    if "padding" in METHODS[method].options:
         given["padding"] = drawn.pick((0, 1, 4))
     if method == "projector":
         rows = drawn.floats(4, 4).tolist()
@@ -146,7 +146,7 @@ def mappings(drawn: Drawn) -> None:
         given |= {"matrix": rows} if drawn.flag() else {"camera": camera}
     if method == "parametric":
         given["linear"] = tuple(drawn.floats(6).tolist())
-    if drawn.flag() and "center" in METHODS[method]:
+    if drawn.flag() and "center" in METHODS[method].options:
         given["center"] = tuple(drawn.floats(3).tolist())
     names = {"axis", "fit", "sides", "caps", "overlap", "surface", "via", "unseen"}
     read = names & set(METHODS[method].options)
