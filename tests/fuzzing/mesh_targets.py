@@ -9,9 +9,9 @@ from unittest.mock import patch
 
 import numpy as np
 from drawn import Drawn
-from texbake.baking.bake import remap_hits
 
 import texbake as tb
+from texbake.baking.bake import remap_hits
 from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.baking.texture.photo import Photo, PhotoCamera
