@@ -5,6 +5,7 @@ Any other exception is a bug and prints its traceback.
 
 from __future__ import annotations
 
+import errno
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -58,6 +59,8 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
             message = f"out of memory; {_memory_advice(_command(ctx))}"
         elif isinstance(error, FileNotFoundError) and _folder_was_deleted():
             message = "the current folder was deleted; change to another folder"
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:  # as click prints help
+            message = f"{error.filename or 'standard output'}: cannot be written: {error.strerror}"
         else:
             raise
         raise Failure(f"texbake: {message}", FAILED) from error

@@ -79,14 +79,14 @@ def test_a_signal_in_the_middle_loses_nothing(workplace: Path, script: Path) -> 
     assert names_in(workplace) == before
 
 
-def test_results_that_cannot_be_printed(workplace: Path, script: Path) -> None:
+@pytest.mark.parametrize("line", ["info low.obj", "--help", "bake --help"])
+def test_what_cannot_be_printed(workplace: Path, script: Path, line: str) -> None:
+    words = [script, *line.split()]
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [script, "info", "low.obj"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60
-        )
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
-    assert line == "texbake: standard output: cannot be written: No space left on device"
+    (said,) = done.stderr.splitlines()
+    assert said == "texbake: standard output: cannot be written: No space left on device"
 
 
 def test_inputs_are_read_before_outputs_replace_them(workplace: Path, invoke: Invoke) -> None:
