@@ -27,7 +27,14 @@ from texbake.files import (
     scratch_folder,
 )
 from texbake.jobs.fit import check_fit, with_diagnosis
-from texbake.jobs.outputs import JobResult, check_distinct, present_paths
+from texbake.jobs.outputs import (
+    JobResult,
+    check_distinct,
+    check_page,
+    check_picture,
+    check_report,
+    present_paths,
+)
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
@@ -80,6 +87,12 @@ class BakeFiles:
         """What is written."""
         return present_paths(self.miss_map, self.html, self.hits)
 
+    def check(self) -> None:
+        """Raise where an output cannot be written, before the work begins."""
+        check_picture(self.miss_map)
+        check_page(self.html)
+        check_report(self.hits)
+
 
 @appearing_together()
 def bake_files(
@@ -111,6 +124,7 @@ def bake_files(
         check_high_texture(files.high_texture, maps)
     check_distinct([*maps.values(), *files.outputs], [high, low, *files.inputs])
     check_map_files(maps, options, folder)
+    files.check()
     stages = Stages(progress)
     with stages.part("read meshes"):
         low_mesh = _read_whole(low, join_objects, progress)

@@ -115,6 +115,7 @@ def bake_parts_files(
     name_pattern = _pattern_of_sets(name_pattern, parts)
     name_files = _namer(asset, Path(folder), options.maps, format, name_pattern)
     check_high_texture(files.high_texture, options.maps)
+    files.check()
     suffix = format or DEFAULT_FORMAT
     check_map_files(
         {map_: Path(f"{map_}.{suffix}") for map_ in options.maps}, options, Path(folder)
