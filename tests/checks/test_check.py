@@ -154,6 +154,11 @@ def test_a_shell_inside_out_within_another() -> None:
     assert found is not None
     assert found.count == 1
     assert set(found.faces.tolist()) == set(range(160, 240))
+    # A vertex of no face may lie anywhere.
+    mesh = mesh.replace(positions=np.append(positions, [[1e30, 0.0, 0.0]], axis=0))
+    again = check(mesh).finding("inside-out-shells")
+    assert again is not None
+    assert again.faces.tolist() == found.faces.tolist()
 
 
 def test_threads_change_nothing() -> None:

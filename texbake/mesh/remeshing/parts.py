@@ -174,9 +174,10 @@ def winding_numbers(
         return windings
     key = np.zeros(len(faces), dtype=np.int64)
     for axis in range(3):
-        cells = np.floor(positions[:, axis] / _CELL).astype(np.int64)
+        # Of corners alone: vertices of no face may lie anywhere.
+        cells = np.floor(positions[faces[:, 0], axis] / _CELL).astype(np.int64)
         cells -= cells.min()
-        key = key * (cells.max() + 1) + cells[faces[:, 0]]
+        key = key * (cells.max() + 1) + cells
     order = np.argsort(key, kind="stable")
     starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(key[order])), [len(faces)]])
     clusters = np.empty((len(starts) - 1, 7))
