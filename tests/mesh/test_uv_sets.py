@@ -41,6 +41,16 @@ def corners_by_position(mesh, name):
     return rows.astype(np.float32)
 
 
+def test_sets_of_gltf_are_numbered_without_zeros_before(tmp_path, mesh):
+    path = tmp_path / "a.glb"
+    write_mesh(mesh, path)
+    document, data = read_glb(path)
+    attributes = document["meshes"][0]["primitives"][0]["attributes"]
+    attributes["TEXCOORD_01"] = attributes.pop("TEXCOORD_1")
+    path.write_bytes(glb_bytes(document, data))
+    assert list(read_mesh(path).uv_sets) == ["decals"]
+
+
 def test_arrays_are_checked_and_read_only(mesh):
     found = mesh.uv_set("lightmap")
     assert found.faces.dtype == np.int32 and not found.uvs.flags.writeable

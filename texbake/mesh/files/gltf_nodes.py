@@ -26,7 +26,7 @@ from texbake.mesh.uv_sets import require_few_sets
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""
 INDICES = "indices"
-_UV_SET = re.compile("TEXCOORD_([0-9]{1,9})")
+_UV_SET = re.compile("TEXCOORD_(0|[1-9][0-9]{0,8})")
 MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
 
