@@ -150,10 +150,12 @@ def _of_obj(path: Path) -> FileContents:
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
     for name in library_names(path, data):
-        with suppress(FileError):
+        try:
             library = file_beside(path, name)
-            for keyword, words in library_statements(library) if is_file(library) else ():
-                _add_statement(library, keyword.lower(), words, materials, images)
+        except FileError:
+            continue
+        for keyword, words in library_statements(library) if is_file(library) else ():
+            _add_statement(library, keyword.lower(), words, materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
         materials=tuple(materials),

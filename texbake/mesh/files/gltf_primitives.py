@@ -249,6 +249,8 @@ def decode_draco(path: str) -> dict[int, DracoMesh | None]:
             if not draco:
                 continue
             view = document.integer(draco, "bufferView")
+            if view in found:
+                continue
             content = document.view_bytes(view).tobytes()
             try:
                 decoded = DracoPy.decode(content)
