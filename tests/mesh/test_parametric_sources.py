@@ -162,11 +162,11 @@ def without(text, number):
         (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),
         (shared().replace("0,0.125,0.25", "0,nan,0"), "line 5: 'nan' is not finite"),
         (without(degrees(), 10), "line 19: a patch begins with "),
-        (without(degrees(), 35), "it has 31 points; 2 patches need 32"),
+        (without(degrees(), 35), "it has 31 points; 2 patches should have 32"),
         (degrees().replace("3 3", "3 4", 1), "line 2: a patch begins with '3 4'"),
-        (without(alone(), 5), "it has 31 points; 2 patches need 32"),
-        ("1\n" + alone(), "it has 32 points; 1 patches need 16"),
-        ("999999999999\n" + alone(), "it has 32 points; 999999999999 patches need"),
+        (without(alone(), 5), "it has 31 points; 2 patches should have 32"),
+        ("1\n" + alone(), "it has 32 points; 1 patch should have 16"),
+        ("999999999999\n" + alone(), "it has 32 points; 999,999,999,999 patches should have"),
     ],
 )
 def test_a_hole_is_one_clear_line(written, content, message):

@@ -42,7 +42,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, OptionError, TexbakeError, quoted
+from texbake.errors import FileFormatError, OptionError, TexbakeError, counted, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
@@ -121,7 +121,8 @@ def _read_patches(path: PathLike) -> FloatArray:
             points = _shared(path, lines, n_patches)
     if len(points) != _N_POINTS * n_patches:
         raise FileFormatError(
-            f"{path}: it has {len(points)} points; {n_patches} patches need {_N_POINTS * n_patches}"
+            f"{path}: it has {counted(len(points), 'point')}; "
+            f"{counted(n_patches, 'patch', 'patches')} should have {_N_POINTS * n_patches}"
         )
     return points.reshape(-1, 4, 4, points.shape[-1])
 
