@@ -44,7 +44,7 @@ _ANGLE_ROUNDING = 1e-3
 def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAULT_ANGLE) -> Mesh:
     """Return a mesh with other normals.
 
-    `angle`, in degrees.
+    `angle`: in degrees, between the normals of faces; above it an edge is hard.
 
     Examples
     --------

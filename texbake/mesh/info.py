@@ -53,7 +53,8 @@ class MeshInfo:
 
     name: str
     n_vertices: int
-    n_faces: int  # polygons of the file, and the triangles that they are cut into
+    # polygons of the file, and the triangles that they are cut into
+    n_faces: int
     n_triangles: int
     # least and greatest coordinates of the vertices that faces use, in model units
     bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -61,7 +62,7 @@ class MeshInfo:
     diagonal: float
     area: float
     uvs: UvInfo | None
-    n_normals: int | None  # none where the mesh has none; the same for uvs, tangents and colors
+    n_normals: int | None  # None if the mesh has no normals, as `uvs` for texture coordinates
     has_tangents: bool
     has_colors: bool
     groups: tuple[GroupInfo, ...]

@@ -232,7 +232,7 @@ class MissingParts:
             self.images[image] = None
 
     def fields(self) -> dict[str, Any]:
-        """Return the fields of `Materials` that they are."""
+        """Return them as fields of `Materials`."""
         return {"missing": tuple(self.lines), "missing_images": tuple(self.images)}
 
 

@@ -35,9 +35,8 @@ class RemeshReport:
     # loops of the mesh's boundary that were filled, and loops of the boundary of an open result
     n_holes_filled: int
     n_boundaries: int
-    n_handles_made: (
-        int  # handles of a closed result that the mesh, if it is one part, does not have
-    )
+    # handles of a closed result that the mesh, if it is one part, does not have
+    n_handles_made: int
     # area of an open result, as a share of that of the mesh and what fills its holes
     area_ratio: float
     # share of the wrap's vertices, before it is simplified, that lie around sheets

@@ -125,9 +125,9 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
 
 
 def _sorted_edges(tails: IntArray, heads: IntArray) -> tuple[Indices, Indices, Indices, Indices]:
-    """Keys of half-edges, equal for those of one edge; the order by key; its runs of equal keys.
+    """Sort half-edges by keys that are equal for those of one edge.
 
-    Of the runs where they start, and their lengths.
+    Returns the keys, the order, and where each run of equal keys starts in it, and its length.
     """
     one, other = np.minimum(tails, heads), np.maximum(tails, heads)
     keys = (one.astype(np.int64) << 32) | other

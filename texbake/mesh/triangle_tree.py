@@ -115,7 +115,7 @@ def morton_order(
     """Face ids along a Morton curve through their centers, and their codes in that order.
 
     The cube of the curve has at most `most_bits` bits along an axis. It is `span` times as large as
-    the mesh, and begins so many of its sizes before it.
+    the mesh, and begins `shift` times the size of the mesh before it.
     """
     # The id fills the low bits of the sorted key, the code all others: sorting plain integers is
     # several times faster than finding the permutation that sorts them.

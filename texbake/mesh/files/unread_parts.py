@@ -36,8 +36,8 @@ _POSES = ("skin", "shape key")
 def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
-    Of a path, those that `warn_of_gltf` and `warn_of_fbx` name are not among them. Empty for other
-    formats.
+    Empty for other formats. For a path, those that `warn_of_gltf` and `warn_of_fbx` name are left
+    out.
     """
     if isinstance(source, Document):
         return _named(_counts_of_gltf(source))
