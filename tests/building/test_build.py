@@ -229,13 +229,6 @@ def test_a_damaged_store_is_noticed_and_repaired(
     assert run(scans)[1] == []
 
 
-def believe(digests: Path, file: Path) -> None:
-    """Set the remembered signature of a file to its present one, except for the checksum."""
-    known = json.loads(digests.read_text())["files"]
-    known[str(file)][0] = list(locations.file_signature(file) or ())
-    digests.write_text(json.dumps({"checksum": checksum(known), "files": known}))
-
-
 def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
     scans: Path, run: Run, contents: Contents
 ) -> None:

@@ -289,7 +289,7 @@ FILES = {
     "make sphere -o a.png": "'.png'",
     "make revolution -o a.obj --profile no.txt": "no.txt: there is no such file",
     "make revolution -o a.obj --profile negative.txt": "negative.txt: a radius is negative",
-    "make bezier -o a.obj --patches hole.txt": "hole.txt: line 3: it has 1 words",
+    "make bezier -o a.obj --patches hole.txt": "hole.txt: line 3: it has 1 word;",
     "make bezier -o a.obj --patches binary.txt": "binary.txt: it is not a patch file",
     "make height-field -o a.obj --image hole.txt": "hole.txt",
     "bake-texture high.ply -o t.png --procedure wood": "high.ply: it has no texture coord",

@@ -112,7 +112,7 @@ def test_what_is_seen_alike_from_both_sides_stays_with_a_warning(make):
     mesh, report = oriented(make(), "auto")
     np.testing.assert_array_equal(mesh.faces, make().faces)
     assert (report.n_faces, report.n_unclear) == (0, 1)
-    assert "not clear for 1 of its parts" in report.notes[0]
+    assert "left 1 part as in the file" in report.notes[0]
 
 
 def test_keep_leaves_all_as_it_is():

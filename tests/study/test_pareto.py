@@ -40,7 +40,7 @@ def test_equal_points_are_on_the_front_once_and_what_is_not_finite_never():
 
 
 @pytest.mark.parametrize("p", [0.25, 0.5, 1.0, 2.0])
-def test_payoff_is_the_exponent_of_a_power_law(p):
+def test_the_convergence_order_is_the_exponent_of_a_power_law(p):
     assert convergence_order((2.0, 2.0**-p), (32.0, 32.0**-p)) == pytest.approx(p, rel=1e-12)
 
 

@@ -73,8 +73,8 @@ class OrientationReport:
             )
         if self.n_unclear:
             notes.append(
-                f"{self.mesh}: which side is outside is not clear for {self.n_unclear:,} of its "
-                "parts, which are left as they are; look at them, and flip them if need be"
+                f"{self.mesh}: left {counted(self.n_unclear, 'part')} as in the file, because "
+                "which side is outside is not clear; look at the mesh, and flip faces if need be"
             )
         return tuple(notes)
 

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
@@ -279,7 +279,8 @@ def read_matrix(path: PathLike, *, projector: bool = True) -> Matrix:
     if n_words != 16 and not (projector and n_words == 12):
         others = ", or 12 without the row of r" if projector else ""
         raise FileFormatError(
-            f"{path}: it has {n_words} words; a matrix needs 16 numbers{others}, row by row"
+            f"{path}: it has {counted(n_words, 'word')}; "
+            f"a matrix needs 16 numbers{others}, row by row"
         )
     values = [v for line in lines for v in parse_row(path, line, len(line.words), "a matrix")]
     return whole_matrix([values[i : i + 4] for i in range(0, n_words, 4)])

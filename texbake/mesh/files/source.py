@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, one_line, quoted, shortened
+from texbake.errors import FileFormatError, counted, one_line, quoted, shortened
 from texbake.files import PathLike, read_bytes
 from texbake.limits import LONGEST_NAME
 
@@ -177,7 +177,7 @@ def parse_row(path: PathLike, line: TextLine, n_numbers: int, what: str) -> list
     """Parse a line of `n_numbers` finite numbers; messages call the line `what`."""
     if len(line.words) != n_numbers:
         raise FileFormatError(
-            f"{path}: line {line.number}: it has {len(line.words)} words; "
+            f"{path}: line {line.number}: it has {counted(len(line.words), 'word')}; "
             f"{what} needs {n_numbers} numbers"
         )
     row = []
