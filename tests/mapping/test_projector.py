@@ -256,7 +256,7 @@ def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path: Path) -> None:
         (b"# nothing", "it has 0 words; a matrix needs 16 numbers"),
         (b"1 2 3", "it has 3 words; a matrix needs 16 numbers"),
         (b"1 " * 17, "it has 17 words; a matrix needs 16 numbers"),
-        (b"1 " * 99999, "it has 99999 words; a matrix needs 16 numbers"),
+        (b"1 " * 99999, "it has 99,999 words; a matrix needs 16 numbers"),
         (b"nan " * 16, "line 1: 'nan' is not finite"),
         (b"1 1 1 1\n" * 3 + b"1 one 1 1", "line 4: 'one' is not a number"),
         (b"\xff\xfe\x00" * 99, "is not a matrix"),
