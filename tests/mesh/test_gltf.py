@@ -462,6 +462,21 @@ def test_inconsistent_files_are_one_clear_line(asset, path, keys, value):
     assert "\n" not in str(caught.value) and str(caught.value).startswith((str(path), path.name))
 
 
+@pytest.mark.parametrize(
+    ("last", "indices", "message"),
+    [
+        ([0, 1, 0], [0, 1, 3], r"an index is out of range \(3; there are 3\)"),
+        ([np.nan, 1, 0], [0, 1, 2], "a value of POSITION is not finite"),
+        ([0, 1, 0], [], "no faces"),
+    ],
+)
+def test_wrong_values_are_named(asset, path, last, indices, message):
+    positions = asset.accessor([*CORNERS[:2], last], "f")
+    asset.mesh({"attributes": {"POSITION": positions}, "indices": asset.accessor(indices, "H")})
+    with pytest.raises((FileFormatError, MeshError), match=message):
+        read_gltf(asset.write(path))
+
+
 def write_by_trimesh(path):
     """Meshes with several instances, under parents that turn, stretch and mirror them."""
     scene, random = trimesh.Scene(), np.random.default_rng(6)
