@@ -199,7 +199,10 @@ def _place(fields: dict[str, Any], parts: Sequence[Part], matrices: FloatArray) 
         counts = [1 if part.normals is None else len(part.normals) for part in parts]
         _map(fields["normals"], counts, normal_map(linear))
         fields["normals"][np.repeat([part.normals is None for part in parts], counts)] = 0.0
-    flipped = np.repeat(is_mirroring(linear), [len(part.faces) for part in parts])
+    is_mirrored = is_mirroring(linear)
+    if not is_mirrored.any():
+        return
+    flipped = np.repeat(is_mirrored, [len(part.faces) for part in parts])
     by_corner = [fields[name] for name in (*CORNERS, "tangents") if name in fields]
     for corners in (*by_corner, *(item.faces for item in fields["uv_sets"].values())):
         corners[flipped] = corners[flipped, ::-1]
