@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from texbake.errors import OptionError
 from texbake.rendering.effects.lights import arriving_light, fix_in_world, placed_light
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material
@@ -16,6 +17,13 @@ def toward(position, points):
     offsets = np.asarray(position) - points
     distances = np.linalg.norm(offsets, axis=-1, keepdims=True)
     return offsets / distances, distances
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-200, 1e160, math.inf, math.nan])
+def test_a_direction_needs_a_length_whose_square_is_a_number(size):
+    with pytest.raises(OptionError, match=r"sun\.direction: .* is not a direction"):
+        Light(name="sun", direction=(size, 0.0, 0.0))
+    Light(name="bulb", kind="point", direction=(size, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("decay", [2.0, 1.0, 0.0])

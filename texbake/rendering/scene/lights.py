@@ -126,9 +126,8 @@ class Light:
         _check_color(f"{self.name}.color", self.color)
         if not all(map(math.isfinite, (*self.position, *self.up))):
             raise OptionError(f"{self.name}.position: it and up must be finite")
-        if self.kind != "point" and not (
-            any(self.direction) and all(map(math.isfinite, self.direction))
-        ):
+        squared = sum(x * x for x in self.direction)
+        if self.kind != "point" and not 0.0 < squared < math.inf:
             raise OptionError(f"{self.name}.direction: {self.direction} is not a direction")
 
 
