@@ -64,9 +64,9 @@ class Hits(Rows):
         kernel: Callable[[Hits, Float32Array], object],
         threads: int | None,
     ) -> Float32Array:
-        """(n, C) float32: values that a kernel writes, given them or the number of their channels.
+        """(n, C) float32: values of the hits, from a kernel that is run on each band of both.
 
-        The kernel gets one band of hits after another, with their values.
+        `values`: those to change in place, or C, the number of channels of new ones.
         """
         if isinstance(values, int):
             values = np.empty((len(self), values), dtype=np.float32)
