@@ -289,7 +289,7 @@ def test_outputs_that_were_changed_or_removed_are_put_back(
     result, steps = run(scans)
     assert steps == [] and contents(folder) == before
     notes = [note for asset in result.assets for step in asset.steps for note in step.notes]
-    assert notes == ["1 of its outputs were missing or changed and were restored"] * 2
+    assert notes == ["restored 1 missing or changed output"] * 2
 
 
 def test_a_new_asset_whose_results_are_stored_misses_no_outputs(
@@ -300,7 +300,7 @@ def test_a_new_asset_whose_results_are_stored_misses_no_outputs(
     run(write(asset.format("a"), SCAN_STEPS))
     path = write(asset.format("a") + asset.format("b"), SCAN_STEPS)
     whys = [(step.asset, step.why) for step in plan_build(path) if step.why]
-    assert whys == [("b", "1 outputs are written")] * 2
+    assert whys == [("b", "1 output is written")] * 2
     result, steps = run(path)
     assert steps == []
     assert [note for found in result.assets for step in found.steps for note in step.notes] == []

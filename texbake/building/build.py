@@ -34,7 +34,7 @@ from texbake.building.resolve import PreviousKeys, Resolver, StepState
 from texbake.building.schedule import Schedule
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
-from texbake.errors import TexbakeError
+from texbake.errors import TexbakeError, counted
 from texbake.files import PathLike, check_name, make_folder, replacing
 from texbake.jobs.outputs import check_page
 from texbake.parallel import default_threads
@@ -270,4 +270,5 @@ def _planned(
     assert state.manifest is not None
     n_missing = len(publisher.missing(state.node, state.manifest))
     what = "restored" if resolver.is_as_before(state) else "written"
-    return planned("current", f"{n_missing} outputs are {what}" if n_missing else "")
+    missing = counted(n_missing, "output is", "outputs are")
+    return planned("current", f"{missing} {what}" if n_missing else "")

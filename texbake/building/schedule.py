@@ -17,7 +17,7 @@ from texbake.building.resolve import Resolver, StepState
 from texbake.building.store import Manifest, Publisher, Store
 from texbake.building.task import Task, TaskOutcome
 from texbake.building.workers import Executor
-from texbake.errors import TexbakeError
+from texbake.errors import TexbakeError, counted
 
 _MOST_PUT_OFF = 64  # steps too large for the free memory, before the search for smaller ones ends
 _LOOK_SECONDS = 0.5  # between events on which nothing happens
@@ -161,7 +161,7 @@ class Schedule:
             return
         # Another asset may have made the result: then its outputs were not there before.
         if n_put and how == progress.CURRENT and self._resolver.is_as_before(state):
-            state.notes.append(f"{n_put} of its outputs were missing or changed and were restored")
+            state.notes.append(f"restored {counted(n_put, 'missing or changed output')}")
         self._end(step, how)
 
     def _end(self, step: Id, how: str, error: str = "") -> None:

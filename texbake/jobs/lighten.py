@@ -14,7 +14,7 @@ import numpy as np
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import check_texels
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike, written_file
 from texbake.jobs.fit import with_diagnosis
 from texbake.jobs.low_poly import LowPoly, make_low_poly
@@ -99,7 +99,7 @@ class LightenReport:
         if self.comparison is not None:
             mean, worst = decibels(self.comparison.mean_db), decibels(self.comparison.worst_db)
             without = " without missing images" if self.missing_images else ""
-            label = f"PSNR in {len(self.comparison.views)} views{without}"
+            label = f"PSNR in {counted(len(self.comparison.views), 'view')}{without}"
             rows.append((label, f"{mean}, worst {worst}"))
         return rows
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import OptionError, UvError, counted
 from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.mesh import Mesh
 from texbake.texture.options import PackOptions
@@ -147,8 +147,9 @@ def _layout(sizes: Sequence[Size], options: PackOptions) -> tuple[int, int, floa
             best, scale = corners, middle
     if best is None:
         raise OptionError(
-            f"size: {width} x {height} has no room for {len(sizes)} images with "
-            f"{options.padding} texels of padding; use a larger size or less padding"
+            f"size: {width} x {height} has no room for {counted(len(sizes), 'image')} "
+            f"with a padding of {counted(options.padding, 'texel')}; use a larger size or less "
+            "padding"
         )
     return width, height, scale, best
 
