@@ -99,9 +99,9 @@ def join_parts(
 ) -> Mesh:
     """Put the parts of a file into one mesh, each moved by its matrix, of (n, 4, 4).
 
-    Where only some have texture coordinates or normals, the others get zeros, and white where only
-    some have colors; tangents are kept where all have them. Each keeps its groups, and is an object
-    of its own, unless `groups` gives the one group of each a name and an object.
+    If only some parts have texture coordinates or normals, the others get zeros, and if only some
+    have colors, the others are white; tangents are kept if all have them. Each part keeps its
+    groups and is an object of its own, unless `groups` has a name and an object for each part.
     """
     fields: dict[str, Any] = {
         "positions": np.concatenate([part.positions for part in parts]),

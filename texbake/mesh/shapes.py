@@ -284,8 +284,8 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
 def _pores() -> tuple[Any, ...]:
     """Pores as balls on the unit sphere, listed by the cells of a grid that they reach into.
 
-    Their centers, radii and depths. Then the number of cells along each side of the cube from -1
-    to 1, and two lists: the pores of cell c are `pores[starts[c]:starts[c + 1]]`.
+    Returns their centers, radii and depths, the number of cells along each side of the cube from
+    -1 to 1, and two lists, `starts` and `pores`: cell c has `pores[starts[c]:starts[c + 1]]`.
     """
     i = np.arange(_N_PORES)
     spacing = np.sqrt(4.0 * np.pi / _N_PORES)

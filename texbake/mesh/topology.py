@@ -175,7 +175,7 @@ def duplicate_faces(faces: IntArray) -> BoolArray:
 
 
 def two_sided_faces(faces: IntArray) -> BoolArray:
-    """(F,) bool: faces that there are in both windings: the same vertices, from either side."""
+    """(F,) bool: faces that occur in both windings: the same vertices, from either side."""
     firsts = weld_rows(np.sort(faces, axis=1))
     a, b, c = faces.T
     rising = (a < b).astype(np.intp) + (b < c) + (c < a) == 2

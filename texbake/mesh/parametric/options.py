@@ -59,10 +59,7 @@ _LEAST_RESOLUTIONS = {
 
 
 def _option(name: str, text: str, **more: Any) -> Option:
-    """An option that says which shapes read it, with its default in each.
-
-    Such as `1 (sphere, torus), 2 (plane)`.
-    """
+    """Return an option whose default names shapes, such as `1 (sphere, torus), 2 (plane)`."""
     readers: dict[str, list[str]] = {}
     for shape, defaults in SHAPE_DEFAULTS.items():
         if name in defaults:
