@@ -1,6 +1,7 @@
 """Rounds, medians, bounds and peak memory; the work itself moves the clock."""
 
 from collections import Counter
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -58,6 +59,25 @@ def test_the_order_is_the_same_in_every_run_and_another_with_another_seed():
         machine.run(repeats=4, seconds=100.0, seed=seed)
         orders.append(machine.worked)
     assert orders[0] == orders[1] != orders[2]
+
+
+def test_no_product_is_kept_while_the_next_is_made():
+    class Product:
+        """Weak references to it are possible."""
+
+    alive = WeakSet()
+
+    def work(name):
+        assert not alive
+        product = Product()
+        alive.add(product)
+        return product
+
+    experiment = Experiment(
+        "nothing", "closed form", "", tuple(Setting(n, n) for n in "ab"),
+        work, lambda name, product: Evaluation(error=1.0),
+    )  # fmt: skip
+    assert len(run_experiment(experiment, repeats=3, seconds=1.0)) == 2
 
 
 def test_only_the_work_is_timed_and_the_first_run_is_not_counted():

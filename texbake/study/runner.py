@@ -48,6 +48,9 @@ def run_experiment(
     def run(setting: Setting) -> tuple[object, float]:
         return _timed(lambda: experiment.work(setting.value), clock)
 
+    def seconds_of(setting: Setting) -> float:  # its product, which may be large, is gone
+        return run(setting)[1]
+
     settings = experiment.settings
     outcomes: list[Evaluation] = []
     # The peak of the first timed run, in which nothing is compiled or read any more; of a slow
@@ -57,6 +60,7 @@ def run_experiment(
     for setting in settings:
         (product, taken), peak = with_peak_memory(partial(run, setting))
         outcomes.append(experiment.judge(setting.value, product))
+        del product
         peaks.append(peak)
         times.append([taken] if taken > seconds else [])
         advance(1)
@@ -69,9 +73,9 @@ def run_experiment(
             n = len(times[i])
             if n < repeats and (n < least or sum(times[i]) < seconds):
                 if number == 0:
-                    (_, taken), peaks[i] = with_peak_memory(partial(run, settings[i]))
+                    taken, peaks[i] = with_peak_memory(partial(seconds_of, settings[i]))
                 else:
-                    _, taken = run(settings[i])
+                    taken = seconds_of(settings[i])
                 times[i].append(taken)
             advance(1)
     return tuple(

@@ -41,7 +41,9 @@ def run_study(
     low = None if low is None else as_mesh(low)
     options = options or StudyOptions()
     if (high is None) != (low is None):
-        raise OptionError("study: a pair is a high-poly and a low-poly mesh; give both, or neither")
+        raise OptionError(
+            "high, low: a pair is a high-poly and a low-poly mesh; give both, or neither"
+        )
     start = time.perf_counter()
     shown = None if scene is None else with_lighting(scene)
     case = Case(high, low, shown, quick=options.quick, threads=options.threads)

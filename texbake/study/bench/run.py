@@ -45,7 +45,9 @@ def run_bench(
     """Measure what accuracy costs in time and memory, in texbake and in other programs."""
     options = options or BenchOptions()
     if (high is None) != (low is None):
-        raise OptionError("bench: a pair is a high-poly and a low-poly mesh; give both, or neither")
+        raise OptionError(
+            "high, low: a pair is a high-poly and a low-poly mesh; give both, or neither"
+        )
     if high is None and not options.cases:
         raise OptionError("cases: none is named, and no meshes are given; name one or leave it out")
     start = time.perf_counter()
