@@ -98,6 +98,14 @@ def test_the_line_after_a_list_of_thousands_of_lines_is_found(tmp_path):
         read_pipeline(path)
 
 
+def test_a_key_of_thousands_of_parts_is_one_line(tmp_path):
+    path = tmp_path / "a.toml"
+    for key in ("a", '"<"'):
+        path.write_text("# one\n" + ".".join([key] * 3000) + " = 1\n")
+        with pytest.raises(FileFormatError, match="unknown key"):
+            read_pipeline(path)
+
+
 def test_each_statement_is_parsed_once(monkeypatch):
     parsed = []
     parse = tomllib.loads

@@ -49,24 +49,25 @@ def line_of(text: str, place: str) -> int | None:
             if prefix.endswith("]"):
                 lines.setdefault(prefix[: prefix.rindex("[")], line)
             lines.setdefault(prefix, line)
-        else:
-            for key in _places(prefix, tomllib.loads(statement)):
+        elif place.startswith(prefix):
+            for key in _places(prefix, tomllib.loads(statement), place):
                 lines.setdefault(key, line)
     while place and place not in lines:
         place = place[: max(place.rfind("."), place.rfind("["), 0)]
     return lines.get(place)
 
 
-def _places(place: str, value: Any) -> Iterator[str]:
-    """Yield the places of all that is in a value."""
+def _places(place: str, value: Any, searched: str) -> Iterator[str]:
+    """Yield the places of what is in a value, as far as they may lead to the searched one."""
     items: Any = ()
     if isinstance(value, dict):
         items = ((_step(place, key), inner) for key, inner in value.items())
     elif isinstance(value, list):
         items = ((f"[{index}]", inner) for index, inner in enumerate(value))
     for step, inner in items:
-        yield place + step
-        yield from _places(place + step, inner)
+        if step and searched.startswith(step, len(place)):
+            yield place + step
+            yield from _places(place + step, inner, searched)
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
