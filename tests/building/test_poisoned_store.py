@@ -142,3 +142,13 @@ def test_what_a_build_remembers_may_be_anything(
     (path,) = (built.parent / "build").rglob(name)
     path.write_text(content)
     assert run(built)[0].count_steps("current") == 1
+
+
+@pytest.mark.parametrize("entry", [5, [], [[], {}], [[], "x", 7], "xy"])
+def test_remembered_digests_may_be_of_any_shape(
+    entry: Any, built: Path, run: Callable[..., Any]
+) -> None:
+    (path,) = (built.parent / "build").rglob("digests.json")
+    files = dict.fromkeys(json.loads(path.read_text())["files"], entry)
+    path.write_text(json.dumps({"files": files, "checksum": checksum(files)}))
+    assert run(built)[0].count_steps("current") == 1

@@ -57,7 +57,11 @@ class Digests:
             with suppress(OSError, ValueError, AttributeError, TypeError, KeyError, RecursionError):
                 kept = json.loads(path.read_bytes())
                 if checksum(kept["files"]) == kept["checksum"]:
-                    self._known = kept["files"]
+                    # Of any shape, where others may write to the folder.
+                    self._known = {
+                        file: [signature, str(digest), *map(list, names)]
+                        for file, (signature, digest, *names) in kept["files"].items()
+                    }
         self._changed = False
 
     def digest(self, path: str) -> str:
