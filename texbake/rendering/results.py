@@ -71,14 +71,14 @@ class Results:
     ) -> Results:
         """Return a copy, of some results alone."""
         copied = Results()
-        for key, values in self._values.items():
+        for key, values in list(self._values.items()):  # a thread may add one meanwhile
             if key not in without and (only is None or key in only):
                 copied._values[key] = dict(values)
         return copied
 
     def add_missing(self, others: Results) -> None:
         """Add the values of others that are missing here."""
-        for key, values in others._values.items():
+        for key, values in list(others._values.items()):
             self._values[key] = values | self._values.get(key, {})
 
 
