@@ -35,7 +35,7 @@ LINES = {
     ),
     "bake-texture mapped": (
         "bake-texture low.obj -o t.jpg --photo rgb.png --photo-uvs low.obj --size 32"
-        " --report t.json",
+        " --report r.json",
     ),
     "bench": (
         "bench --quick --task simplify --case sphere --program texbake --size 32 --triangles 1000"
