@@ -9,7 +9,7 @@ import pytest
 from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import flat_normals, smooth_normals
+from texbake.mesh.normals import smooth_normals, with_flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.weld import weld_rows
 
@@ -26,8 +26,7 @@ class Case(NamedTuple):
 
 def flat(mesh: Mesh) -> Mesh:
     """The mesh with its faces' own normals."""
-    normals, corners = flat_normals(mesh)
-    return mesh.replace(normals=normals, normal_faces=corners)
+    return with_flat_normals(mesh)
 
 
 def smooth(mesh: Mesh) -> Mesh:

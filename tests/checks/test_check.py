@@ -15,7 +15,7 @@ from texbake.checks.check import check, check_files
 from texbake.checks.kinds import SEVERITIES, CheckOptions
 from texbake.errors import FileError, OptionError
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import flat_normals
+from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 
@@ -200,8 +200,7 @@ def test_the_worst_come_first(case_of: Callable) -> None:
     mesh = plane(5, 1)
     uvs = mesh.uvs.copy()
     uvs[:, 1] += 1.0 + np.append(heights, 0.0)[np.arange(12) % 6]
-    flat, corners = flat_normals(mesh)
-    found = check(mesh.replace(uvs=uvs, normals=flat, normal_faces=corners)).finding("outside-tile")
+    found = check(with_flat_normals(mesh).replace(uvs=uvs)).finding("outside-tile")
     assert found is not None
     farthest = np.abs(uvs[mesh.uv_faces][found.faces] - 0.5).max(axis=(1, 2))
     assert (np.diff(farthest) <= 0.0).all()

@@ -9,7 +9,7 @@ from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.normals import flat_normals
+from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.compare import compare, compare_shapes
 from texbake.rendering.draw import draw
@@ -36,8 +36,7 @@ def test_a_mesh_is_like_itself():
 def test_several_surfaces_are_compared_at_once():
     high, low = icosphere(4), icosphere(1)
     found = compare_shapes(high, [high, low, icosphere(2)], SMALL)
-    normals, corners = flat_normals(low)
-    bare = compare(high, low.replace(normals=normals, normal_faces=corners), options=SMALL).bare
+    bare = compare(high, with_flat_normals(low), options=SMALL).bare
     assert found[1] == pytest.approx(
         (bare.mean_deg, bare.outline_mismatch + bare.depth_mismatch), rel=1e-3
     )

@@ -128,6 +128,12 @@ def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray,
     return face_normals(mesh, threads=threads), np.repeat(face_ids[:, None], 3, axis=1)
 
 
+def with_flat_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
+    """Return a mesh that has its `flat_normals` as its own."""
+    normals, normal_faces = flat_normals(mesh, threads=threads)
+    return mesh.replace(normals=normals, normal_faces=normal_faces)
+
+
 def weighted_normals(
     positions: FloatArray,
     faces: IntArray,

@@ -24,7 +24,7 @@ from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import flat_normals
+from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
@@ -241,11 +241,12 @@ def compare_shapes(
 ) -> list[tuple[float, float]]:
     """Mean angle between normals in degrees, and share of pixels that show different parts.
 
-    One pair for each low-poly mesh, over six views. Its normals are those of its faces, because a
-    normal map corrects shading, but not a surface that lies elsewhere. The high-poly mesh is drawn
-    once.
+    Returns a pair for each low-poly mesh, over six views. Low-poly meshes are shaded flat, because
+    a normal map corrects the shading of a surface, but not where it lies. The high-poly mesh is
+    drawn once.
     """
-    meshes, found = (high, *(_shaded_flat(low, threads) for low in lows)), []
+    flat = (with_flat_normals(low, threads=threads) for low in lows)
+    meshes, found = (high, *flat), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
     models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
     views = [replace(options, view=(*view, options.distance)) for view in _views_around(options)]
@@ -254,11 +255,6 @@ def compare_shapes(
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
         found.append((mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1)))
     return found
-
-
-def _shaded_flat(mesh: Mesh, threads: int | None) -> Mesh:
-    normals, corners = flat_normals(mesh, threads=threads)
-    return mesh.replace(normals=normals, normal_faces=corners, tangents=None)
 
 
 def _draw_models(

@@ -136,7 +136,7 @@ class HighMeshes:
             chosen = part.faces_of(mesh, self._first_groups[part.mesh])
             meshes.append(excerpt(mesh, chosen))
             if materials is not None:
-                of_parts.append(materials.of_faces(chosen, _uv_rows(mesh, chosen)))
+                of_parts.append(_materials_of_faces(materials, mesh, chosen))
         joined = _join(meshes)
         return joined, _join_materials(of_parts, meshes) if of_parts else None
 
@@ -213,17 +213,18 @@ def _of_file(material: MeshMaterial, file: str) -> MeshMaterial:
     return replace(material, channels=channels)
 
 
-def _uv_rows(mesh: Mesh, chosen: BoolArray) -> npt.NDArray[np.intp]:
-    """(n,) indices: rows of `Mesh.uvs` that the excerpt of some faces (F,) keeps."""
-    if mesh.uvs is None or mesh.uv_faces is None:
-        return np.zeros(0, np.intp)
+def _materials_of_faces(materials: Materials, mesh: Mesh, chosen: BoolArray) -> Materials:
+    """Materials of the excerpt of some faces (F,)."""
     if chosen.all():
-        return np.arange(len(mesh.uvs))
-    return used_rows(mesh.uv_faces[chosen], len(mesh.uvs))[0]
+        return materials
+    rows = np.zeros(0, np.intp)
+    if materials.uv_sets and mesh.uvs is not None and mesh.uv_faces is not None:
+        rows, _ = used_rows(mesh.uv_faces[chosen], len(mesh.uvs))
+    return materials.of_faces(chosen, rows)
 
 
 def _join_materials(parts: Sequence[Materials], meshes: Sequence[Mesh]) -> Materials:
-    """Materials of meshes put into one; (0, 0) where a part lacks a set of another."""
+    """Materials of meshes put into one; a part that lacks a set has (0, 0) in it."""
     n_rows = [1 if mesh.uvs is None else len(mesh.uvs) for mesh in meshes]
     sets = {
         number: np.concatenate(

@@ -29,7 +29,7 @@ from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.join import MeshPart
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
-from texbake.mesh.normals import flat_normals
+from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.uv_sets import UvSet
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.scene.gltf_materials import MaterialReader, SceneMaterial, set_name
@@ -195,10 +195,7 @@ class _Reader:
             colors=piece.colors,
             name=name,
         )
-        if has_normals:
-            return mesh
-        normals, normal_faces = flat_normals(mesh)
-        return mesh.replace(normals=normals, normal_faces=normal_faces)
+        return mesh if has_normals else with_flat_normals(mesh)
 
 
 # glTF allows a cone of 180 degrees; a slightly narrower one looks the same.
