@@ -35,7 +35,7 @@ _READ = {
     "scene": SCENE_SUFFIXES,
     "camera": (".toml", ".txt", *MESH_SUFFIXES),
 }
-# Suffixes and placeholder in the help, by the kinds of `Writes`.
+# Suffixes, and the placeholder on help pages, by the kinds of `Writes`.
 _WRITTEN = {
     "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
     "image": (IMAGE_SUFFIXES, "FILE"),

@@ -184,8 +184,12 @@ def test_no_face_of_a_convex_mesh_overlaps_another_or_is_mirrored(options):
 
 @every_classical
 @pytest.mark.parametrize("bad", BAD)
-def test_bad_meshes_have_finite_coordinates(options, bad):
-    mapped(Mesh(positions=CORNERS, faces=BAD[bad]), options)
+def test_bad_meshes_have_finite_coordinates_that_their_size_does_not_change(options, bad):
+    mesh = Mesh(positions=CORNERS, faces=BAD[bad])
+    twice = mesh.replace(positions=2.0 * mesh.positions)
+    here, there = mapped(mesh, options), mapped(twice, placed(options, 2.0, 0.0))
+    assert np.isfinite(here.corners).all()
+    np.testing.assert_array_equal(there.corners, here.corners)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +199,8 @@ def test_meshes_without_area_or_of_any_size_have_finite_coordinates(options):
     line = np.array([[-1, -1, -1], [0, 0, 0], [1, 1, 1], [0.1, 0.1, 0.1]])
     for scale in (0.0, 5e-324, 1e-300, 1e300, 1.7e308):
         for positions in line * scale, np.array(CORNERS[:4]) * (scale / 2.0):
-            mapped(Mesh(positions=positions, faces=[[0, 1, 2], [1, 2, 3], [0, 0, 3]]), options)
+            mesh = Mesh(positions=positions, faces=[[0, 1, 2], [1, 2, 3], [0, 0, 3]])
+            assert np.isfinite(mapped(mesh, options).corners).all()
 
 
 @pytest.mark.parametrize(
@@ -218,9 +223,8 @@ def test_a_center_equal_to_every_vertex_is_defined(name):
 )
 def test_any_finite_triangles_have_finite_coordinates(name, triangles):
     positions = np.array(triangles).reshape(-1, 3)
-    mapped(
-        Mesh(positions=positions, faces=np.arange(len(positions)).reshape(-1, 3)), CLASSICAL[name]
-    )
+    mesh = Mesh(positions=positions, faces=np.arange(len(positions)).reshape(-1, 3))
+    assert np.isfinite(mapped(mesh, CLASSICAL[name]).corners).all()
 
 
 @every_classical
