@@ -276,7 +276,7 @@ def _range(said: Mapping[str, Any]) -> str:
     return f", {' and '.join(words)}" if words else ""
 
 
-_ROOM_TITLES = {
+_PACKAGE_TITLES = {
     "": "Errors",
     "mesh": "Meshes",
     "mapping": "Texture coordinates",
@@ -288,10 +288,10 @@ _ROOM_TITLES = {
     "building": "Builds",
 }
 _FURTHER = (
-    ("texbake.errors", "what else can be raised, all of it a `TexbakeError`: `UvError`, ..."),
+    ("texbake.errors", "all other errors, each a `TexbakeError`: `UvError`, ..."),
     ("texbake.limits", "`raised_limits`"),
-    ("texbake.verbs", "each command as a function, from files to files: `simplify.simplify_file`"),
-    ("texbake.jobs", "the others: `maps.bake_files`, `preview.preview_files`, `demo.demo`, ..."),
+    ("texbake.verbs", "commands as functions from files to files: `simplify.simplify_file`, ..."),
+    ("texbake.jobs", "other commands: `maps.bake_files`, `preview.preview_files`, ..."),
     (
         "texbake.mesh",
         "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",
@@ -311,18 +311,18 @@ def python_page() -> str:
     names: dict[str, list[str]] = {}
     for node in stub.body:
         if isinstance(node, ast.ImportFrom) and node.module:
-            room, dot, _ = node.module.partition(".")
-            names.setdefault(room if dot else "", []).extend(alias.name for alias in node.names)
+            package, dot, _ = node.module.partition(".")
+            names.setdefault(package if dot else "", []).extend(alias.name for alias in node.names)
     parts = [
         "# Python",
         _MADE,
         "`import texbake` takes a few milliseconds; each name is loaded when it is first used. A "
         "function that takes a mesh takes a `Mesh`, a `trimesh.Trimesh` or the path of a file.",
     ]
-    for room, title in _ROOM_TITLES.items():
-        if room in names:
-            parts += [f"## {title}", *(f"::: texbake.{name}" for name in sorted(names[room]))]
-    assert set(names) <= set(_ROOM_TITLES), set(names) - set(_ROOM_TITLES)
+    for package, title in _PACKAGE_TITLES.items():
+        if package in names:
+            parts += [f"## {title}", *(f"::: texbake.{name}" for name in sorted(names[package]))]
+    assert set(names) <= set(_PACKAGE_TITLES), set(names) - set(_PACKAGE_TITLES)
     parts += [
         "## Further names",
         "These names are imported from their modules: `from texbake.limits import raised_limits`.",
