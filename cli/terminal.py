@@ -191,7 +191,7 @@ class TimedProgress:
         self._sink, self._seconds = sink, seconds
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Pass on the begin of a stage."""
+        """Pass on the start of a stage."""
         if self._sink is not None:
             self._sink.started(stage, total, unit)
 

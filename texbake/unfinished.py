@@ -55,8 +55,8 @@ def clear_once(folder: Path) -> None:
 def clear_unfinished(patience: float) -> None:
     """Remove all temporary files and folders of this process, which then must end at once.
 
-    For a signal that the work does not hear. Files that are just taking their names are waited for,
-    for at most `patience` seconds.
+    For a signal that the work does not react to. Waits up to `patience` seconds for files that are
+    just being renamed.
     """
     MOVING.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):

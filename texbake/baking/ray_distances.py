@@ -37,7 +37,7 @@ from texbake.raycast.rays import NO_HIT, RayHits
 MARGIN = 1.1
 # The least distance, of the local frame's unit size, above the rounding of float32 rays (1e-7).
 LEAST_EXTENT = 1e-4
-# About so many triangles of the high-poly mesh are measured, at their corners.
+# About this many triangles of the high-poly mesh are measured, at their corners.
 _HIGH_TRIANGLES = 40_000
 # Quantile of the distances of all vertices that is the least distance of each.
 _FLOOR = 0.25

@@ -86,7 +86,7 @@ class BakeReport:
     back: float
     measured: bool  # whether at least one of them was measured
     caster: str  # name of the ray caster
-    # all texels of the map; those covered by the low-poly mesh; the covered ones without any hit
+    # all texels of the map; those that the low-poly mesh covers; the covered ones without any hit
     texels: int
     texels_covered: int
     texels_missed: int
@@ -96,7 +96,7 @@ class BakeReport:
     faces_without_texel: int
     padding_meets: int  # texels where the padding of two charts meets
     counts: TraceCounts
-    # percent to distance between the low-poly and the high-poly surface
+    # distances between the low-poly and the high-poly surface, by percent
     distance_percentiles: dict[int, float]
     stages: list[StageRecord]
     versions: dict[str, str]
@@ -105,7 +105,7 @@ class BakeReport:
     sampling: SamplingReport | None = None
     budget: TimeBudget | None = None  # the settings that a time budget led to
     # front and back at the median vertex, where each vertex has its own; `front` and `back` are
-    # then the greatest, which rays that find nothing take
+    # then the greatest, up to which rays that miss are cast again
     median_reach: tuple[float, float] | None = None
     # number of objects that were baked from their matches; 0 if all were baked from all
     n_objects: int = 0

@@ -160,7 +160,7 @@ def check_texels(low: Mesh, baked: BakeResult) -> None:
         )
 
 
-# Half a step of a 16-bit code, which normals and shares are about as precise as.
+# Half a step of a 16-bit code: about the precision of normals and shares.
 _ROUNDING = 0.5 / 65535.0
 
 

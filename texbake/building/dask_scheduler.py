@@ -129,7 +129,7 @@ class DaskWorkers:
         return workers
 
     def _check(self, workers: dict[str, Any], store: Store) -> None:
-        """Raise if a worker has another texbake, or does not see the store."""
+        """Raise if a worker has another version of texbake, or does not see the store."""
         for worker, version in self._ask(workers, version_here).items():
             who = f"{self._address}: the worker {worker}"
             if isinstance(version, Exception):
@@ -189,7 +189,7 @@ class DaskWorkers:
     def _suitable(self, task: Task) -> list[str] | None:
         """Return the workers with enough memory for a task if others have less; None for all.
 
-        A bake that has less goes through its meshes in chunks, and other steps may end their
+        With less memory, a bake reads its meshes in chunks, and other steps may crash their
         worker.
         """
         large = [name for name, most in self._memory.items() if most >= task.memory_bytes]

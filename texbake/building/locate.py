@@ -58,7 +58,7 @@ def line_of(text: str, place: str) -> int | None:
 
 
 def _places(place: str, value: Any, searched: str) -> Iterator[str]:
-    """Yield the places of what is in a value, as far as they may lead to the searched one."""
+    """Yield the places inside a value that begin the searched place, outermost first."""
     items: Any = ()
     if isinstance(value, dict):
         items = ((_step(place, key), inner) for key, inner in value.items())

@@ -202,7 +202,7 @@ class CheckedMesh:
     def flag(
         self, name: str, flagged: BoolArray, badness: npt.NDArray[Any] | None = None, **figures: Any
     ) -> Finding | None:
-        """Make a finding about the flagged of all (F,) faces, from how bad each face is, (F,)."""
+        """Make a finding about faces from a flag, (F,), and how bad it is, (F,), for each."""
         faces = np.flatnonzero(flagged)
         worst = None if badness is None else badness[faces]
         return make_finding(name, self.role, len(faces), faces, worst, **figures)

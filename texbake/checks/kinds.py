@@ -142,7 +142,7 @@ _SURFACE = (
         severity="error",
         problem="The faces of a closed shell point inward. Rays from a low-poly mesh go the wrong "
         "way; rays pass through such a shell of a high-poly mesh.",
-        remedy="Turn the shell over: texbake repair.",
+        remedy="Flip the shell: texbake repair.",
     ),
     Kind(
         name="far-from-origin",

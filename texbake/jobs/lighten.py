@@ -65,12 +65,12 @@ class LightenReport:
     n_materials: int
     size: tuple[int, int] | None  # width and height of the images; None without any
     images: tuple[str, ...]  # names of the images in the result
-    simplified: SimplifyReport | None  # none if the model had no more triangles than were asked for
+    simplified: SimplifyReport | None  # None if the model had few enough triangles
     unwrapped: UnwrapReport | None
     baked: BakeReport | None
     stages: tuple[StageRecord, ...]
     comparison: ModelComparison | None = None  # in pictures; None without views
-    # images of the model that are not there, and so in no picture
+    # images of the model that are missing, and so left out of the pictures
     missing_images: tuple[str, ...] = ()
 
     def table(self) -> list[tuple[str, str]]:

@@ -35,7 +35,7 @@ _ROOM_SIZE = 128
 class MeshMaps:
     """Maps of a mesh in place of its file's materials, and the space of the normal map.
 
-    `replaces` says whether they are in their place even if there is none.
+    `replaces`: leave out the materials even if there is no map.
     """
 
     normal_map: PathLike | None = None
@@ -46,7 +46,7 @@ class MeshMaps:
 
     @property
     def files(self) -> dict[str, PathLike]:
-        """The maps that there are, by name."""
+        """The maps that were given, by name."""
         names = "normal_map", "displacement", "albedo"
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 

@@ -102,7 +102,7 @@ def write_layout(
 ) -> None:
     """Draw the texture coordinates of a mesh into a PNG or SVG file, by its suffix.
 
-    `size`: pixels a side, or (width, height), of one tile.
+    `size`: pixels per side, or (width, height), of one tile.
     """
     mesh = as_mesh(mesh)
     check_layout(path)

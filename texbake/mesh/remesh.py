@@ -292,7 +292,7 @@ class _Run:
         keep_interior = options.keep_interior
 
         def measure_windings(of_rooms: FloatArray) -> FloatArray:
-            # Of a soup of triangles, with rooms by the ten thousand, only the largest are tested.
+            # A soup of triangles has tens of thousands of rooms; only the largest are tested.
             faces = self.mesh.faces
             return winding_numbers(
                 points, faces, of_rooms, most_work=_MOST_FACES_SUMMED, threads=threads

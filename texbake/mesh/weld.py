@@ -79,7 +79,7 @@ def unique_corners(
 ) -> tuple[FloatArray, IntArray]:
     """Distinct values of each vertex, (n, K), and for each corner the number of its value.
 
-    So that only seams are seams where a file lists a value for each corner.
+    Where a file lists a value for each corner, only corners that differ are then seams.
 
     `vertices` (C,) or (F, 3) integers; `values` (C, K). Returns numbers shaped as `vertices`.
     """

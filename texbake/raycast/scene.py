@@ -63,7 +63,7 @@ class RayPlaces:
         return RayPlaces(self.cells[chosen], self.charts[chosen])
 
 
-# Returns rays that are made band by band, and their places, or (n,) int32 groups of neighbors.
+# Returns the rays of a band, and their places, or (n,) int32 groups of neighbors.
 MakeRays = Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
 
 
@@ -154,8 +154,8 @@ class RayScene:
         With culling, rays pass through faces that face away from their origin.
 
         `places`: for rays of samples of a texture, which are then cast in bundles of neighbors;
-        other rays are sorted first; `in_bundles`: False for rays that head everywhere, each of
-        which is then cast alone.
+        other rays are sorted first; `in_bundles`: False for rays in unrelated directions,
+        each of which is then cast alone.
         """
         if places is not None:
             return self._cast_in_order(

@@ -237,7 +237,7 @@ class Fragments:
         changes: Floats,
         **others: Any,
     ) -> Fragments:
-        """Return fragments on drawn triangles; without `others` they lie in no pixel."""
+        """Return fragments on drawn triangles; without `others` they belong to no pixel."""
         n = len(faces)
         base_faces, base_weights, base_changes = drawn.on_base(faces, weights, changes)
         nowhere = {

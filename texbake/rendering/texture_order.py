@@ -36,10 +36,10 @@ from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 
-# Parts of texels in all at most, and of one texel along a side.
+# Most parts of all texels together, and along one side of a texel.
 _MAX_PARTS = 1 << 24
 _MAX_SIDE = 32
-# Parts of a texel per pixel along a side.
+# Parts of a texel per pixel, along one side.
 _PER_PIXEL = 2.0
 # Projected area in pixels that a texel counts with at least.
 _SMALLEST = 1e-12

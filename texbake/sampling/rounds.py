@@ -27,14 +27,14 @@ from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget
 FloatArray32 = npt.NDArray[np.float32]
 
 # Eight measured figures, and what follows from them.
-# The share of the time to spend, because timings on shared machines differ by the rest. So a round
-# is abandoned once half of that rest is over, and none begins with less than it left.
+# The share of the time to spend; timings on shared machines differ by the rest. A round is
+# abandoned once half of that rest is spent, and none begins with less than that rest left.
 _SPENT_SHARE = 0.96
 _LIMIT = (1.0 + _SPENT_SHARE) / 2.0
 _LEAST_SHARE = 1.0 - _SPENT_SHARE
-# How far the predicted time of a round is off. A round is chosen to leave that share of the time;
-# the first one, whose work is not well known, twice as much, and the last one half as much. Where a
-# round was given up, later ones are predicted to take longer by it.
+# How far the predicted time of a round may be off. A round is chosen to leave that share of the
+# time; the first one, whose work is not well known, twice as much, and the last one half as much.
+# After an abandoned round, later ones are predicted to take longer by that share.
 _OFF = 0.3
 _FIRST_SHARE, _NEXT_SHARE, _LAST_SHARE = 1.0 - 2.0 * _OFF, 1.0 - _OFF, 1.0 - _OFF / 2.0
 _GIVEN_UP = 1.0 + _OFF
@@ -44,10 +44,10 @@ _MOST_CHANGE = 2.0
 # after it adds a whole one.
 _TO_COME = 0.5
 _ANOTHER = 1.0 + _TO_COME
-# The share of the samples of a round given up that another uses, and the share of the overhead of a
-# round that grows with all samples, old and new.
+# The share of an abandoned round's samples that the next round uses, and the share of a round's
+# overhead that grows with all samples, old and new.
 _USED, _GROWING = 0.8, 0.7
-# Errors are counted in bins: so many for each doubling, and so many doublings.
+# Errors are counted in bins: the number of bins per doubling, and of doublings.
 _STEPS, _OCTAVES = 64, 16
 
 _NOTHING = float("inf")  # the bound before the first round

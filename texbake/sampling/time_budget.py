@@ -22,8 +22,8 @@ class BudgetClock:
     now: Callable[[], float] = time.perf_counter  # returns the time in seconds
     # called with a line of text as soon as it is known that the time is too short
     warn: Callable[[str], None] | None = None
-    # Does with a part of the result what follows the work, such as writing files, so that it can be
-    # timed. The type of that part depends on the work.
+    # Called with a part of the result to time what follows the work, such as writing files. The
+    # type of that part depends on the work.
     finish: Callable[[Any], None] | None = None
 
     @classmethod

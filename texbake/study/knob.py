@@ -87,7 +87,7 @@ class Knob:
 def knob_named(name: str) -> Knob:
     """Return the knob of one of `KNOB_NAMES`, importing its module.
 
-    It is the constant that has its name, in capitals and with `_KNOB` behind it.
+    The constant of `map-kind`, for instance, is `MAP_KIND_KNOB`.
     """
     module = import_module(f"texbake.study.knobs.{KNOB_MODULES[name]}")
     knob: Knob = getattr(module, f"{name.replace('-', '_').upper()}_KNOB")

@@ -1,11 +1,11 @@
 """Images of materials as glTF and .mtl files read them: several channels in one image, or one each.
 
-An image that stands as its file reads it stays as it is, byte for byte. For glTF, others are taken
-apart and become one PNG image for each texture of a material: with the roughness of one file in its
-green and the metallic of another in its blue, for instance. Images of formats that glTF does not
-have, such as TGA or TIFF, become PNG as well. MTL has no statement for a component of an image, so
-that roughness in the green of a glTF image becomes a gray image of its own. Integer codes keep
-their values; floats become codes of 16 bits.
+An image that already has the layout that the file needs is kept byte for byte. For glTF, the
+channels of others are put into one PNG image for each texture of a material: the roughness of one
+file into green and the metallic of another into blue, for instance. Images of formats that glTF
+does not have, such as TGA or TIFF, become PNG as well. MTL has no statement for a component of an
+image, so that roughness in the green of a glTF image becomes a gray image of its own. Integer codes
+keep their values; floats become codes of 16 bits.
 """
 
 from __future__ import annotations

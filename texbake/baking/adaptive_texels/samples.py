@@ -38,7 +38,7 @@ def cast_adaptively(
 ) -> tuple[BakeSampling, TimeBudget | None]:
     """Cast all samples, give the means of texels to `sums`, and check some of them.
 
-    `distances` gets the hits of the first sample of each texel.
+    `distances` receives the hits of the first sample of each texel.
     """
     options, stages = trace.options, trace.stages
     bounded = bounded_maps(trace.setup.kinds, trace.setup.inputs, options.error_bounds)

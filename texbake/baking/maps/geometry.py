@@ -1,4 +1,4 @@
-"""Maps of the high-poly surface itself: its normal, its height over the low-poly one, its place.
+"""Maps of the high-poly surface itself: normals, heights over the low-poly mesh, positions.
 
 Where a material of the high-poly mesh has a normal map of its own, the shading normal is that of
 the map, in the tangent space of the high-poly mesh.

@@ -50,7 +50,7 @@ class MapKind:
     noise: tuple[float, float] = (0.0, 0.0)
     mid: float = 0.5  # level of 0 in integer files of `curvature`
     empty: float = 0.0  # each channel where nothing was baked, but for normals
-    plain: tuple[float, ...] | None = None  # values that a surface has without the map
+    plain: tuple[float, ...] | None = None  # value for which the map changes nothing
     legend_function: Callable[..., tuple[str, ...]] | None = None  # of `legend`; None: no ids
     require_function: Callable[..., None] | None = None  # of `require`, before any ray is cast
 

@@ -72,7 +72,7 @@ def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def _met(hits: Hits, columns: slice, name: str) -> Float32Array:
-    """Return a copy of columns of what secondary rays met, for the map of that name."""
+    """Return a copy of some columns of `Hits.secondary`; errors name the map."""
     import numpy as np
 
     met = None if hits.secondary is None else hits.secondary[:, columns].copy()

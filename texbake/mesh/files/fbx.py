@@ -112,7 +112,7 @@ class FbxPart:
     materials: list[FbxObject]
 
     def mesh(self, path: PathLike) -> Mesh:
-        """Return it in its own space, with its groups."""
+        """Return the mesh in its own space, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
         names = [self._group_name(int(index)) for index in used]
         fields = dict(self.geometry.fields)

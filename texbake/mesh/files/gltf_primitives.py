@@ -30,7 +30,7 @@ from texbake.mesh.weld import weld_rows
 _UVS = "TEXCOORD"
 _FIELDS = {"NORMAL": "normals", _UVS: "uvs", "COLOR": "colors"}
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
-_ROWS_AT_ONCE = 1 << 18  # of primitives that are joined; more take more memory, and longer
+_ROWS_AT_ONCE = 1 << 18  # of joined primitives; more rows take more memory and time
 # Draco packs the triangles of a flat grid 11 to a byte, and takes 80 bytes to decode each: 16 times
 # what other files may take.
 _PACKED = 16

@@ -48,7 +48,7 @@ VALUES = {where.mtl.lower(): where.name for where in FILE_CHANNELS.values() if w
 IMAGES = {
     where.mtl_image.lower(): where.name for where in FILE_CHANNELS.values() if where.mtl_image
 }
-# Statements of images that change what is seen and are left out, by the channels nearest to them.
+# Statements of images that change the appearance but are left out, and the nearest channels.
 _LEFT_OUT = {
     "map_bump": "normal", "bump": "normal", "map_ks": "specular", "map_ns": "roughness",
     "disp": "displacement", "refl": "environment", "decal": "base-color",

@@ -1,6 +1,6 @@
 """Files that third-party libraries read, each in a process of its own.
 
-usd-core, trimesh and DracoPy are written for files that one trusts: some damaged files crash them,
+usd-core, trimesh and DracoPy are written for trusted files: some damaged files crash them,
 keep them busy forever, or make them take memory for counts that the file does not hold. So a child
 process reads such files, with limits of time and memory, and whatever happens to it becomes an
 error of one line.

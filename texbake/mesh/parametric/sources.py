@@ -86,7 +86,7 @@ def patches_of(source: PathLike | npt.ArrayLike) -> FloatArray:
 def _numbers_of(
     source: PathLike | npt.ArrayLike, name: str, read: Callable[[PathLike], FloatArray]
 ) -> tuple[FloatArray, type[TexbakeError], PathLike]:
-    """Finite numbers of a file or an array, and the error about them, with the name in it."""
+    """Finite numbers of a file or an array, and the type and name for errors about them."""
     if isinstance(source, (str, os.PathLike)):
         return read(source), FileFormatError, source
     try:
@@ -142,7 +142,9 @@ def _shared(path: PathLike, lines: Sequence[TextLine], n_patches: int) -> FloatA
     indices = np.array(rows).ravel()
     bad = indices[~np.isin(indices, np.arange(1, n_points + 1))]
     if len(bad):
-        raise FileFormatError(f"{path}: {bad[0]:g} is no index; there are points 1 to {n_points}")
+        raise FileFormatError(
+            f"{path}: {bad[0]:g} is not an index; there are points 1 to {n_points}"
+        )
     return points[indices.astype(np.int64) - 1]
 
 

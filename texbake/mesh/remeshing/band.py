@@ -34,7 +34,7 @@ SHELL_DEPTH = 0.9
 _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 
 
-# Points that all faces together may be near: this many, or so many times those of the grid. And
+# Points that all faces together may be near: this many, or this many times those of the grid. And
 # blocks in the bounding boxes of all faces together: each face looks at those in its own.
 _MOST_POINTS, _MOST_FILLS, _MOST_BLOCKS = 2.5e9, 8.0, 5e9
 

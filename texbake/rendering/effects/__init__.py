@@ -14,7 +14,7 @@ from texbake.rendering.effect import Effect
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return effects such that each follows the one that it names, the first by name directly."""
+    """Return effects, each behind the one that it names, those of one `after` by name."""
     followers: dict[str, list[Effect]] = {}
     for effect in sorted(effects, key=lambda each: each.name, reverse=True):
         followers.setdefault(effect.after, []).append(effect)

@@ -55,8 +55,8 @@ def divide_parts(
 
     `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `opposite`
     (3 F,) int32; `parts` (F,) int32; `part_faces`: number of faces that new parts should have;
-    `whole_faces`: parts of at most so many faces stay whole; `polygons` (F,) int32. Returns (F,)
-    int32: part of each face: connected, and numbered from 0 without gaps; new parts come last.
+    `whole_faces`: parts of at most this many faces stay whole; `polygons` (F,) int32. Returns (F,)
+    int32: part of each face. Parts are connected, numbered from 0 without gaps, new ones last.
     """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
