@@ -16,6 +16,7 @@ from skimage.measure import marching_cubes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere
+from texbake.mesh.topology import find_edges, genus
 
 CASES = Path(__file__).with_name("cases")
 REAL = Path(os.environ.get("TEXBAKE_DATA", Path(__file__).parents[2] / "shared" / "data")).resolve()
@@ -47,6 +48,13 @@ def soup_of(mesh):
     """The mesh with separate vertices for each face, as in an STL file."""
     corners = np.arange(mesh.faces.size).reshape(-1, 3)
     return Mesh(positions=mesh.positions[mesh.faces].reshape(-1, 3), faces=corners)
+
+
+def handles(mesh):
+    """The genus of a closed mesh."""
+    found = genus(mesh.faces, find_edges(mesh.faces), mesh.n_vertices)
+    assert found is not None
+    return found
 
 
 def creature(n, bump=0.0):

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 from texbake_cli.lazy import COMMANDS
 from texbake_cli.main import texbake
-from writing_commands import LINES, make_inputs
+from writing_commands import LINES, contents, make_inputs
 
 from texbake import write_mesh
 from texbake.mesh.shapes import uv_sphere
@@ -69,10 +69,6 @@ def values(name: str, words: list[str]) -> dict[str, object]:
     return command.make_context(name, words[1:]).params
 
 
-def files() -> dict[str, bytes]:
-    return {str(path): path.read_bytes() for path in Path().rglob("*") if path.is_file()}
-
-
 def output_of(verb: Verb) -> Writes:
     return next(part for part in verb.of_kind(Writes) if part.name == "output")
 
@@ -93,11 +89,11 @@ MANY_FILES = {"bench", "build", "preview", "study", "watch"}
 @pytest.mark.parametrize("name", sorted(LINES.keys() - MANY_FILES))
 def test_a_command_lists_all_files_that_it_writes(name: str, run: Run) -> None:
     words = [*prepared(name, run), *(["--report", "r.json"] if "r.json" in LINES[name][-1] else [])]
-    before = files()
+    before = contents(Path())
     done = run([*words, "--verbose"])
     assert done.exit_code == 0, done.output
     wrote = {row.removeprefix("wrote ") for row in done.stdout.splitlines() if row[:6] == "wrote "}
-    after = files()
+    after = contents(Path())
     assert {file for file in after if after[file] != before.get(file)} == wrote
     assert before.keys() <= after.keys()
     assert "Stages\n" in done.stdout and "  total" in done.stdout.splitlines()[-1]
@@ -122,7 +118,7 @@ def test_no_output_replaces_an_input_or_another_output(name: str, run: Run) -> N
         for part in verb.of_kind(Reads)
         if isinstance(given.get(part.name), Path) and part.name != output_of(verb).over
     ]
-    before = files()
+    before = contents(Path())
     for path in read:
         done = run(with_output(words, path))
         assert done.exit_code in (1, 2) and len(done.stderr.splitlines()) == 1, done.stderr
@@ -130,16 +126,16 @@ def test_no_output_replaces_an_input_or_another_output(name: str, run: Run) -> N
         same = str(given["output"])
         done = run([*words, "--report", same])
         assert done.exit_code == 2 and "two outputs have this name" in done.stderr
-    assert files() == before
+    assert contents(Path()) == before
 
 
 @pytest.mark.parametrize("name", VERBS)
 def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> None:
     words = prepared(name, run)
     suffix = Path(str(values(name, words)["output"])).suffix
-    before = files()
+    before = contents(Path())
     done = run(with_output(words, f"low.obj/inside{suffix}"))
     assert done.exit_code == 1 and done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert line.startswith("texbake: low.obj/inside")
-    assert files() == before
+    assert contents(Path()) == before

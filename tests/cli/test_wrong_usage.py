@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 from texbake_cli.main import texbake
 from texbake_cli.signals import FAILED, WRONG_USAGE
+from writing_commands import contents
 
 from texbake import write_image, write_mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
@@ -301,10 +302,6 @@ FILES = {
 LONG = 300 * "x"
 
 
-def files() -> dict[str, bytes]:
-    return {str(path): path.read_bytes() for path in Path().rglob("*") if path.is_file()}
-
-
 @pytest.mark.parametrize(
     ("line", "exit_code", "message"),
     [
@@ -325,13 +322,13 @@ def test_one_line_the_exit_code_and_nothing_else(
     place: Path, monkeypatch: pytest.MonkeyPatch, line: str, exit_code: int, message: str
 ) -> None:
     monkeypatch.chdir(place)
-    before = files()
+    before = contents(Path())
     result = CliRunner().invoke(texbake, line.split())
     assert isinstance(result.exception, SystemExit), result.exception
     assert (result.exit_code, result.stdout) == (exit_code, ""), result.output
     assert result.stderr.count("\n") == 1 and result.stderr.startswith("texbake"), result.stderr
     assert message in result.stderr
-    assert files() == before
+    assert contents(Path()) == before
 
 
 @pytest.mark.parametrize(

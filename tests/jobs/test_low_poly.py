@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 import texbake
-from tests.models import bone, model, real, sponge
+from tests.models import bone, handles, model, real, sponge
 from texbake.errors import MeshError, OptionError
 from texbake.jobs.low_poly import make_low_poly
 from texbake.jobs.options import RunOptions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import LowNormals
-from texbake.mesh.topology import find_edges, genus
+from texbake.mesh.topology import find_edges
 from texbake.verbs.simplify import simplify_file
 
 
@@ -22,12 +22,6 @@ def mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> texbake.Mesh:
     made = sponge(2).replace(name="sponge.ply")
     texbake.write_mesh(made, "sponge.ply")
     return made
-
-
-def handles(mesh: texbake.Mesh) -> int:
-    found = genus(mesh.faces, find_edges(mesh.faces), mesh.n_vertices)
-    assert found is not None
-    return found
 
 
 def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from tests.artist_models import write_model
-from tests.models import model, real
+from tests.models import model, real, soup_of
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import SURFACES, VIAS
@@ -146,10 +146,8 @@ def test_size_and_place_change_no_more_than_rounding(options, scale, offset):
 @every_classical
 def test_vertices_that_a_file_repeats_or_does_not_use_change_no_bit(options):
     mesh = bumpy()
-    apart = Mesh(
-        positions=np.concatenate([mesh.positions[mesh.faces].reshape(-1, 3), [[1e3] * 3]]),
-        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-    )
+    apart = soup_of(mesh)
+    apart = apart.replace(positions=np.concatenate([apart.positions, [[1e3] * 3]]))
     assert np.array_equal(mapped(apart, options).corners, mapped(mesh, options).corners)
 
 
@@ -288,8 +286,4 @@ def test_atlases_do_not_depend_on_threads_or_on_repeated_vertices(options):
     one, three = (unwrap(mesh, **options, threads=threads) for threads in (1, 3))
     assert one.uvs.tobytes() == three.uvs.tobytes()
     assert one.uv_faces.tobytes() == three.uv_faces.tobytes()
-    apart = Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=np.arange(3 * mesh.n_faces).reshape(-1, 3),
-    )
-    assert chart_ids(unwrap(apart, **options)).max() == chart_ids(one).max()
+    assert chart_ids(unwrap(soup_of(mesh), **options)).max() == chart_ids(one).max()

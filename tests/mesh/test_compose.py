@@ -191,18 +191,4 @@ def test_parts_are_joined_where_their_matrices_take_them(seed):
     assert found.uv_sets.keys() == expected.uv_sets.keys()
     for name, item in found.uv_sets.items():
         np.testing.assert_array_equal(item.faces, expected.uv_sets[name].faces)
-
-
-def test_parts_joined_at_their_places_are_those_that_are_moved_and_joined():
-    parts = [part(seed, *ATTRIBUTES) for seed in range(3)]
-    maps = [np.diag([1.0, 2, 3]), np.diag([-1.0, 1, 1]), np.eye(3)[[1, 0, 2]]]  # two mirror
-    places = np.array([matrix(linear, (k, 0, 1)) for k, linear in enumerate(maps)])
-    placed = join_parts(parts, "all", places)
-    each = [transformed(one, place) for one, place in zip(parts, places, strict=True)]
-    moved = join_parts(each, "all")
-    for name in ATTRIBUTES:
-        one, other = corner_values(placed, name), corner_values(moved, name)
-        np.testing.assert_allclose(one, other, atol=1e-6)
-    corners = [mesh.positions[mesh.faces] for mesh in (placed, moved)]
-    np.testing.assert_allclose(*corners, atol=1e-12)
-    assert placed.polygon_of.tolist() == moved.polygon_of.tolist()
+        np.testing.assert_array_equal(item.uvs, expected.uv_sets[name].uvs)

@@ -1,4 +1,4 @@
-"""Nodes of glTF files: many of them, and such as repeat a mesh without measure."""
+"""Nodes of glTF files: many of them, and some that repeat a mesh without limit."""
 
 import base64
 import json
@@ -14,14 +14,9 @@ from texbake.errors import FileFormatError
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_nodes import MAX_TRIANGLES
-from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
-
-
-def read_materials_of(path):
-    return read_materials(path, read_mesh(path))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings, strategies as st
 
+from tests.mesh.test_shapes import areas_in_texture
 from texbake import OptionError, make
 from texbake.mesh.normals import face_normals
 from texbake.mesh.parametric.revolution import profile_outline
@@ -24,11 +25,6 @@ def volume(mesh):
     """What faces enclose about the y axis: the flux of (x, 0, z) / 2, of which lids have none."""
     a, b, c = np.moveaxis(mesh.positions[mesh.faces], 1, 0)
     return ((a + b + c) / 6 * [1, 0, 1] * np.cross(b - a, c - a)).sum() / 2
-
-
-def texture_areas(mesh):
-    a, b, c = np.moveaxis(mesh.corner_uvs(), 1, 0)
-    return 0.5 * np.linalg.det(np.stack([b - a, c - a], axis=1))
 
 
 def corners_of(mesh):
@@ -103,16 +99,16 @@ def test_faces_look_where_their_normals_do_and_are_not_mirrored(shape, options):
     mesh = make(shape, resolution=(32, 12), **options)
     towards = np.einsum("fi,fci->fc", face_normals(mesh), corner_normals(mesh))
     assert towards.min() > 0.9
-    assert texture_areas(mesh).min() > 0
+    assert areas_in_texture(mesh).min() > 0
 
 
 def test_counts_and_texture_are_those_of_the_grid():
     mesh = make("sphere", resolution=(12, 7))
     assert (mesh.n_faces, mesh.n_vertices) == (2 * 12 * 6, 12 * 6 + 2)
-    assert texture_areas(mesh).sum() == pytest.approx(1 - 1 / 7)  # fans cover half of their band
+    assert areas_in_texture(mesh).sum() == pytest.approx(1 - 1 / 7)  # fans cover half of their band
     torus = make("torus", resolution=(12, 7))
     assert (torus.n_faces, torus.n_vertices) == (2 * 12 * 7, 12 * 7)
-    assert texture_areas(torus).sum() == pytest.approx(1)
+    assert areas_in_texture(torus).sum() == pytest.approx(1)
     assert len(torus.uvs) == 13 * 8
     open_cylinder = make("cylinder", resolution=(12, 7))
     assert (open_cylinder.n_faces, open_cylinder.n_vertices) == (2 * 12 * 7, 12 * 8)
@@ -257,7 +253,7 @@ def test_a_closed_profile_is_a_ring():
         assert genus(mesh.faces, edges, mesh.n_vertices) == 1
         # Pappus: the area goes around the centroid, at 1.5, on a polygon of 24 sides.
         assert volume(mesh) == pytest.approx((4 - 1) * 12 * np.sin(2 * np.pi / 24), rel=1e-14)
-        assert texture_areas(mesh).sum() == pytest.approx(1)
+        assert areas_in_texture(mesh).sum() == pytest.approx(1)
 
 
 def test_a_profile_that_touches_the_axis_in_the_middle_hangs_by_a_vertex():

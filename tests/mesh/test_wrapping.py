@@ -5,13 +5,13 @@ import pytest
 from skimage.filters import gaussian
 from skimage.measure import euler_number, label
 
-from tests.models import level_surface
+from tests.models import handles, level_surface
 from texbake.core import core
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, plane
-from texbake.mesh.topology import find_edges, genus
+from texbake.mesh.topology import find_edges
 from texbake.mesh.wrapping import reason_to_wrap, wraps
 
 BALL = icosphere(4)
@@ -77,12 +77,6 @@ def foam(n: int = 64, width: float = 1.6) -> Mesh:
     field = np.minimum(noise / noise.std() + 0.2, 0.45 * n - radii)
     mesh = level_surface(np.pad(field, 2, constant_values=-9.0), 0.0)
     return mesh.replace(faces=mesh.faces[:, ::-1], name="foam.ply")
-
-
-def handles(mesh: Mesh) -> int:
-    found = genus(mesh.faces, find_edges(mesh.faces), mesh.n_vertices)
-    assert found is not None
-    return found
 
 
 def test_a_wrap_has_no_more_tunnels_than_its_triangles_can_show():

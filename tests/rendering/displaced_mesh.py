@@ -84,6 +84,12 @@ def interpolated(corners: FloatArray, places: Places, rows: slice) -> FloatArray
     return np.asarray(a + along[:, None] * (b - a) + up[:, None] * (c - a))
 
 
+def directed_edges(faces: IntArray) -> IntArray:
+    """(E, 2) edges of all faces in their order, without those from a vertex to itself."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return edges[edges[:, 0] != edges[:, 1]]
+
+
 def are_closed(edges: IntArray) -> bool:
     """Whether directed edges (E, 2) are of a closed surface: each as often as its opposite."""
     forward, counts = np.unique(edges, axis=0, return_counts=True)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from displaced_mesh import are_closed, displace
+from displaced_mesh import are_closed, directed_edges, displace
 
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
@@ -12,10 +12,8 @@ from texbake.rendering.options import RenderOptions
 
 
 def edges_of(mesh):
-    """Directed edges by welded position, as (E, 2), without those of length 0."""
-    faces = weld_rows(mesh.positions)[mesh.faces]
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return edges[edges[:, 0] != edges[:, 1]]
+    """Directed edges by welded position."""
+    return directed_edges(weld_rows(mesh.positions)[mesh.faces])
 
 
 def split_cube():
@@ -28,13 +26,6 @@ def split_cube():
         flat = [a for a in range(3) if np.ptp(mesh.positions[used, a]) > 0]
         uvs[side] = (mesh.positions[:, flat] + 0.6) / 1.2 / 3 + (side % 3 / 3, side // 3 / 3)
     return mesh.replace(uvs=uvs.reshape(-1, 2), uv_faces=mesh.faces + 8 * sides[:, None])
-
-
-def without_uvs_to_speak_of(mesh):
-    """The mesh with its faces side by side in texture space, each a right triangle of side 1."""
-    corners = np.array([[0, 0], [1, 0], [0, 1]], float)
-    ids = np.tile(np.arange(3, dtype=np.int32), (mesh.n_faces, 1))
-    return mesh.replace(uvs=corners, uv_faces=ids)
 
 
 @pytest.mark.parametrize("edge_texels", [0.6, 1.0, 5.0, 100.0])

@@ -18,20 +18,14 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import plan_rows
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import (
-    Material,
-)
+from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, apply_mapping, camera_of
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.rendering.scene.textures import ImageTexture
 from texbake.rendering.scene.transforms import transform_matrix
 
 NOISE = np.random.default_rng(4).random((16, 16, 3)).astype(np.float32)
 IMAGE = ImageTexture(image=NOISE)
-HEIGHTS = ImageTexture(image=NOISE[..., :1])
-SOLID = ProcedureTexture(procedure="turbulence", scale=4.0)
-CHECKER = ProcedureTexture(procedure="checker", space="uv", scale=8.0)
-NORMALS = ImageTexture(image=np.array([0.0, 0.0, 1.0]) * np.ones((2, 2, 3)) + 0.2 * NOISE[:2, :2])
 MAPPING = UnwrapOptions(method="spherical")
 LIGHTING = Lighting(lights=(Light(direction=(0.4, -0.3, -1.0)),))
 VIEW = CameraView(position=(1.0, 1.0, 6.0), target=(0.0, 0.0, 0.0))

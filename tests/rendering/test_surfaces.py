@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from displaced_mesh import are_closed
+from displaced_mesh import are_closed, directed_edges
 
 from texbake.errors import OptionError, UvError
 from texbake.mesh.normals import smooth_normals
@@ -51,13 +51,8 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
     return kept[0], frame
 
 
-def edges_of(drawn):
-    pairs = np.concatenate([drawn.faces[:, [0, 1]], drawn.faces[:, [1, 2]], drawn.faces[:, [2, 0]]])
-    return pairs[pairs[:, 0] != pairs[:, 1]]
-
-
 def euler(drawn):
-    pairs = np.unique(np.sort(edges_of(drawn), axis=1), axis=0)
+    pairs = np.unique(np.sort(directed_edges(drawn.faces), axis=1), axis=0)
     return len(drawn.positions) - len(pairs) + len(drawn.faces)
 
 
@@ -176,9 +171,10 @@ def test_uneven_cuts_leave_no_crack(edge_px):
     camera = Camera.looking_at((0.2, -1.3, 0.3), (0.4, 0.0, 0.2), up=(0, 0, 1), fov=1.2, near=1e-3)
     holder = Displacement(texture=image(0.05 * NOISE), edge_px=edge_px)
     drawn, _ = displaced(mesh, holder, camera=camera)
-    sizes = np.linalg.norm(np.diff(drawn.positions[edges_of(drawn)], axis=1)[:, 0], axis=1)
+    ends = drawn.positions[directed_edges(drawn.faces)]
+    sizes = np.linalg.norm(np.diff(ends, axis=1)[:, 0], axis=1)
     assert edge_px > 5 or sizes.max() > 10 * np.median(sizes)
-    assert are_closed(edges_of(drawn)) and euler(drawn) == 2
+    assert are_closed(directed_edges(drawn.faces)) and euler(drawn) == 2
 
 
 def icosphere_with_uvs():
