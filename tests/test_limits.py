@@ -393,7 +393,7 @@ def test_any_number_of_options_may_stand_before_the_name_of_a_map():
         (" 3 s", 3.0),
     ],
 )
-def test_units(word, seconds):
+def test_units_of_durations(word, seconds):
     assert parse_seconds(word) == seconds
 
 

@@ -98,7 +98,7 @@ def test_a_power_of_two_scales_lengths_and_changes_nothing_else(painted, baked, 
 
 @pytest.mark.parametrize("space", ["tangent", "object"])
 def test_a_moved_and_turned_model_has_moved_and_turned_maps(painted, baked, space):
-    """A quarter turn about z, exact in floating point, and a move by as much as the model is."""
+    """Turn by a quarter about z, which is exact, and move by about the size of the model."""
     high, low, materials = painted
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     matrix = np.eye(4)

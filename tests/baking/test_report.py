@@ -1,4 +1,4 @@
-"""Reports of bakes by hand: each figure and each warning, as a person reads them."""
+"""Reports made by hand: each figure and each warning as a user reads it."""
 
 from dataclasses import fields, replace
 from itertools import pairwise

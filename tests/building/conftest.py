@@ -92,7 +92,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 def run() -> Callable[..., tuple[BuildResult, list[str]]]:
     """Build in this process; return the result and the names of the steps that ran.
 
-    The events of every build are held to what they promise.
+    Also check that the events of the build agree with its result.
     """
 
     def run(path: Path, **options: Any) -> tuple[BuildResult, list[str]]:

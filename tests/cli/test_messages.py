@@ -74,6 +74,7 @@ def test_a_name_that_is_as_long_as_names_may_be(tmp_path):
     path = (tmp_path / "ball.obj").rename(tmp_path / f"{'x' * 250}.obj")
     result = CliRunner().invoke(command, ["info", str(path)])
     assert (result.exit_code, result.exception) == (0, None)
+    assert "80" in result.stdout
 
 
 def command_of(name: str) -> click.Command:

@@ -19,7 +19,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def names_in(folder: Path) -> list[str]:
-    """Every name, hidden ones as well, as a half-written file's would be."""
+    """All names, including hidden ones such as those of half-written files."""
     return sorted(path.name for path in folder.iterdir())
 
 

@@ -260,7 +260,7 @@ def arrays():
     return torus.positions.astype(np.float32), torus.faces.astype(np.uint32)
 
 
-def test_the_answer_indexes_the_given_vertices(arrays):
+def test_parametrize_indexes_the_given_vertices(arrays):
     positions, faces = arrays
     mapping, indices, uvs = texbake.parametrize(positions, faces)
     assert (mapping.dtype, indices.dtype, uvs.dtype) == (np.uint32, np.uint32, np.float32)
@@ -271,7 +271,7 @@ def test_the_answer_indexes_the_given_vertices(arrays):
     assert set(indices.ravel()) == set(range(len(mapping)))
 
 
-def test_the_coordinates_are_those_of_unwrap(arrays):
+def test_parametrize_gives_the_coordinates_of_unwrap(arrays):
     positions, faces = arrays
     _, indices, uvs = texbake.parametrize(positions, faces, quality="fast", size=256)
     mesh = texbake.Mesh(positions=positions.astype(np.float64), faces=faces.astype(np.int32))
@@ -279,7 +279,7 @@ def test_the_coordinates_are_those_of_unwrap(arrays):
     np.testing.assert_array_equal(uvs[indices], unwrapped.corner_uvs().astype(np.float32))
 
 
-def test_it_is_called_and_answers_as_xatlas_does(arrays):
+def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
     xatlas = pytest.importorskip("xatlas", reason="xatlas has no wheel for this Python")
     positions, faces = arrays
     ours, theirs = texbake.parametrize(positions, faces), xatlas.parametrize(positions, faces)

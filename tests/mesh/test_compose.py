@@ -113,7 +113,7 @@ def part(seed, *attributes):
 
 
 def corner_values(mesh, name):
-    """(F, 3, K) what each corner of a mesh has, or what a mesh without it is given."""
+    """(F, 3, K) values at the corners of a mesh, or those that joining gives a mesh without any."""
     if name == "uv_sets":
         return mesh.corner_uvs("light") if mesh.uv_sets else np.zeros((mesh.n_faces, 3, 2))
     if name == "colors":
@@ -174,7 +174,7 @@ ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "t
 
 @pytest.mark.parametrize("seed", range(20))
 def test_parts_are_joined_where_their_matrices_take_them(seed):
-    """As `transformed` takes each: bit for bit, mirrored ones too."""
+    """The same bits as from `transformed` parts, also where a matrix mirrors."""
     rng = np.random.default_rng(seed)
     own = [[name for name in ATTRIBUTES if rng.random() < 0.8] for _ in range(1 + seed % 4)]
     parts = [part(i, *names) for i, names in enumerate(own)]

@@ -222,7 +222,7 @@ def test_creases_are_where_the_profile_turns_sharply():
     st.booleans(),
 )
 def test_normals_of_a_profile_are_means_where_it_is_smooth(steps, crease, tip):
-    """The mean at a point counts each segment by the length of the other."""
+    """The mean at a point weights each segment by the length of the other."""
     heights = np.cumsum([height for _, height in steps])
     points = np.column_stack([[radius for radius, _ in steps], heights])
     points[-1, 0] *= not tip

@@ -655,7 +655,7 @@ def test_wrong_options_are_errors(options, message):
         simplify(icosphere(2), **options)
 
 
-# Normals of facets: where they are all that a mesh has, no edge is hard.
+# If all normals of a mesh are those of its facets, no edge is hard.
 
 
 def with_facet_normals(mesh, facet_of_face=None):
@@ -673,25 +673,25 @@ def test_a_sphere_of_facets_is_flat_shaded():
     assert is_flat_shaded(with_facet_normals(icosphere(4)))
 
 
-def test_so_is_one_of_polygons_cut_into_triangles():
+def test_a_sphere_of_polygons_cut_into_triangles_is_flat_shaded():
     sphere = grid_sphere(24, 48)
     facets = np.unique(np.arange(sphere.n_faces) // 2, return_inverse=True)[1]
     assert is_flat_shaded(with_facet_normals(sphere, facets))
 
 
 @pytest.mark.parametrize("mesh", [cube(), plane(8, 8)], ids=["cube", "plane"])
-def test_what_is_built_of_flat_sides_is_not(mesh):
+def test_a_mesh_that_is_built_of_flat_sides_is_not_flat_shaded(mesh):
     assert not is_flat_shaded(with_facet_normals(mesh))
 
 
-def test_smooth_and_absent_normals_are_not():
+def test_a_mesh_with_smooth_or_no_normals_is_not_flat_shaded():
     sphere = icosphere(3)
     assert not is_flat_shaded(sphere.replace(normals=None, normal_faces=None))
     smooth = sphere.replace(normals=sphere.positions.copy(), normal_faces=sphere.faces)
     assert not is_flat_shaded(smooth)
 
 
-def test_simplify_takes_no_edge_of_a_facet_for_a_hard_one():
+def test_no_edge_of_a_facet_is_hard():
     sphere = icosphere(4).replace(normals=None, normal_faces=None)
     for quality in ("fast", "best"):
         low, report = simplify_with_report(with_facet_normals(sphere), 300, quality=quality)

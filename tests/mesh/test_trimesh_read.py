@@ -295,7 +295,7 @@ def test_a_3mf_file_of_which_objects_would_be_lost_is_refused(
 def test_the_library_runs_within_the_limits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nested nodes may be far more than a file holds, and take the library any time."""
+    """Nested nodes can stand for far more than the file holds, and keep the library busy."""
     stub = "assert resource.getrlimit(resource.RLIMIT_CPU)[0] == 10; os._exit(7)"
     (tmp_path / "trimesh.py").write_text(f"import os, resource; {stub}")
     path = nested(tmp_path, 10, 10)

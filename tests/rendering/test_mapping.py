@@ -30,7 +30,6 @@ MAPPING = UnwrapOptions(method="spherical")
 LIGHTING = Lighting(lights=(Light(direction=(0.4, -0.3, -1.0)),))
 VIEW = CameraView(position=(1.0, 1.0, 6.0), target=(0.0, 0.0, 0.0))
 OPTIONS = RenderOptions(width=48, height=40, supersampling=1)
-# The coordinates that a mapping replaces.
 PLACE = transform_matrix(rotate=(20.0, 30.0, 0.0), scale=(1.0, -1.2, 0.9))
 BALL = SceneObject(mesh=uv_sphere(8, 16), mapping=MAPPING, name="ball", transform=PLACE)
 

@@ -1,4 +1,4 @@
-"""Effects that nothing calls for never run: a scene with and one without each effect."""
+"""Effects that nothing calls for never run, and laws that hold for every effect."""
 
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Samples are run as a newcomer runs them, and leave what they say; others by tests/goldens."""
+"""Samples run as a newcomer runs them, and write what they name; tests/goldens runs others."""
 
 import csv
 import os

@@ -229,5 +229,5 @@ def test_an_id_gets_its_color_and_one_that_is_no_number_the_first(dtype):
     assert codes.dtype == dtype and codes.tolist() == colors[[[0, 2, 0], [2, 1, 0]]].tolist()
 
 
-def test_alpha_is_ignored():
+def test_alpha_beside_normals_is_ignored():
     assert decode_normals(np.array([[[255, 128, 128, 7]]], np.uint8)).shape == (1, 1, 3)

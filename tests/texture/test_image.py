@@ -273,7 +273,7 @@ def test_color_is_true_or_false(color, tmp_path, pixels):
         read_image(tmp_path / "a.png", color=color)
 
 
-def test_usual_bits():
+def test_bits_by_default():
     assert [check_image_format(f"a.{s}") for s in ("png", "exr", "tif", "tga", "hdr")] == [
         16, 32, 32, 8, 32,
     ]  # fmt: skip
