@@ -121,7 +121,7 @@ def test_workers_that_are_not_fit(write: Any, tmp_path: Path, cluster: Cluster) 
     options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
     for preload, fault in (
         (OTHER_VERSION, r"has texbake 0\.0\.1, this is .*; install the same there"),
-        (WITHOUT_TEXBAKE, "does not load texbake .*; install .* there"),
+        (WITHOUT_TEXBAKE, "cannot load texbake .*; install .* there"),
         (OTHER_FOLDERS, "does not see the store, .*; share this folder with it"),
     ):
         worker = cluster.add_worker(preload)

@@ -28,7 +28,7 @@ from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
 from texbake.errors import DependencyError, FileError, OptionError, TexbakeError
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer
-_LOAD_SECONDS = 60  # within which its workers must answer, who load texbake first
+_LOAD_SECONDS = 60  # within which its workers must answer, which load texbake first
 _LOOK_SECONDS = 5  # between looks at whether there are workers, while nothing else happens
 _GONE_SECONDS = 60  # without any worker, before a build gives up
 _LOUD = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
@@ -61,7 +61,7 @@ def run_here(task: Task, max_memory: int | None) -> TaskOutcome:
 
     worker: Any = get_worker()
     limit = worker.memory_manager.memory_limit
-    own = int(_MEMORY_SHARE * limit / worker.state.nthreads) if limit else None
+    own = _task_bytes(limit, worker.state.nthreads) if limit else None
     limits = [most for most in (own, max_memory) if most is not None]
     outcome = run_task(replace(task, most_memory=min(limits, default=None)))
     if outcome.manifest is None:
@@ -134,9 +134,7 @@ class DaskWorkers:
             who = f"{self._address}: the worker {worker}"
             if isinstance(version, Exception):
                 said = " ".join(f"{type(version).__name__}: {version}".split())[:200]
-                raise FileError(
-                    f"{who} does not load texbake ({said}); install {__version__} there"
-                )
+                raise FileError(f"{who} cannot load texbake ({said}); install {__version__} there")
             if version != __version__:
                 raise FileError(
                     f"{who} has texbake {version}, this is {__version__}; install the same there"
@@ -211,7 +209,7 @@ class DaskWorkers:
         """Return the result of a task that is done.
 
         It may have to come from a worker that has gone since, and then the task runs again; or this
-        process may have been stopped while it waited. So a long wait is no fault of the task.
+        process may have been stopped while it waited. So a long wait is not the fault of the task.
         """
         while True:
             try:
@@ -276,10 +274,15 @@ class DaskWorkers:
         )
 
 
+def _task_bytes(limit: int, n_threads: int) -> int:
+    """Return the bytes that a task may take on a worker with this memory limit."""
+    return int(_MEMORY_SHARE * limit / n_threads)
+
+
 def _memory_of_a_task(workers: dict[str, Any]) -> dict[str, int]:
     """Return the bytes that a task may take on each worker that has a limit."""
     return {
-        worker: about["memory_limit"] // about["nthreads"]
+        worker: _task_bytes(about["memory_limit"], about["nthreads"])
         for worker, about in workers.items()
         if about.get("memory_limit")
     }
@@ -297,7 +300,7 @@ def _connected(address: str) -> Any:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     client: Any = distributed.Client
     try:
-        # A client would wait forever for a server that is no scheduler and says nothing. In a
+        # A client would wait forever for a server that is not a scheduler and never answers. In a
         # thread of its own, because a notebook has a running loop.
         with ThreadPoolExecutor(1) as thread:
             greeting = asyncio.wait_for(_greeted(address), _ANSWER_SECONDS)

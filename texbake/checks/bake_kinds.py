@@ -148,8 +148,8 @@ PAIR_KINDS = (
         severity="error",
         problem="The meshes fit if in the low-poly mesh {axes}: one of them lies on its side or is "
         "rotated.",
-        remedy="Export both with the same up axis, or turn one of them: texbake transform --up or "
-        "--rotate.",
+        remedy="Export both with the same up axis, or rotate one of them: texbake transform --up "
+        "or --rotate.",
     ),
     Kind(
         name="far-from-high",

@@ -211,7 +211,7 @@ def _materials(
 
 @dataclass(frozen=True)
 class _WritingMaps:
-    """Writes maps as they will be written, but to no purpose other than to time it."""
+    """Writes maps to a scratch folder, only to time it."""
 
     files: Mapping[str, Path]
 
@@ -245,7 +245,7 @@ def map_files(
     others: Sequence[Path] = (),
     notes: Iterable[str] = (),
 ) -> MapFiles:
-    """Result of a job whose first and last stage stand around those of the report."""
+    """Return the result of a job: the report with the stages before and after its own."""
     reading, writing = around
     figures = replace(report, stages=[reading, *report.stages, writing])
     return MapFiles(

@@ -52,7 +52,7 @@ def _joined_polygons(meshes: Sequence[Mesh]) -> IntArray | None:
 
 
 def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
-    """Index arrays joined, each moved on by the lengths of what those before it index."""
+    """Index arrays joined, each offset by the lengths of what those before it index."""
     offsets = np.cumsum([0, *(length for _, length in parts[:-1])], dtype=np.int32)
     joined = np.concatenate([part for part, _ in parts]).astype(np.int32, copy=False)
     moves = np.repeat(offsets, [len(part) for part, _ in parts])
@@ -212,7 +212,7 @@ _BATCH = 1 << 16  # rows moved at once
 
 
 def _map(rows: FloatArray, counts: Sequence[int], maps: FloatArray) -> None:
-    """Apply a (3, 3) map of each part to its rows, in place, as many at once as are alike."""
+    """Apply a (3, 3) map of each part to its rows, in place; equally long parts go together."""
     n_rows = np.array(counts)
     starts = np.cumsum(n_rows) - n_rows
     order = np.argsort(n_rows, kind="stable")

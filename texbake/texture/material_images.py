@@ -83,7 +83,7 @@ def check_gray(image: Image, what: str) -> None:
 
 
 def gltf_images(materials: Materials, *, threads: int | None = None) -> Materials:
-    """Return materials whose images stand where glTF reads them.
+    """Return materials whose images have the layout that glTF reads.
 
     Channels that share a texture in glTF share an image.
     """
@@ -101,7 +101,7 @@ class _Arranger:
     _decoded: dict[str, tuple[FloatImage, int] | str] = field(default_factory=dict)
 
     def arranged(self, number: int, material: MeshMaterial) -> MeshMaterial:
-        """Return a material whose images stand where glTF reads them."""
+        """Return a material whose images have the layout that glTF reads."""
         for slot in SLOTS:
             if not slot.fits(material):
                 material = self._sound(slot, material)
@@ -111,7 +111,7 @@ class _Arranger:
         return material
 
     def _sound(self, slot: Slot, material: MeshMaterial) -> MeshMaterial:
-        """Leave out images that cannot be decoded, or not share the place of the first."""
+        """Leave out images that cannot be decoded, or lie at another place than the first."""
         channels = dict(material.channels)
         first = None
         for where, source in slot.sources(material):
@@ -208,7 +208,7 @@ _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 def mtl_images(
     materials: Materials, *, threads: int | None = None
 ) -> tuple[Materials, tuple[str, ...]]:
-    """Return materials as .mtl files have them."""
+    """Return materials as .mtl files have them, and names of what they cannot hold."""
     lost: dict[str, None] = {}
     made: dict[tuple[str, tuple[int, ...]], ChannelImage] = {}
     changed = []
@@ -233,7 +233,7 @@ def _source(
     lost: dict[str, None],
     threads: int | None,
 ) -> ChannelSource | None:
-    """Return a channel as .mtl files have it; None where only its image would say it."""
+    """Return a channel as .mtl files have it; None to leave the channel out."""
     image = source.image
     if image is None:
         return source
@@ -258,7 +258,7 @@ def _source(
 
 
 def _plain_image(name: str, image: ChannelImage, threads: int | None) -> ChannelImage:
-    """Image file of the one channel that is read from it."""
+    """Return an image that holds one channel alone, named as its file."""
     width = len(CHANNELS[name].default)
     components = tuple(range(width))
     suffix = _SUFFIXES.get(media_type(image.data) or "")

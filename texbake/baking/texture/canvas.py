@@ -143,7 +143,7 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 
 
 def greatest_lengths(steps: FloatArray) -> FloatArray:
-    """Longest way that a point moves per sample, over all directions in the texture.
+    """Greatest distance that a point moves per sample, over all directions in the texture.
 
     `steps` (F, 3, 2) float64: of positions, from `sample_steps`. Returns (F,) float64: the greatest
     singular value of each matrix.

@@ -1,8 +1,8 @@
 """The tasks of the bench: the same job for every program, and how wrong its products are.
 
 Bakes get the same meshes, distances of rays and padding. Maps are judged as they are used: sampled
-bilinearly at points spread over the low-poly mesh, normals turned from tangent space as a renderer
-does. Pictures show a white diffuse surface under one lamp, without shadows.
+bilinearly at points spread over the low-poly mesh, normals transformed from tangent space as a
+renderer does. Pictures show a white diffuse surface under one lamp, without shadows.
 """
 
 from __future__ import annotations
@@ -165,19 +165,15 @@ def _prepare_ao(case: BenchCase, options: BenchOptions, folder: Path) -> Prepare
     if case.openness is not None:
         where = probes.faces < case.floor
         truth = case.openness(_points(case, probes)[where])
-        kind, words = (
-            "closed form",
-            (
-                "The share of the sky that a ball hides from each point of the floor below it, "
-                "weighted by the cosine, has a closed form. Only the floor is compared."
-            ),
+        kind = "closed form"
+        words = (
+            "The share of the sky that a ball hides from each point of the floor below it, "
+            "weighted by the cosine, has a closed form. Only the floor is compared."
         )
     else:
         truth = _converged(case, options, folder)(probes.uvs)
-        kind, words = (
-            "converged",
-            (f"texbake's own map of the same size with {_CONVERGED_RAYS:,} rays per texel."),
-        )
+        kind = "converged"
+        words = f"texbake's own map of the same size with {_CONVERGED_RAYS:,} rays per texel."
 
     def judge(product: Product) -> Evaluation:
         found = lookup(_pixels(product), probes.uvs)[where, 0].astype(np.float64)

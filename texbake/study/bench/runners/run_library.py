@@ -79,7 +79,7 @@ def xatlas_unwrap(job):
 
 
 def trimesh_unwrap(job):
-    """Its unwrap is that of xatlas, and takes no size and no gap."""
+    """Write texture coordinates by corner, from xatlas; trimesh sets neither size nor gap."""
     import trimesh
 
     mesh = trimesh.load(job["mesh"], process=False)
