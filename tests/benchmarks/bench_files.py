@@ -156,11 +156,11 @@ def generated_model(folder):
     return path
 
 
-def smooth_noise(seed, channels, octaves=6):
+def smooth_noise(seed, channels):
     """(SIZE, SIZE, channels) float32 in [0, 1] that repeats at the borders."""
     numbers = np.random.default_rng(seed)
     total = np.zeros((SIZE, SIZE, channels), np.float32)
-    for octave in range(1, octaves + 1):
+    for octave in range(1, 7):
         grid = numbers.random((2 ** (octave + 2), 2 ** (octave + 2), channels), dtype=np.float32)
         times = SIZE // len(grid)
         total += np.repeat(np.repeat(grid, times, 0), times, 1) / 2**octave

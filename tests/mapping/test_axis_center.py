@@ -9,9 +9,9 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 
 
-def prism(sides: int, *, tip: bool = False, turn: float = 0.1) -> Mesh:
+def prism(sides: int, *, tip: bool = False) -> Mesh:
     """Return a prism or a pyramid about the y axis, with radius 2, from y = 0 to 3."""
-    angles = turn + 2.0 * np.pi * np.arange(sides) / sides
+    angles = 0.1 + 2.0 * np.pi * np.arange(sides) / sides
     ring = np.stack([2.0 * np.sin(angles), np.zeros(sides), 2.0 * np.cos(angles)], axis=1)
     near, far = np.arange(sides), (np.arange(sides) + 1) % sides
     if tip:

@@ -28,10 +28,10 @@ def ellipsoid(radii=(3.0, 2.0, 1.0), level=4):
     return sphere.replace(positions=sphere.positions * radii)
 
 
-def noisy_slope(noise, n_squares=40):
+def noisy_slope(noise):
     """A plane at 45 degrees between +y and +z, with noise along its normal."""
     rng = np.random.default_rng(5)
-    mesh = plane(n_squares, n_squares, lambda x, y: noise / n_squares * rng.normal(size=x.shape))
+    mesh = plane(40, 40, lambda x, y: noise / 40 * rng.normal(size=x.shape))
     x, y, z = mesh.positions.T
     return mesh.replace(positions=np.stack([x, y - z, -y - z], axis=1) * (1, -(0.5**0.5), 0.5**0.5))
 

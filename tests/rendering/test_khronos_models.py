@@ -24,13 +24,13 @@ LIGHT = Lighting(
 )
 
 
-def drawn(scene, center, side, size, direction=(0, 0, 1), up=(0, 1, 0)):
-    """(size, size, 3) sRGB: a square of a model around a point, seen from far away."""
-    position = tuple(np.asarray(center) + FAR * side * np.asarray(direction, float))
+def drawn(scene, center, side, size):
+    """(size, size, 3) sRGB: a square of a model around a point, seen from far along z."""
+    x, y, z = center
     view = CameraView(
-        position=position,
+        position=(x, y, z + FAR * side),
         target=tuple(center),
-        up=up,
+        up=(0, 1, 0),
         fov=2.0 * math.degrees(math.atan(0.5 / FAR)),
     )
     options = RenderOptions(width=size, height=size, supersampling=2)

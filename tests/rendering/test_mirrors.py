@@ -134,8 +134,8 @@ def ball(position, color, size=0.4):
     )
 
 
-def rendered_mirror(mesh, size=128, **fields):
-    material = replace(MIRROR, reflection=Reflection(environment="rendered", size=size))
+def rendered_mirror(mesh, **fields):
+    material = replace(MIRROR, reflection=Reflection(environment="rendered", size=128))
     return SceneObject(mesh=mesh, material=material, name="mirror", **fields)
 
 

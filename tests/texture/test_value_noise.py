@@ -8,6 +8,7 @@ import pytest
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.noise import lattice
 
+SEED = 5
 SHARES = {
     "none": lambda t: 0.0 * t,
     "linear": lambda t: t,
@@ -16,14 +17,14 @@ SHARES = {
 }
 
 
-def value_noise(points, interpolation, footprint=None, seed=5):
-    parameters = {"interpolation": interpolation, "seed": seed}
+def value_noise(points, interpolation, footprint=None):
+    parameters = {"interpolation": interpolation, "seed": SEED}
     return evaluate("value_noise", points, footprint, parameters=parameters)[:, 0]
 
 
-def expected(points, interpolation, seed=5):
+def expected(points, interpolation):
     """Sum over the eight corners of the products of their shares."""
-    tables = lattice(seed)
+    tables = lattice(SEED)
     phi, numbers = tables.permutation.astype(int), tables.places[:, 0]
     cells = np.floor(points).astype(int)
     shares = SHARES[interpolation](points - cells)

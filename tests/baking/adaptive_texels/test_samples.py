@@ -22,9 +22,9 @@ def ridge(bend=0.2, at=0.0):
     return Mesh(positions=positions, faces=faces, name="ridge.obj")
 
 
-def flat(n=1):
+def flat():
     """The square [-1, 1]^2 with coordinates that fill the texture."""
-    mesh = plane(n, n)
+    mesh = plane()
     low, high = mesh.bounds
     unit = (mesh.positions[:, :2] - low[:2]) / (high - low)[:2]
     positions = np.column_stack([2 * unit - 1, np.zeros(len(unit))])
