@@ -305,7 +305,7 @@ class _Limits:
         self._used = _memory_in_use()
 
     def allow(self, n_bytes: int) -> None:
-        """Allow what reading so many further bytes may take, if there are limits."""
+        """Allow what reading this many further bytes may take, if there are limits."""
         if self._n_bytes is None:
             return
         self._n_bytes += n_bytes

@@ -20,7 +20,7 @@ from texbake.errors import TexbakeError
 from texbake.files import PathLike
 
 _POLL_SECONDS = 0.25
-# A build does not wait longer than so many polls: some programs save without a pause.
+# A build waits for at most this many polls: some programs save without a pause.
 _MOST_POLLS = 40
 
 Signatures = dict[str, Any]

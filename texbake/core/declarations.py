@@ -67,7 +67,7 @@ class Declaration:
 
     @cached_property
     def derived(self) -> dict[str, list[tuple[Parameter, int, int]]]:
-        """The sizes that come from shapes: for each the arrays, dimensions and offsets that tell.
+        """The sizes that come from shapes: for each, its arrays, dimensions and offsets.
 
         Arrays that cannot be left out come first.
         """

@@ -74,7 +74,7 @@ class MeshFileMaterials:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialPartition:
-    """A mesh whose groups tell its materials apart as well, and what they stand for.
+    """A mesh whose groups distinguish its materials as well, and what they stand for.
 
     What is made from such a mesh keeps the borders between materials where it keeps those of
     groups.

@@ -158,7 +158,7 @@ def move_and_collapse(
     """Collapse edges, each to the place where the error is least.
 
     Seams keep together. Texture coordinates and hard normals follow their vertices: each is that of
-    the closest point of the faces around the collapse, and no face turns over in texture space.
+    the closest point of the faces around the collapse, and no face flips in texture space.
     Kernels: `core/quadric_simplification.c`, `core/carried_attributes.c`.
     """
     vertex_of, points = stream.vertices

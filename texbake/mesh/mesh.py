@@ -300,7 +300,7 @@ class Mesh:
 
 
 def check_face_count(n_faces: int, name: str) -> None:
-    """Raise `MeshError` if a mesh has so many faces that int32 cannot number its half-edges."""
+    """Raise `MeshError` if a mesh has more faces than int32 can number half-edges for."""
     if n_faces > MAX_FACES:
         raise MeshError(
             f"{name}: it has {n_faces:,} triangles; {MAX_FACES:,} are the most; "
@@ -309,7 +309,7 @@ def check_face_count(n_faces: int, name: str) -> None:
 
 
 def check_corner_count(n_corners: int, path: PathLike) -> None:
-    """Raise `FileFormatError` if a file places so many corners, or vertices, together.
+    """Raise `FileFormatError` if a file places too many corners, or vertices, together.
 
     For readers of formats in which many nodes share a mesh, before that is copied.
     """

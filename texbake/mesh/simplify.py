@@ -126,7 +126,7 @@ def simplify(
     quality
         `fast`: a subset of the vertices, bit-equal, with their texture coordinates, hard normals,
         groups and colors. `best`: moved vertices, closer to the surface, and slower. Texture
-        coordinates and hard normals follow their vertices, and no face turns over in texture
+        coordinates and hard normals follow their vertices, and no face flips in texture
         space; colors, and groups without other seams, are those of the nearest point of the mesh
         given.
     seams

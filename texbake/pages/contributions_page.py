@@ -64,7 +64,7 @@ def write_contributions_page(
 
 
 def _thumbnail(codes: np.ndarray) -> np.ndarray:
-    """Take every so many pixels, the largest difference of each block."""
+    """Shrink a picture to the largest difference of each block of pixels."""
     step = max(1, -(-codes.shape[1] // _WIDTH))
     height, width = (-(-side // step) for side in codes.shape[:2])
     padded = np.zeros((height * step, width * step, 3), np.uint8)

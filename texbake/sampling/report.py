@@ -75,7 +75,7 @@ class SamplingReport:
 
     # as given, or the default; None where a time budget left no time for any bound
     max_error: str | None
-    # number of samples in a texel or pixel, and the percent of them that have so many
+    # number of samples in a texel or pixel, and the percentage of them that have it
     sample_percents: dict[int, float]
     within_percent: float  # how many have an estimated error within every bound
     n_checked: int  # how many were sampled again, and with how many other samples each

@@ -16,7 +16,7 @@ Matrix = tuple[tuple[float, float, float, float], ...]
 
 
 def check_numbers(name: str, values: object, n_values: int) -> None:
-    """Raise `OptionError` unless the value is a sequence of so many finite numbers."""
+    """Raise `OptionError` unless the value is a sequence of this many finite numbers."""
     if (
         isinstance(values, str)
         or not isinstance(values, Sequence)

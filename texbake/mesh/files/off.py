@@ -105,7 +105,7 @@ def _vertex_table(
 def _polygons(
     path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.int64], IntArray]:
-    """Sizes and corners of the face lines: a count, so many indices, and what follows them."""
+    """Sizes and corners of the face lines: a count, that many indices, and what follows them."""
     starts = rows[:-1]
     counts = values[starts]
     if not ((counts >= 0) & (counts == np.floor(counts)) & (counts < np.diff(rows))).all():

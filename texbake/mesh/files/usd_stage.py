@@ -171,7 +171,7 @@ class UsdCorners:
 
 
 def read_primvars(prim: Any, corners: UsdCorners) -> dict[str, Any]:
-    """Fields of `Mesh` for texture coordinates, normals and tangents, those that there are."""
+    """Fields of `Mesh` for those texture coordinates, normals and tangents that exist."""
     fields: dict[str, Any] = {}
     uvs = _values(prim, texture_coordinates(prim), corners, 2)
     if uvs is not None:

@@ -66,7 +66,7 @@ def half_steps(values: FloatArray) -> FloatArray:
 def part_way(
     first: npt.ArrayLike, last: npt.ArrayLike, step: npt.ArrayLike, steps: npt.ArrayLike
 ) -> FloatArray:
-    """Values after so many of equal steps from one to another, counted from the nearer end.
+    """Values after `step` of `steps` equal steps from one to another, counted from the nearer end.
 
     Both ends come out exactly, values that are the same stay so, and the way back has the same
     points bit by bit.

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, Option
 
-# Making so many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.
+# Making this many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.
 MAX_TRIANGLES = 20_000_000
 
 # The shapes, and the options that each of them reads, with its default; None where there is none.

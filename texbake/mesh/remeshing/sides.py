@@ -1,4 +1,4 @@
-"""Whether a surface is open, or a body with holes, and its faces oriented to tell its two sides.
+"""Whether a surface is open, or a body with holes; orients its faces to separate its two sides.
 
 Just off its faces, the winding numbers of a body are 0 on one side and 1 on the other, but for what
 is seen through its holes; those of a flat sheet are a half, of either sign. Sheets narrower than a

@@ -107,7 +107,7 @@ _FORMS = ("blinn", "exact")
 _LIT_FORMS = ("emboss", "emboss-normalized", "blinn", "exact")
 _BUMP_FORM_SIZES = (0.01, 0.03, 0.1, 0.3)
 _BUMP_FORM_QUICK_SIZES = (0.01, 0.1)
-# Every so many rows and columns, for a crop that shows the whole ball.
+# Steps between rows and between columns, for a crop that shows the whole ball.
 _SKIPPED = 2
 _EYE = (4.0, 0.0, 0.6)
 # Cosine of the viewing angle below which the polygons of the ball show.

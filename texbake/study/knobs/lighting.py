@@ -37,7 +37,7 @@ _SKY_SIZE = 128
 _ENVIRONMENT_FLOOR, _FLOOR_TEXELS, _WAVES = 12.0, 512, 4
 _MIDDLE, _ENVIRONMENT_RADIUS = (0.0, 1.2, 0.0), 0.25
 _LEAST_COSINE = 0.3
-# Every so many rows and columns, for a crop that shows the whole ball.
+# Steps between rows and between columns, for a crop that shows the whole ball.
 _SKIPPED = 2
 _LOOKUP, _PREFILTERED, _RENDERED = "one lookup", "prefiltered", "rendered"
 

@@ -19,7 +19,7 @@ from texbake.mapping.atlas.joining.pieces import ChartPiece, hull_area, relax_pi
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 
-# Largest difference between the angle around a vertex and a full turn for gluing across it.
+# Largest difference between the angle around a vertex and a full turn for stitching across it.
 _MOST_DEFECT = math.radians(25.0)
 
 
@@ -94,7 +94,7 @@ def _chained(
 
 
 def stitch_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
-    """Choices of half-edges to glue along a contact, the longest first.
+    """Choices of half-edges to stitch along a contact, the longest first.
 
     They are: all half-edges; the longest path; and the longest stretch of a path that passes no
     vertex whose angle is far from a full turn. Equal choices are given once.
@@ -116,7 +116,7 @@ def stitch(
 ) -> ChartPiece:
     """Glue two pieces along some half-edges of their contact.
 
-    `other` is rotated and moved to fit the border of `one` best; glued vertices lie in the middle.
+    `other` is rotated and moved to fit the border of `one` best; stitched vertices lie in the middle.
     The result may have flips, its `l2` is NaN (unknown), and its hull area is approximate.
     """
     n_one = len(one.points)
@@ -155,7 +155,7 @@ def _open_border(
     way: npt.NDArray[np.int64],
     labels: IntArray,
 ) -> tuple[IntArray, IntArray]:
-    """Border of the glued piece, and the ends of its half-edges.
+    """Border of the stitched piece, and the ends of its half-edges.
 
     A hole of two edges between the same two vertices closes.
     """
@@ -196,7 +196,7 @@ def _fitted(
     return np.asarray(pm.matmul(uvs - source_mean, turn) + target_mean)
 
 
-# Cost of a merge that makes nothing worse; of these, the one that glues most of a border is first.
+# Cost of a merge that makes nothing worse; the one that stitches most of a border is then first.
 _LEAST_COST = 1e-3
 
 
@@ -238,10 +238,10 @@ class ChartMerge:
     # excess, waste: what it adds to the sum of the two; see `MergeTolerance`.
     excess: float
     waste: float
-    share: float  # length along which they are glued, as a share of the shorter border
+    share: float  # length along which they are stitched, as a share of the shorter border
 
     def cost(self, scale: MergeTolerance) -> float:
-        """Share of the allowance that it uses, divided by the share that is glued."""
+        """Share of the allowance that it uses, divided by the share that is stitched."""
         excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
         waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
         return (excess + waste + _LEAST_COST) / self.share
@@ -255,7 +255,7 @@ def find_merge(
     scale: MergeTolerance,
     n_iterations: int,
 ) -> ChartMerge | None:
-    """Flatten two pieces as one, in each way that they can be glued; return the cheapest.
+    """Flatten two pieces as one, in each way that they can be stitched; return the cheapest.
 
     `opposite` (3 F,) int32: from `opposite_half_edges`. Returns None if they do not meet, or cannot
     be flattened together without flips or overlaps.
