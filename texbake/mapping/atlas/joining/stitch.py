@@ -114,9 +114,9 @@ def stitch_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
 def stitch(
     one: ChartPiece, other: ChartPiece, contact: Contact, way: npt.NDArray[np.int64]
 ) -> ChartPiece:
-    """Glue two pieces along some half-edges of their contact.
+    """Stitch two pieces along some half-edges of their contact.
 
-    `other` is rotated and moved to fit the border of `one` best; stitched vertices lie in the middle.
+    `other` is rotated and moved to fit the border of `one` best; stitched vertices are halfway.
     The result may have flips, its `l2` is NaN (unknown), and its hull area is approximate.
     """
     n_one = len(one.points)
