@@ -96,7 +96,7 @@ def remesh(drawn: Drawn) -> None:
         n_faces=drawn.pick((None, None, 4, 40)),
     )  # fmt: skip
     tb.remesh(mesh, options)
-    list(remesh_with_few_tunnels(mesh, drawn.below(4), resolution=8 + drawn.below(24)))
+    list(remesh_with_few_tunnels(mesh, 1 + 60 * drawn.below(4), resolution=8 + drawn.below(24)))
 
 
 def distance(drawn: Drawn) -> None:

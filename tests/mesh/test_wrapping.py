@@ -7,11 +7,12 @@ from skimage.measure import euler_number, label
 
 from tests.models import handles, level_surface
 from texbake.core import core
-from texbake.mesh.distance import surface_distance
+from texbake.mesh.distance import face_areas, surface_distance
+from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, plane
-from texbake.mesh.topology import find_edges
+from texbake.mesh.topology import face_components, find_edges
 from texbake.mesh.wrapping import reason_to_wrap, wraps
 
 BALL = icosphere(4)
@@ -53,7 +54,7 @@ def test_clean_and_open_surfaces_stay(mesh):
 def test_an_inside_is_a_reason():
     # The inner ball has 0.64 of the area of the outer one: 39 % of the whole.
     assert reason_to_wrap(DOUBLED, 100).text == "39 % of its surface lies inside"
-    closed, width = next(wraps(DOUBLED, 100))
+    closed, width, _ = next(wraps(DOUBLED, 100))
     assert find_edges(closed.faces).closed and width == 0.0
     assert np.linalg.norm(closed.positions, axis=1).min() > 0.99
 
@@ -66,7 +67,7 @@ def test_edges_of_three_faces_are_a_reason():
 
 def test_holes_of_a_body_are_filled():
     torn = icosphere(3).replace(faces=icosphere(3).faces[9:])
-    closed, width = next(wraps(torn, 4))
+    closed, width, _ = next(wraps(torn, 4))
     assert find_edges(closed.faces).closed and width == 0.0
 
 
@@ -84,14 +85,25 @@ def test_a_wrap_has_no_more_tunnels_than_its_triangles_can_show():
     assert handles(mesh) > 100
     reason = reason_to_wrap(mesh, n_faces)
     assert reason.has_tunnels and "cannot show its tunnels" in reason.text
-    (wrap, width), *others = wraps(mesh, n_faces, has_tunnels=True)
-    for other, other_width in others:
+    (wrap, width, _), *others = wraps(mesh, n_faces, has_tunnels=True)
+    for other, other_width, _ in others:
         assert (handles(other) > n_faces / 60) == (other_width < width)
     assert handles(wrap) <= n_faces / 60
     assert 0.0 < width < 0.1 * mesh.diagonal
     # What fills a pore is carved out again: the wrap stays beside the mesh.
     assert surface_distance(wrap, mesh).a_to_b.rms < 0.02 * mesh.diagonal
     assert reason_to_wrap(wrap, n_faces) is None
+
+
+def test_a_wrap_has_no_part_smaller_than_a_triangle():
+    mesh, n_faces = foam(), 300
+    speck = icosphere(1)
+    specks = [speck.replace(positions=1.5 * speck.positions + place) for place in (0.0, 67.0)]
+    wrap, _, n_left_out = next(wraps(join_meshes([mesh, *specks]), n_faces, has_tunnels=True))
+    ids, n_parts = face_components(wrap.faces, wrap.n_vertices)
+    areas = np.bincount(ids, face_areas(wrap.positions, wrap.faces))
+    assert n_left_out >= len(specks)
+    assert n_parts == 1 and areas.min() > areas.sum() / n_faces
 
 
 def test_carving_leaves_what_is_kept_and_opens_no_tunnel():

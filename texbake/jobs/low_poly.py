@@ -92,9 +92,9 @@ class _Maker:
             threads=self.threads,
             progress=self.progress,
         )
-        return [self.of_wrap(wrap, width, reason) for wrap, width in found]
+        return [self.of_wrap(*wrap, reason) for wrap in found]
 
-    def of_wrap(self, wrap: Mesh, width: float, reason: Reason | None) -> LowPoly:
+    def of_wrap(self, wrap: Mesh, width: float, n_left_out: int, reason: Reason | None) -> LowPoly:
         name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
         made = self.simplified(wrap, "best" if width else self.quality)
@@ -117,6 +117,9 @@ class _Maker:
             f"{name}: gaps up to {100.0 * width / diagonal:.0f} % of its diagonal were closed"
             + ("" if n_tunnels is None else f", and {left} left")
         )
+        if n_left_out:
+            parts = counted(n_left_out, "part of the surface", "parts of the surface")
+            why.append(f"{name}: left out {parts} with less area than a triangle has")
         few = self.n_faces is not None and self.n_faces <= FEW_FACES
         rays = (_RAYS_OF_FEW_FACES if few else _RAYS) * diagonal
         rays = max(rays, low.report.distance.b_to_a.max)  # very few faces lie farther from the wrap

@@ -36,7 +36,7 @@ from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
 from texbake.mesh.remeshing.flood import flood_outside
 from texbake.mesh.remeshing.nets import JUST_SOLID, Nets, nets_around, signed, solid_points
-from texbake.mesh.remeshing.parts import without_crumbs
+from texbake.mesh.remeshing.parts import without_crumbs, without_small_parts
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.topology import (
     face_components,
@@ -59,17 +59,19 @@ FloatArray32 = npt.NDArray[np.float32]
 
 def remesh_with_few_tunnels(
     mesh: Mesh,
-    most: float,
+    n_faces: int,
     *,
     resolution: int,
     threads: int | None = None,
     progress: ProgressSink | None = None,
-) -> Iterator[tuple[Mesh, float]]:
-    """Wrap a mesh in closed surfaces with few tunnels.
+) -> Iterator[tuple[Mesh, float, int]]:
+    """Wrap a mesh in closed surfaces with no more tunnels and parts than `n_faces` triangles show.
 
-    Yields the wrap that closes the narrowest gaps which leave at most `most` tunnels, then those of
-    the next wider and the next narrower gaps, each with the width of its gaps, in model units.
+    Yields the wrap that closes the narrowest gaps which leave few enough tunnels, then those of the
+    next wider and the next narrower gaps, each with the width of its gaps, in model units, and the
+    number of parts that were left out because they are smaller than a triangle.
     """
+    most = n_faces / _FACES_PER_TUNNEL
     stages = Stages(progress)
     widest = f"{100.0 * CLOSINGS[-1]:g}%"  # the grid has room for all
     options = RemeshOptions(resolution=resolution, close=widest)
@@ -85,8 +87,9 @@ def remesh_with_few_tunnels(
         with stages.stage("project"):
             moved, faces = project(nets, tree, threads=threads)
         moved, faces, _ = without_crumbs(moved, faces, keep_cavities=False)
+        moved, faces, n_left_out = without_small_parts(moved, faces, 1.0 / n_faces)
         wrap = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
-        yield with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal
+        yield with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal, n_left_out
 
 
 def _closed(
@@ -229,11 +232,10 @@ def wraps(
     surface: str = AUTO,
     threads: int | None = None,
     progress: ProgressSink | None = None,
-) -> Iterator[tuple[Mesh, float]]:
+) -> Iterator[tuple[Mesh, float, int]]:
     """Wrap a mesh with no more tunnels than a number of triangles can show.
 
-    Yields wraps with the width of the gaps that were closed for fewer tunnels, in model units, the
-    narrowest that leaves few enough first; or one wrap and 0 where that is not needed.
+    Yields wraps as `remesh_with_few_tunnels`; or one wrap, 0 and 0 where that is not needed.
     """
     bare = _bare(mesh)
     if not has_tunnels:
@@ -241,12 +243,12 @@ def wraps(
         wrap = remesh(bare, options, threads=threads, progress=progress)
         handles = genus(wrap.faces, find_edges(wrap.faces), wrap.n_vertices) or 0
         if n_faces is None or handles <= n_faces / _FACES_PER_TUNNEL:
-            yield wrap, 0.0
+            yield wrap, 0.0, 0
             return
     assert n_faces is not None
     yield from remesh_with_few_tunnels(
         bare,
-        n_faces / _FACES_PER_TUNNEL,
+        n_faces,
         resolution=_COARSE.resolution if n_faces <= FEW_FACES else RemeshOptions.resolution,
         threads=threads,
         progress=progress,

@@ -148,7 +148,7 @@ def _level(
     )
     if options.error is None and options.seams != "keep":
         if options.topology == "simplify" and count is not None and not figures.is_whole:
-            wrap, _ = next(wraps(high, count, has_tunnels=True, threads=threads))
+            wrap, *_ = next(wraps(high, count, has_tunnels=True, threads=threads))
             low, figures = simplify_with_report(
                 wrap, count, quality="best", threads=threads, progress=progress
             )

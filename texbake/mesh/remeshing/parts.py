@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +24,9 @@ from texbake.parallel import run_bands
 _LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5
 # Sheets have next to no volume, of either sign; the wall of a cavity is about as wide as long.
 _LEAST_CAVITY = 3.0
-# Parts that were cut off at thin places are left out up to this share of the area, together.
-_CUT_OFF = 0.01
+# Parts that were cut off at thin places, or are smaller than a triangle of the low-poly mesh, are
+# left out up to this share of the area, together.
+_LEFT_OUT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +98,34 @@ def without_cut_off(
     if len(solids) <= n_given:
         return points, faces, 0
     areas = np.bincount(parts.ids, face_areas(points, faces), len(parts.volumes))
-    more = solids[np.argsort(-areas[solids], kind="stable")[n_given:]]
-    if areas[more].sum() > _CUT_OFF * areas.sum():
+    is_more = np.zeros(len(areas), dtype=np.bool_)
+    is_more[solids[np.argsort(-areas[solids], kind="stable")[n_given:]]] = True
+    return _without(points, faces, parts.ids, areas, is_more)
+
+
+def without_small_parts(
+    points: FloatArray, faces: IntArray, least: float
+) -> tuple[FloatArray, IntArray, int]:
+    """Leave out parts with less than a share of the area; also count them.
+
+    If they are not small together, all parts stay.
+    """
+    ids, n_parts = face_components(faces, len(points))
+    areas = np.bincount(ids, face_areas(points, faces), n_parts)
+    return _without(points, faces, ids, areas, areas < least * areas.sum())
+
+
+def _without(
+    points: FloatArray,
+    faces: IntArray,
+    ids: IntArray,
+    areas: npt.NDArray[Any],
+    is_left_out: npt.NDArray[np.bool_],
+) -> tuple[FloatArray, IntArray, int]:
+    n_left_out = int(np.count_nonzero(is_left_out))
+    if n_left_out == 0 or areas[is_left_out].sum() > _LEFT_OUT * areas.sum():
         return points, faces, 0
-    cut_off = np.isin(parts.ids, more)
-    return *_of_parts(points, faces, ~cut_off), len(more)
+    return *_of_parts(points, faces, ~is_left_out[ids]), n_left_out
 
 
 def largest_parts(
