@@ -18,6 +18,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import fill_picture
 from texbake.rendering.resolve import expose
+from texbake.rendering.scene.textures import WRAPS
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap, shrink_cube
 from texbake.texture.encoding import (
@@ -38,8 +39,6 @@ from texbake.texture.procedures.noise import turbulence_sum
 from texbake.texture.procedures.options import PROCEDURE_DEFAULTS
 from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT, sample_texture
 from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
-
-WRAPS = ("repeat", "mirror", "clamp", "border")
 
 
 def image_lookup(drawn: Drawn) -> None:

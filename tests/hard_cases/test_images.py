@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake.rendering.scene.textures import WRAPS
 from texbake.texture.cube_files import (
     cross_picture,
     cube_of_cross,
@@ -33,7 +34,6 @@ PLACES = np.array(
 )
 UVS = np.stack(np.meshgrid(PLACES, PLACES), axis=-1).reshape(-1, 2)
 CHANGES = np.array([0.0, 1e-3, 1.0, 1e30, np.inf, np.nan, 1e-30, -0.5], np.float32)
-WRAPS = ("repeat", "mirror", "clamp", "border")
 
 
 def decoded(normals):

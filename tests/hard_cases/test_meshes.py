@@ -5,6 +5,7 @@ import pytest
 
 import texbake
 from texbake.mapping.layout_svg import layout_svg
+from texbake.mapping.options.projection import SURFACES, VIAS
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.normals import (
@@ -21,8 +22,6 @@ from texbake.mesh.weld import weld_rows
 
 MAPS = ("normal", "displacement", "vector-displacement")
 CLASSICAL = ("planar", "cylindrical", "spherical", "box", "projector", "parametric")
-SURFACES = ("plane", "cylinder", "sphere", "box")
-VIAS = ("surface-normal", "object-normal", "centroid", "reflection")
 
 # A float32 unit vector is off by at most half a step in each of its components.
 UNIT = 2e-7

@@ -12,11 +12,11 @@ import texbake
 from texbake import Material, RenderOptions, SceneObject
 from texbake.errors import UvError
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.rendering.options import BUFFERS
 from texbake.rendering.render import plan_scene
 from texbake.rendering.scene.material import NormalMap
 
 N_SCENES = 30 if "TEXBAKE_FUZZ" not in os.environ else 3000
-BUFFERS = ("depth", "normals", "uv", "mip-level", "overdraw", "object-id", "texel-grid")
 
 
 def assert_sound(frame):

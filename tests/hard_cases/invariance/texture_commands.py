@@ -44,6 +44,7 @@ from texbake.baking.texture.photos import bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.uv_pictures import render_checker
 from texbake.mapping.layout_svg import layout_svg
+from texbake.mapping.options.projection import SURFACES, VIAS
 from texbake.mapping.overlap import find_overlaps
 from texbake.rendering.camera import Camera
 
@@ -283,9 +284,6 @@ def distort(side: Side) -> Result:
         "fill": number(found.fill, within(ROUNDING * 10.0)),
     }  # fmt: skip
 
-
-VIAS = ("surface-normal", "object-normal", "centroid", "reflection")
-SURFACES = ("plane", "cylinder", "sphere", "box")
 
 PLAIN: dict[str, Command] = {
     "unwrap fast": charted(quality="fast"),
