@@ -2,7 +2,7 @@
 
    An edge of vertices u and v collapses where their neighbors in common are just the vertices
    opposite to it (the link condition), a boundary stays a boundary, each side of a seam has a
-   counterpart at v, and no face turns over. What is not a surface around a vertex keeps that vertex.
+   counterpart at v, and no face flips. What is not a surface around a vertex keeps that vertex.
 
    Based on: Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge contraction", Publications
    de l'Institut Mathématique 66, 1999 (the link condition); Hoppe, "New quadric metric for

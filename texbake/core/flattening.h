@@ -1,5 +1,4 @@
-/* Patches of triangles and how they are flattened, for the files that share this: each part names its
-   own. */
+/* Patches of triangles and how they are flattened, shared by the files that the sections below name. */
 
 #pragma once
 

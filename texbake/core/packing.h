@@ -1,4 +1,4 @@
-/* Charts on the grid of an atlas, for the files that share this: each part names its own. */
+/* Charts on the grid of an atlas, shared by the files that the sections below name. */
 
 #pragma once
 

@@ -1,4 +1,4 @@
-/* A mesh divided into connected parts, for the files that share this: each part names its own. */
+/* A mesh divided into connected parts, shared by the files that the sections below name. */
 
 #pragma once
 

@@ -83,7 +83,7 @@ EXPORT int64_t bound_png_rows(int64_t n_rows, int64_t row_bytes)
 }
 
 /* Write whole deflate blocks for the rows `start` to `stop` into `out`; return their bytes. `checksum`
-   gets the two sums of Adler-32 over the filtered rows, begun anew. The processor's samples have their
+   gets the two sums of Adler-32 over these filtered rows alone. The processor's samples have their
    low byte first. */
 EXPORT int64_t compress_png_rows(
     int64_t height, int64_t row_bytes, int64_t capacity, const uint8_t pixels[height][row_bytes],

@@ -9,7 +9,7 @@
    looked at again only when its turn comes: errors hardly ever shrink, so that it cannot come too
    late.
 
-   Departs from Garland and Heckbert in beginning anew several times on the way, with the planes of the
+   Departs from Garland and Heckbert in starting again several times on the way, with the planes of the
    surface as it then is, as Lindstrom and Turk do at every step, beside a share of the errors so far.
 
    Based on: Garland, Heckbert, "Surface simplification using quadric error metrics", 1997; Cohen,
@@ -31,7 +31,7 @@
 static const double BOUNDARY_WEIGHT = 10.0, SEAM_WEIGHT = 10.0;
 static const double PLACE_WEIGHT = 1e-6;
 
-/* Multiples of the number of faces wanted at which the errors begin anew, and the share of those so
+/* Multiples of the number of faces wanted at which the errors start again, and the share of those so
    far that is kept. A vertex's sum of errors counts every face before more than once; measured, five
    new beginnings bring the result closer to the surface by a fifth. Without any memory the rim of a
    thin plate would recede at each of them: the surface as it then is does not know of that. */

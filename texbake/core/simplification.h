@@ -1,4 +1,4 @@
-/* Simplification by collapsing edges, for the files that share this: each part names its own.
+/* Simplification by collapsing edges, shared by the files that the sections below name.
 
    Based on: Garland, Heckbert, "Surface simplification using quadric error metrics", 1997. */
 
@@ -183,7 +183,7 @@ struct simplification {
     bool moves; /* vertices go to the place of least error, else one end of the edge stays */
     uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
     struct quadric *quadrics;
-    struct quadric *so_far; /* of each vertex when the errors began anew; NULL if they never do */
+    struct quadric *so_far; /* of each vertex when the errors started again; NULL if they never do */
     double *errors; /* of each vertex where it is */
     int32_t *targets; /* of each vertex's cheapest collapse, -1 for none */
     struct waiting *heap; /* of the vertices, by the cost of those */
