@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 
 import texbake
+from tests.glb import glb_bytes, read_glb
 from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.building.build import build
 from texbake.building.sidecars import is_followed, sidecars
@@ -25,7 +25,7 @@ MTL = "newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 my wood.png\nbump -bm 0.5 gone.png\n"
 STEPS = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
 
 
-def test_those_of_an_obj_file(tmp_path: Path) -> None:
+def test_sidecars_of_an_obj_file(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(OBJ)
     # As one name and as two: which is meant depends on which files there are.
     found = [path.name for path in sidecars(tmp_path / "a.obj")]
@@ -57,7 +57,7 @@ def test_the_image_that_the_reader_finds_counts(
     assert sidecars(tmp_path / "a.mtl")[-1] == tmp_path / name
 
 
-def test_those_of_an_fbx_file(tmp_path: Path) -> None:
+def test_sidecars_of_an_fbx_file(tmp_path: Path) -> None:
     nodes = rich_scene(7400)
     file = ("RelativeFilename", ["maps\\wood.png"], [])
     nodes[1][2].append(("Texture", [60, "paint\0\1Texture", ""], [file]))
@@ -90,7 +90,7 @@ def test_warnings_of_readers_are_notes_of_the_step(
     assert any("left out 1 face with fewer than three corners" in note for note in notes)
 
 
-def test_those_of_a_gltf_file(tmp_path: Path) -> None:
+def test_sidecars_of_a_gltf_file(tmp_path: Path) -> None:
     (tmp_path / "a.gltf").write_text(
         '{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}],'
         ' "images": [{"uri": "c.png"}]}'
@@ -212,16 +212,15 @@ def test_an_image_added_later_is_noticed_though_the_materials_did_not_change(
         assert run(path)[1] == ["a.r"]
 
 
-def test_those_of_a_binary_gltf_file(tmp_path: Path) -> None:
-    document = b'{"images": [{"uri": "c%20d.png"}, {"bufferView": 0}]}   '
-    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(document), len(document), 0x4E4F534A)
-    (tmp_path / "a.glb").write_bytes(head + document)
+def test_sidecars_of_a_binary_gltf_file(tmp_path: Path) -> None:
+    content = glb_bytes({"images": [{"uri": "c%20d.png"}, {"bufferView": 0}]})
+    (tmp_path / "a.glb").write_bytes(content)
     assert [path.name for path in sidecars(tmp_path / "a.glb")] == ["c d.png"]
-    (tmp_path / "a.glb").write_bytes(head[:11])
+    (tmp_path / "a.glb").write_bytes(content[:11])
     assert sidecars(tmp_path / "a.glb") == []
 
 
-def test_those_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_sidecars_of_a_usd_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("pxr", reason="usd-core is not installed")
     (tmp_path / "sub").mkdir()
     (tmp_path / "a.usda").write_text(
@@ -285,19 +284,17 @@ def test_those_behind_a_url_are_fetched_and_count(
 
     fs = fsspec.filesystem("memory")
     write_mesh(uv_sphere(4, 6), tmp_path / "a.glb")
-    data = (tmp_path / "a.glb").read_bytes()
-    (length,) = struct.unpack_from("<I", data, 12)
-    document = json.loads(data[20 : 20 + length])
+    document, data = read_glb(tmp_path / "a.glb")
     document["buffers"][0]["uri"] = "bin/a%20b.bin"
     fs.pipe("/with/in/a.gltf", json.dumps(document).encode())
-    fs.pipe("/with/in/bin/a b.bin", data[28 + length :])
+    fs.pipe("/with/in/bin/a b.bin", data)
     steps = STEPS + 'output = "{asset}.{ext}"\n'
     path = write('[[assets]]\ninputs.high = "memory://with/in/a.gltf"\n', steps)
     result, ran = run(path)
     assert result.ok and ran == ["a.r"], result.failed
     assert read_mesh(path.parent / "build" / "a.ply").n_faces == uv_sphere(4, 6).n_faces
     assert run(path)[1] == []
-    fs.pipe("/with/in/bin/a b.bin", data[28 + length :] + bytes(4))
+    fs.pipe("/with/in/bin/a b.bin", data + bytes(4))
     assert run(path)[1] == ["a.r"]
     fs.rm("/with/in/bin/a b.bin")
     (failed,) = run(path)[0].failed

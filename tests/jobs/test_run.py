@@ -1,7 +1,6 @@
 """`run`: the files that it writes to its folder, and those that it leaves alone."""
 
 import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 
 import texbake.jobs.run as run_module
+from tests.glb import read_glb
 from texbake import (
     FileError,
     Mesh,
@@ -57,13 +57,6 @@ def result(high: Mesh, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     return run(high, tmp_path_factory.mktemp("run") / "made" / "for it", OPTIONS)
 
 
-def chunks_of_glb(path: Path) -> tuple[dict, bytes]:
-    """The JSON and the binary chunk of a GLB file."""
-    data = path.read_bytes()
-    (length,) = struct.unpack_from("<I", data, 12)
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
 def test_every_file_is_there_and_nothing_else(result: RunResult) -> None:
     folder = result.files["mesh"].parent
     assert {path.name for path in folder.iterdir()} == FILES
@@ -93,7 +86,7 @@ def test_maps_bring_the_high_poly_mesh_back(result: RunResult) -> None:
 
 
 def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None:
-    document, binary = chunks_of_glb(result.files["glb"])
+    document, binary = read_glb(result.files["glb"])
     (image,) = document["images"]
     view = document["bufferViews"][image["bufferView"]]
     start = view.get("byteOffset", 0)
