@@ -1,9 +1,10 @@
 """Options, each declared once: type, default, help, range and choices.
 
-An option is a field of a frozen dataclass whose type is annotated with an `Option`: one sentence of
-help, a unit, a range, choices. Everything else is derived from it: the check of its values, the
-flag of the command line, the keys of pipeline and scene files, their JSON Schema, and the reference
-pages. This module imports nothing heavy, so that `--help` answers at once.
+An option is a field of a frozen dataclass, with an `Option`: one sentence of help, a unit, a range,
+choices. `option` declares one with its default; a field without a default, or a parameter of a
+function, is annotated with its `Option`. Everything else is derived from it: the check of its
+values, the flag of the command line, the keys of pipeline and scene files, their JSON Schema, and
+the reference pages. This module imports nothing heavy, so that `--help` answers at once.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ import math
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, MISSING, Field, dataclass, fields, replace
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields, replace
 from functools import cache
 from inspect import cleandoc, get_annotations
 from numbers import Integral, Real
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from texbake.errors import OptionError
 
 JsonSchema = dict[str, Any]
+Value = TypeVar("Value")
 
 _JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
@@ -154,6 +156,12 @@ class OptionField:
         return f"{self.option.sentence} Default: {words}." if words else self.option.sentence
 
 
+def option(default: Value, said: str | Option, /, **more: Any) -> Value:
+    """Declare a field of a dataclass: its default, its help, and what else `Option` takes."""
+    described = said if isinstance(said, Option) else Option(said, **more)
+    return field(default=default, metadata={"option": described})
+
+
 class CheckedOptions:
     """Base of option classes, whose values are checked when they are created."""
 
@@ -204,14 +212,13 @@ def option_field(kind: type, name: str) -> OptionField:
     return next(item for item in option_fields(kind) if item.name == name)
 
 
-def option(kind: type, name: str) -> Option:
+def option_of(kind: type, name: str) -> Option:
     """Return the description of an option, to use it in another class as well."""
     return option_field(kind, name).option
 
 
 def _option_field(kind: type, item: Field[Any]) -> OptionField:
-    hint = _hint_of(kind, item)
-    said = None
+    hint, said = _hint_of(kind, item), item.metadata.get("option")
     if get_origin(hint) is Annotated:
         hint, *more = get_args(hint)
         said = next((each for each in more if isinstance(each, Option)), None)

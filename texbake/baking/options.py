@@ -22,7 +22,7 @@ from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.shared import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, Option, option
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -62,45 +62,36 @@ class SecondaryOptions(CheckedOptions):
     Noise falls with about the 3/4th power of the number of rays.
     """
 
-    secondary_rays: Annotated[
-        int,
-        Option(
-            f"Rays per texel for ao, bent-normal and thickness, a power of two up to {MAX_RAYS}. "
-            "They are spread over the samples of the texel, at least one for each.",
-            metavar="N",
-            low=1,
-            high=MAX_RAYS,
-        ),
-    ] = 64
-    denoise: Annotated[
-        bool,
-        Option(
-            "Average each texel of ao and thickness with neighbors in its chart that differ by no "
-            "more than the noise of their rays, or keep the raw values.",
-            flag="--denoise/--no-denoise",
-        ),
-    ] = True
-    occluder_distance: Annotated[
-        float | None,
-        Option(
-            "Distance beyond which surfaces no longer occlude, for ao and bent-normal.",
-            metavar="D",
-            above=0,
-            unit="model units",
-            default="unlimited",
-        ),
-    ] = None
-    thickness_distance: Annotated[
-        float | None,
-        Option(
-            "Thickness that becomes white in integer files, and length of the rays that measure "
-            "it.",
-            metavar="D",
-            above=0,
-            unit="model units",
-            default="the greatest of the map",
-        ),
-    ] = None
+    secondary_rays: int = option(
+        64,
+        f"Rays per texel for ao, bent-normal and thickness, a power of two up to {MAX_RAYS}. "
+        "They are spread over the samples of the texel, at least one for each.",
+        metavar="N",
+        low=1,
+        high=MAX_RAYS,
+    )
+    denoise: bool = option(
+        True,
+        "Average each texel of ao and thickness with neighbors in its chart that differ by no "
+        "more than the noise of their rays, or keep the raw values.",
+        flag="--denoise/--no-denoise",
+    )
+    occluder_distance: float | None = option(
+        None,
+        "Distance beyond which surfaces no longer occlude, for ao and bent-normal.",
+        metavar="D",
+        above=0,
+        unit="model units",
+        default="unlimited",
+    )
+    thickness_distance: float | None = option(
+        None,
+        "Thickness that becomes white in integer files, and length of the rays that measure it.",
+        metavar="D",
+        above=0,
+        unit="model units",
+        default="the greatest of the map",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,181 +112,142 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     the low-poly mesh's shading. Heights are coded in integer files as d = (h - mid) * scale.
     """
 
-    maps: Annotated[
-        tuple[str, ...],
-        Option("Maps to bake, all with the same rays.", choices=MAP_NAMES, metavar="NAME,..."),
-    ] = ("normal",)
-    samples: Annotated[
-        int | str,
-        Option(
-            "Rays per texel, averaged; adaptive casts up to 64 where neighboring samples differ.",
-            choices=(*SAMPLES, ADAPTIVE),
-        ),
-    ] = 1
-    max_error: Annotated[
-        str | None,
-        Option(
-            "Add samples until the estimated error of every texel is at most this: 0.5deg for "
-            "normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or 0.5deg,0.001.",
-            metavar="E",
-            default=f"{DEFAULT_MAX_ERROR} where samples are adaptive",
-        ),
-    ] = None
-    time_budget: Annotated[
-        str | float | None,
-        Option(
-            "Time that the bake may take, such as 20s or 2min: texels are refined until it is "
-            "spent. The report names the `max_error` that gives the same maps.",
-            metavar="T",
-            default="no limit",
-        ),
-    ] = None
-    space: Annotated[str, Option("Space of the normals.", choices=SPACES)] = "tangent"
+    maps: tuple[str, ...] = option(
+        ("normal",), "Maps to bake, all with the same rays.", choices=MAP_NAMES, metavar="NAME,..."
+    )
+    samples: int | str = option(
+        1,
+        "Rays per texel, averaged; adaptive casts up to 64 where neighboring samples differ.",
+        choices=(*SAMPLES, ADAPTIVE),
+    )
+    max_error: str | None = option(
+        None,
+        "Add samples until the estimated error of every texel is at most this: 0.5deg for "
+        "normals, 0.001 (model units) or 0.01% (of the diagonal) for heights, or 0.5deg,0.001.",
+        metavar="E",
+        default=f"{DEFAULT_MAX_ERROR} where samples are adaptive",
+    )
+    time_budget: str | float | None = option(
+        None,
+        "Time that the bake may take, such as 20s or 2min: texels are refined until it is "
+        "spent. The report names the `max_error` that gives the same maps.",
+        metavar="T",
+        default="no limit",
+    )
+    space: str = option("tangent", "Space of the normals.", choices=SPACES)
     convention: Annotated[str, CONVENTION_OPTION] = "opengl"
     bits: Annotated[int | None, BITS_OPTION] = None
-    front: Annotated[
-        float | None,
-        Option(
-            "Distance outside the low-poly mesh at which rays start.",
-            metavar="D",
-            low=0,
-            unit="model units",
-            default=MEASURED,
-        ),
-    ] = None
-    back: Annotated[
-        float | None,
-        Option(
-            "Distance inside the low-poly mesh at which rays end.",
-            metavar="D",
-            low=0,
-            unit="model units",
-            default=MEASURED,
-        ),
-    ] = None
-    max_reach: Annotated[
-        float | None,
-        Option(
-            "Keep rays from parts that the low-poly mesh lacks: measured distances, but not a "
-            "given `front` or `back`, are at most this.",
-            metavar="D",
-            above=0,
-            unit="model units",
-            default="as far as the meshes are apart",
-        ),
-    ] = None
-    rays: Annotated[
-        str,
-        Option(
-            "Direction of the rays: along averaged normals, which leave no gaps at hard edges "
-            "(smooth), the low-poly mesh's vertex normals, or its face normals.",
-            choices=RAYS,
-        ),
-    ] = "smooth"
+    front: float | None = option(
+        None,
+        "Distance outside the low-poly mesh at which rays start.",
+        metavar="D",
+        low=0,
+        unit="model units",
+        default=MEASURED,
+    )
+    back: float | None = option(
+        None,
+        "Distance inside the low-poly mesh at which rays end.",
+        metavar="D",
+        low=0,
+        unit="model units",
+        default=MEASURED,
+    )
+    max_reach: float | None = option(
+        None,
+        "Keep rays from parts that the low-poly mesh lacks: measured distances, but not a "
+        "given `front` or `back`, are at most this.",
+        metavar="D",
+        above=0,
+        unit="model units",
+        default="as far as the meshes are apart",
+    )
+    rays: str = option(
+        "smooth",
+        "Direction of the rays: along averaged normals, which leave no gaps at hard edges "
+        "(smooth), the low-poly mesh's vertex normals, or its face normals.",
+        choices=RAYS,
+    )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
-    high_shading: Annotated[
-        str,
-        Option(
-            "Normals of the high-poly mesh: its vertex normals (smooth) or its face normals "
-            "(flat).",
-            choices=SHADINGS,
-        ),
-    ] = "smooth"
-    high_normal_maps: Annotated[
-        bool,
-        Option(
-            "Take the normals of the high-poly mesh from its own normal maps, where it has any.",
-            flag="--high-normal-maps/--no-high-normal-maps",
-        ),
-    ] = True
-    cull_back_faces: Annotated[
-        bool,
-        Option(
-            "Let rays pass through surfaces that face away from them, or hit those as well.",
-            flag="--cull-back-faces/--hit-back-faces",
-        ),
-    ] = True
+    high_shading: str = option(
+        "smooth",
+        "Normals of the high-poly mesh: its vertex normals (smooth) or its face normals (flat).",
+        choices=SHADINGS,
+    )
+    high_normal_maps: bool = option(
+        True,
+        "Take the normals of the high-poly mesh from its own normal maps, where it has any.",
+        flag="--high-normal-maps/--no-high-normal-maps",
+    )
+    cull_back_faces: bool = option(
+        True,
+        "Let rays pass through surfaces that face away from them, or hit those as well.",
+        flag="--cull-back-faces/--hit-back-faces",
+    )
     padding: Annotated[int, PADDING_OPTION] = DEFAULT_PADDING
-    fill: Annotated[
-        str,
-        Option(
-            "Fill the rest of a map with its neutral value (none), or smoothly with the colors "
-            "around it (push-pull).",
-            choices=FILLS,
-        ),
-    ] = "none"
-    on_miss: Annotated[
-        str,
-        Option(
-            "Where a ray misses the high-poly mesh, leave the neutral value, or take the closest "
-            "point of a face that faces the ray.",
-            choices=ON_MISS,
-        ),
-    ] = "neutral"
-    fail_on_miss: Annotated[
-        float | None,
-        Option(
-            "Fail and write nothing if more than this percentage of the texels missed the "
-            "high-poly mesh.",
-            metavar="PERCENT",
-            low=0,
-            high=100,
-            unit="percent",
-            default="misses are only reported",
-        ),
-    ] = None
-    bake_island: Annotated[
-        tuple[str, ...],
-        Option(
-            "Where texture islands are stacked, bake the one with this face, or those of this "
-            "group; repeatable.",
-            metavar="FACE|GROUP",
-            many=True,
-            default="the first in the UV tile",
-        ),
-    ] = ()
-    mid: Annotated[
-        float | None,
-        Option("Value of height 0 in an integer file, from 0 to 1.", metavar="M", default="0.5"),
-    ] = None
-    scale: Annotated[
-        float | None,
-        Option(
-            "Difference in height between black and white in an integer file.",
-            metavar="S",
-            unit="model units",
-            default="the least that holds every height",
-        ),
-    ] = None
-    curvature_scale: Annotated[
-        float | None,
-        Option(
-            "Curvature that becomes white in integer files, as 1 / radius in model units.",
-            metavar="K",
-            above=0,
-            default="99 % of the texels have less",
-        ),
-    ] = None
-    vertex_colors: Annotated[
-        str,
-        Option(
-            "Color space of the high-poly mesh's vertex colors; auto is linear for glTF files and "
-            "sRGB for all others.",
-            choices=VERTEX_COLORS,
-        ),
-    ] = "auto"
-    keep_hits: Annotated[
-        bool, Option("Keep the hits in the result, to make other maps from them later.")
-    ] = False
-    max_memory: Annotated[
-        str | int | None,
-        Option(
-            "Limit on the estimated memory of the bake, such as 2G; a larger high-poly mesh is "
-            "processed in chunks, if need be straight from its binary PLY or STL file.",
-            metavar="SIZE",
-            default="no limit",
-        ),
-    ] = None
+    fill: str = option(
+        "none",
+        "Fill the rest of a map with its neutral value (none), or smoothly with the colors "
+        "around it (push-pull).",
+        choices=FILLS,
+    )
+    on_miss: str = option(
+        "neutral",
+        "Where a ray misses the high-poly mesh, leave the neutral value, or take the closest "
+        "point of a face that faces the ray.",
+        choices=ON_MISS,
+    )
+    fail_on_miss: float | None = option(
+        None,
+        "Fail and write nothing if more than this percentage of the texels missed the "
+        "high-poly mesh.",
+        metavar="PERCENT",
+        low=0,
+        high=100,
+        unit="percent",
+        default="misses are only reported",
+    )
+    bake_island: tuple[str, ...] = option(
+        (),
+        "Where texture islands are stacked, bake the one with this face, or those of this "
+        "group; repeatable.",
+        metavar="FACE|GROUP",
+        many=True,
+        default="the first in the UV tile",
+    )
+    mid: float | None = option(
+        None, "Value of height 0 in an integer file, from 0 to 1.", metavar="M", default="0.5"
+    )
+    scale: float | None = option(
+        None,
+        "Difference in height between black and white in an integer file.",
+        metavar="S",
+        unit="model units",
+        default="the least that holds every height",
+    )
+    curvature_scale: float | None = option(
+        None,
+        "Curvature that becomes white in integer files, as 1 / radius in model units.",
+        metavar="K",
+        above=0,
+        default="99 % of the texels have less",
+    )
+    vertex_colors: str = option(
+        "auto",
+        "Color space of the high-poly mesh's vertex colors; auto is linear for glTF files and "
+        "sRGB for all others.",
+        choices=VERTEX_COLORS,
+    )
+    keep_hits: bool = option(
+        False, "Keep the hits in the result, to make other maps from them later."
+    )
+    max_memory: str | int | None = option(
+        None,
+        "Limit on the estimated memory of the bake, such as 2G; a larger high-poly mesh is "
+        "processed in chunks, if need be straight from its binary PLY or STL file.",
+        metavar="SIZE",
+        default="no limit",
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:

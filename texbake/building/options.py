@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.baking.memory import parse_bytes
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,70 +18,52 @@ class BuildOptions(CheckedOptions):
     against chunks of the high-poly mesh then.
     """
 
-    folder: Annotated[
-        PathLike | None,
-        Option(
-            "Folder of the output.",
-            metavar="DIR",
-            default="the pipeline file's folder, or else build",
-        ),
-    ] = None
-    only: Annotated[
-        tuple[str, ...],
-        Option(
-            "Build this asset, or those that a pattern such as 'orange*' matches; repeatable.",
-            metavar="ASSET",
-            many=True,
-        ),
-    ] = ()
-    jobs: Annotated[
-        int | None,
-        Option(
-            "Number of steps that run at once, each in its own process.",
-            metavar="N",
-            low=1,
-            default="one per processor",
-        ),
-    ] = None
-    threads: Annotated[
-        int | None,
-        Option(
-            "Number of threads of each step.",
-            metavar="N",
-            low=1,
-            default="the processors divided by the jobs",
-        ),
-    ] = None
-    max_memory: Annotated[
-        str | int | None,
-        Option(
-            "Limit on the estimated memory of all running steps together, such as 8G; a step that "
-            "needs more runs alone.",
-            metavar="SIZE",
-            default="four fifths of the machine's",
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        Option(
-            "Address of a Dask scheduler whose workers run the steps, such as tcp://host:8786.",
-            metavar="ADDRESS",
-            default="this machine",
-        ),
-    ] = None
-    wait: Annotated[
-        bool,
-        Option(
-            "Wait for another build in the same folder, or fail at once.", flag="--wait/--no-wait"
-        ),
-    ] = True
-    prune: Annotated[
-        bool, Option("At the end remove stored results that this build does not use.")
-    ] = False
-    verify: Annotated[
-        bool,
-        Option("Read everything that is stored and compare it with its checksums."),
-    ] = False
+    folder: PathLike | None = option(
+        None,
+        "Folder of the output.",
+        metavar="DIR",
+        default="the pipeline file's folder, or else build",
+    )
+    only: tuple[str, ...] = option(
+        (),
+        "Build this asset, or those that a pattern such as 'orange*' matches; repeatable.",
+        metavar="ASSET",
+        many=True,
+    )
+    jobs: int | None = option(
+        None,
+        "Number of steps that run at once, each in its own process.",
+        metavar="N",
+        low=1,
+        default="one per processor",
+    )
+    threads: int | None = option(
+        None,
+        "Number of threads of each step.",
+        metavar="N",
+        low=1,
+        default="the processors divided by the jobs",
+    )
+    max_memory: str | int | None = option(
+        None,
+        "Limit on the estimated memory of all running steps together, such as 8G; a step that "
+        "needs more runs alone.",
+        metavar="SIZE",
+        default="four fifths of the machine's",
+    )
+    scheduler: str | None = option(
+        None,
+        "Address of a Dask scheduler whose workers run the steps, such as tcp://host:8786.",
+        metavar="ADDRESS",
+        default="this machine",
+    )
+    wait: bool = option(
+        True, "Wait for another build in the same folder, or fail at once.", flag="--wait/--no-wait"
+    )
+    prune: bool = option(False, "At the end remove stored results that this build does not use.")
+    verify: bool = option(
+        False, "Read everything that is stored and compare it with its checksums."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

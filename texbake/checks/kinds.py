@@ -14,7 +14,7 @@ from texbake.checks.bake_kinds import COORDINATE_KINDS, PAIR_KINDS, TEXEL_KINDS
 from texbake.checks.finding import EDGES, MESHES, VERTICES, Kind
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import Option
+from texbake.schema import option
 
 _FILES = (
     Kind(
@@ -236,25 +236,21 @@ class CheckOptions(TextureOptions):
     """The bake that a check is made for."""
 
     padding: Annotated[int, PADDING_OPTION] = BakeOptions.padding
-    min_texel_density: Annotated[
-        float | None,
-        Option(
-            "Texels per model unit that every face must have in its most stretched direction.",
-            metavar="D",
-            above=0,
-            unit="texels per model unit",
-            default="a quarter of the mesh's mean",
-        ),
-    ] = None
-    allow: Annotated[
-        tuple[str, ...],
-        Option(
-            "Accept findings of this kind, such as mirrored-coordinates; they are listed, but do "
-            "not fail the check; repeatable.",
-            metavar="KIND",
-            many=True,
-        ),
-    ] = ()
+    min_texel_density: float | None = option(
+        None,
+        "Texels per model unit that every face must have in its most stretched direction.",
+        metavar="D",
+        above=0,
+        unit="texels per model unit",
+        default="a quarter of the mesh's mean",
+    )
+    allow: tuple[str, ...] = option(
+        (),
+        "Accept findings of this kind, such as mirrored-coordinates; they are listed, but do "
+        "not fail the check; repeatable.",
+        metavar="KIND",
+        many=True,
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:

@@ -29,7 +29,7 @@ from texbake.mesh.options import (
     check_target,
 )
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import CheckedOptions, option, option_of
 
 DEMO_FOLDER = "texbake_demo"
 DEFAULT_FACES = 500
@@ -47,45 +47,41 @@ class RunOptions(CheckedOptions):
     is sRGB-coded.
     """
 
-    n_faces: Annotated[int | None, option(SimplifyOptions, "n_faces")] = DEFAULT_FACES
-    error: Annotated[str | float | None, option(SimplifyOptions, "error")] = None
-    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
-    orientation: Annotated[str, option(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
+    n_faces: Annotated[int | None, option_of(SimplifyOptions, "n_faces")] = DEFAULT_FACES
+    error: Annotated[str | float | None, option_of(SimplifyOptions, "error")] = None
+    quality: Annotated[str, option_of(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    orientation: Annotated[str, option_of(SimplifyOptions, "orientation")] = DEFAULT_ORIENTATION
     remesh: Annotated[str, REMESH_OPTION] = DEFAULT_REMESH
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
-    size: Annotated[Size, option(BakeOptions, "size")] = 2048
+    size: Annotated[Size, option_of(BakeOptions, "size")] = 2048
     padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
     samples: Annotated[
         int | str | None,
         replace(
-            option(BakeOptions, "samples"),
+            option_of(BakeOptions, "samples"),
             default=f"{DEFAULT_SAMPLES}, or adaptive with an error or a time",
         ),
     ] = None
-    max_error: Annotated[str | None, option(BakeOptions, "max_error")] = None
-    time_budget: Annotated[str | float | None, option(BakeOptions, "time_budget")] = None
-    convention: Annotated[
-        str,
-        Option(
-            "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
-            "file it is always opengl.",
-            choices=CONVENTIONS,
-        ),
-    ] = "opengl"
-    view: Annotated[ViewAngles, option(RenderOptions, "view")] = RenderOptions.view
-    up: Annotated[str, option(RenderOptions, "up")] = RenderOptions.up
-    base_color: Annotated[Rgb, option(RenderOptions, "base_color")] = RenderOptions.base_color
-    compare: Annotated[
-        str,
-        Option(
-            "How to compare the asset with the high-poly mesh: in one view with its normal map "
-            "(quick), also in six views and displaced (full), or not at all (off, which draws no "
-            "pictures).",
-            choices=COMPARES,
-        ),
-    ] = "quick"
+    max_error: Annotated[str | None, option_of(BakeOptions, "max_error")] = None
+    time_budget: Annotated[str | float | None, option_of(BakeOptions, "time_budget")] = None
+    convention: str = option(
+        "opengl",
+        "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
+        "file it is always opengl.",
+        choices=CONVENTIONS,
+    )
+    view: Annotated[ViewAngles, option_of(RenderOptions, "view")] = RenderOptions.view
+    up: Annotated[str, option_of(RenderOptions, "up")] = RenderOptions.up
+    base_color: Annotated[Rgb, option_of(RenderOptions, "base_color")] = RenderOptions.base_color
+    compare: str = option(
+        "quick",
+        "How to compare the asset with the high-poly mesh: in one view with its normal map "
+        "(quick), also in six views and displaced (full), or not at all (off, which draws no "
+        "pictures).",
+        choices=COMPARES,
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
@@ -143,16 +139,16 @@ class RunOptions(CheckedOptions):
 class DemoOptions(CheckedOptions):
     """How large the meshes and maps of `demo` are."""
 
-    triangles: Annotated[
-        int,
-        Option(
-            "Approximate number of triangles of the high-poly mesh.", metavar="N", low=MIN_TRIANGLES
-        ),
-    ] = 1_000_000
-    faces: Annotated[
-        int, Option("Number of triangles of the low-poly mesh.", metavar="N", low=MIN_FACES)
-    ] = DEFAULT_FACES
-    size: Annotated[Size, option(BakeOptions, "size")] = RunOptions.size
+    triangles: int = option(
+        1_000_000,
+        "Approximate number of triangles of the high-poly mesh.",
+        metavar="N",
+        low=MIN_TRIANGLES,
+    )
+    faces: int = option(
+        DEFAULT_FACES, "Number of triangles of the low-poly mesh.", metavar="N", low=MIN_FACES
+    )
+    size: Annotated[Size, option_of(BakeOptions, "size")] = RunOptions.size
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
@@ -186,18 +182,16 @@ class LightenOptions(CheckedOptions):
     author of a textured model has seen it as it is.
     """
 
-    n_faces: Annotated[
-        int | None,
-        Option(
-            "Number of triangles to reach. With no fewer than the model has, only its maps and "
-            "texture coordinates are made again.",
-            metavar="N",
-            low=MIN_FACES,
-            flag="--faces",
-            default=f"a tenth, and {LEAST_FACES} at least",
-        ),
-    ] = None
-    quality: Annotated[str, option(SimplifyOptions, "quality")] = "best"
+    n_faces: int | None = option(
+        None,
+        "Number of triangles to reach. With no fewer than the model has, only its maps and "
+        "texture coordinates are made again.",
+        metavar="N",
+        low=MIN_FACES,
+        flag="--faces",
+        default=f"a tenth, and {LEAST_FACES} at least",
+    )
+    quality: Annotated[str, option_of(SimplifyOptions, "quality")] = "best"
     remesh: Annotated[str, REMESH_OPTION] = "never"
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
@@ -206,47 +200,38 @@ class LightenOptions(CheckedOptions):
     size: Annotated[
         Size | None,
         replace(
-            option(BakeOptions, "size"),
+            option_of(BakeOptions, "size"),
             default=f"what the images of the model need, {LEAST_SIZE} to {MOST_SIZE}",
         ),
     ] = None
     padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
-    samples: Annotated[int | str, option(BakeOptions, "samples")] = 4
-    images: Annotated[
-        str,
-        Option(
-            "Format of the images. Programs need the extension EXT_texture_webp for webp; every "
-            "program reads jpeg and png.",
-            choices=ENCODINGS,
-        ),
-    ] = "webp"
-    image_quality: Annotated[
-        int,
-        Option("Quality of webp and jpeg images.", metavar="N", low=1, high=100),
-    ] = 90
-    compress: Annotated[
-        bool,
-        Option(
-            "Compress vertices and triangles by EXT_meshopt_compression.",
-            flag="--compress/--no-compress",
-        ),
-    ] = False
-    quantize: Annotated[
-        bool | None,
-        Option(
-            "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization).",
-            flag="--quantize/--no-quantize",
-            default="with --compress",
-        ),
-    ] = None
-    views: Annotated[
-        int,
-        Option(
-            "Number of views in which the result is compared with the model; 0 for none.",
-            metavar="N",
-            low=0,
-        ),
-    ] = 12
+    samples: Annotated[int | str, option_of(BakeOptions, "samples")] = 4
+    images: str = option(
+        "webp",
+        "Format of the images. Programs need the extension EXT_texture_webp for webp; every "
+        "program reads jpeg and png.",
+        choices=ENCODINGS,
+    )
+    image_quality: int = option(
+        90, "Quality of webp and jpeg images.", metavar="N", low=1, high=100
+    )
+    compress: bool = option(
+        False,
+        "Compress vertices and triangles by EXT_meshopt_compression.",
+        flag="--compress/--no-compress",
+    )
+    quantize: bool | None = option(
+        None,
+        "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization).",
+        flag="--quantize/--no-quantize",
+        default="with --compress",
+    )
+    views: int = option(
+        12,
+        "Number of views in which the result is compared with the model; 0 for none.",
+        metavar="N",
+        low=0,
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal, get_args
 
 from texbake.errors import OptionError, quoted
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import CheckedOptions, Option, option, option_of
 
 ORIENTATIONS: Final = ("auto", "keep")
 DEFAULT_ORIENTATION: Final = "auto"
@@ -68,25 +68,21 @@ class RepairOptions(CheckedOptions):
     without the seams of the old ones.
     """
 
-    merge: Annotated[bool, Option("Join vertices at one position.", flag="--merge/--no-merge")] = (
-        True
+    merge: bool = option(True, "Join vertices at one position.", flag="--merge/--no-merge")
+    degenerate: bool = option(
+        True, "Remove faces without area.", flag="--degenerate/--no-degenerate"
     )
-    degenerate: Annotated[
-        bool, Option("Remove faces without area.", flag="--degenerate/--no-degenerate")
-    ] = True
-    duplicates: Annotated[
-        bool, Option("Remove faces that repeat another.", flag="--duplicates/--no-duplicates")
-    ] = True
-    winding: Annotated[
-        bool,
-        Option(
-            "Flip faces so that neighbors agree and closed parts face outwards.",
-            flag="--winding/--no-winding",
-        ),
-    ] = True
-    coordinates: Annotated[
-        bool, Option("Keep texture coordinates.", flag="--coordinates/--no-coordinates")
-    ] = True
+    duplicates: bool = option(
+        True, "Remove faces that repeat another.", flag="--duplicates/--no-duplicates"
+    )
+    winding: bool = option(
+        True,
+        "Flip faces so that neighbors agree and closed parts face outwards.",
+        flag="--winding/--no-winding",
+    )
+    coordinates: bool = option(
+        True, "Keep texture coordinates.", flag="--coordinates/--no-coordinates"
+    )
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
@@ -100,39 +96,33 @@ class RepairOptions(CheckedOptions):
 class TransformOptions(CheckedOptions):
     """How `transform` moves a mesh: it is scaled and turned upright, then rotated, then moved."""
 
-    scale: Annotated[float, Option("Factor of all lengths.", above=0)] = 1.0
-    units: Annotated[
-        str | None,
-        Option(
-            "Unit of the lengths of the mesh, which become meters.",
-            choices=tuple(UNITS),
-            default="lengths stay as they are",
-        ),
-    ] = None
-    up: Annotated[
-        str, Option("Axis of the mesh that points up; z is turned to y.", choices=UPS)
-    ] = "y"
-    rotate: Annotated[
-        tuple[float, float, float],
-        Option(
-            "Angles about the x, y and z axis through the origin, in this order.",
-            metavar="X,Y,Z",
-            unit="degrees",
-        ),
-    ] = (0.0, 0.0, 0.0)
-    move: Annotated[
-        tuple[float, float, float],
-        Option("Vector that is added to all positions.", metavar="X,Y,Z", unit="model units"),
-    ] = (0.0, 0.0, 0.0)
-    flip: Annotated[bool, Option("Flip all faces, and their normals with them.")] = False
-    subdivide: Annotated[
-        int,
-        Option(
-            "Levels of Catmull-Clark subdivision; the mesh loses its normals.",
-            low=0,
-            high=MOST_SUBDIVISIONS,
-        ),
-    ] = 0
+    scale: float = option(1.0, "Factor of all lengths.", above=0)
+    units: str | None = option(
+        None,
+        "Unit of the lengths of the mesh, which become meters.",
+        choices=tuple(UNITS),
+        default="lengths stay as they are",
+    )
+    up: str = option("y", "Axis of the mesh that points up; z is turned to y.", choices=UPS)
+    rotate: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        "Angles about the x, y and z axis through the origin, in this order.",
+        metavar="X,Y,Z",
+        unit="degrees",
+    )
+    move: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0),
+        "Vector that is added to all positions.",
+        metavar="X,Y,Z",
+        unit="model units",
+    )
+    flip: bool = option(False, "Flip all faces, and their normals with them.")
+    subdivide: int = option(
+        0,
+        "Levels of Catmull-Clark subdivision; the mesh loses its normals.",
+        low=0,
+        high=MOST_SUBDIVISIONS,
+    )
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
 
@@ -215,32 +205,26 @@ class SimplifyOptions(CheckedOptions):
 
     n_faces: Annotated[int | None, FACES_OPTION] = None
     error: Annotated[str | float | None, ERROR_OPTION] = None
-    quality: Annotated[
-        str,
-        Option(
-            "Simplify quickly (fast), or more slowly and closer to the surface (best).",
-            choices=QUALITIES,
-        ),
-    ] = DEFAULT_QUALITY
-    seams: Annotated[
-        str,
-        Option(
-            "Seams of texture coordinates: keep them while the number of triangles can be reached "
-            "with them (auto), keep them and more triangles if need be (keep), or leave texture "
-            "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
-            "then makes new charts.",
-            choices=SEAMS,
-        ),
-    ] = DEFAULT_SEAMS
-    topology: Annotated[
-        str,
-        Option(
-            "If holes, tunnels and parts need more triangles than requested, stop with an error "
-            "(keep), or close them with a surface around the mesh, without texture coordinates "
-            "(simplify).",
-            choices=TOPOLOGIES,
-        ),
-    ] = DEFAULT_TOPOLOGY
+    quality: str = option(
+        DEFAULT_QUALITY,
+        "Simplify quickly (fast), or more slowly and closer to the surface (best).",
+        choices=QUALITIES,
+    )
+    seams: str = option(
+        DEFAULT_SEAMS,
+        "Seams of texture coordinates: keep them while the number of triangles can be reached "
+        "with them (auto), keep them and more triangles if need be (keep), or leave texture "
+        "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
+        "then makes new charts.",
+        choices=SEAMS,
+    )
+    topology: str = option(
+        DEFAULT_TOPOLOGY,
+        "If holes, tunnels and parts need more triangles than requested, stop with an error "
+        "(keep), or close them with a surface around the mesh, without texture coordinates "
+        "(simplify).",
+        choices=TOPOLOGIES,
+    )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"
@@ -272,68 +256,53 @@ REMESH_OPTION = Option(
 class RemeshOptions(CheckedOptions):
     """How finely a mesh is wrapped, and which gaps are closed."""
 
-    surface: Annotated[
-        str,
-        Option(
-            "Make a closed surface, with all holes filled (closed); an open surface of one sheet, "
-            "which keeps its boundary (open); or the one that fits the mesh (auto).",
-            choices=(AUTO, CLOSED, OPEN),
-        ),
-    ] = AUTO
+    surface: str = option(
+        AUTO,
+        "Make a closed surface, with all holes filled (closed); an open surface of one sheet, "
+        "which keeps its boundary (open); or the one that fits the mesh (auto).",
+        choices=(AUTO, CLOSED, OPEN),
+    )
 
-    resolution: Annotated[
-        int,
-        Option(
-            "Voxels along the longest side of the mesh.",
-            metavar="N",
-            low=MIN_RESOLUTION,
-            high=MAX_RESOLUTION,
-        ),
-    ] = 256
-    close: Annotated[
-        str | float,
-        Option(
-            "Close gaps up to this width: 0.02 (model units) or 1% (of the diagonal). Gaps of less "
-            "than two voxels are closed in any case. Holes of an open surface up to this width are "
-            "filled.",
-            metavar="D",
-        ),
-    ] = "1%"
-    keep_interior: Annotated[
-        bool,
-        Option(
-            "Keep cavities that are wider than the gaps that are closed, instead of filling them. "
-            "The faces of the mesh must agree about which side is out."
-        ),
-    ] = False
-    sharp_edges: Annotated[
-        bool,
-        Option(
-            "Keep corners and edges sharp where the faces of the mesh meet at more than 30 "
-            "degrees. Without it, they are rounded by up to a voxel."
-        ),
-    ] = False
-    components: Annotated[
-        int | str,
-        Option(
-            "Which separate parts of the result to keep: all, the largest, or the N largest by "
-            "volume.",
-            choices=(ALL, LARGEST),
-            metavar="N",
-            low=1,
-        ),
-    ] = ALL
-    n_faces: Annotated[
-        int | None,
-        Option(
-            "Number of triangles to simplify the result to.",
-            metavar="N",
-            low=MIN_FACES,
-            flag="--faces",
-            default="not simplified",
-        ),
-    ] = None
-    quality: Annotated[str, option(SimplifyOptions, "quality")] = SimplifyOptions.quality
+    resolution: int = option(
+        256,
+        "Voxels along the longest side of the mesh.",
+        metavar="N",
+        low=MIN_RESOLUTION,
+        high=MAX_RESOLUTION,
+    )
+    close: str | float = option(
+        "1%",
+        "Close gaps up to this width: 0.02 (model units) or 1% (of the diagonal). Gaps of less "
+        "than two voxels are closed in any case. Holes of an open surface up to this width are "
+        "filled.",
+        metavar="D",
+    )
+    keep_interior: bool = option(
+        False,
+        "Keep cavities that are wider than the gaps that are closed, instead of filling them. "
+        "The faces of the mesh must agree about which side is out.",
+    )
+    sharp_edges: bool = option(
+        False,
+        "Keep corners and edges sharp where the faces of the mesh meet at more than 30 "
+        "degrees. Without it, they are rounded by up to a voxel.",
+    )
+    components: int | str = option(
+        ALL,
+        "Which separate parts of the result to keep: all, the largest, or the N largest by volume.",
+        choices=(ALL, LARGEST),
+        metavar="N",
+        low=1,
+    )
+    n_faces: int | None = option(
+        None,
+        "Number of triangles to simplify the result to.",
+        metavar="N",
+        low=MIN_FACES,
+        flag="--faces",
+        default="not simplified",
+    )
+    quality: Annotated[str, option_of(SimplifyOptions, "quality")] = SimplifyOptions.quality
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.limits import parse_seconds
 from texbake.rendering.scene.textures import FILTERS
 from texbake.sampling.bounds import parse_picture_bound
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 
 MAX_SIZE = 16384  # pixels per side
 MAX_SUPERSAMPLING = 16
@@ -40,130 +39,103 @@ class RenderOptions(CheckedOptions):
     sRGB-coded, from 0 to 1.
     """
 
-    width: Annotated[
-        int, Option("Width of the picture.", metavar="PX", low=1, high=MAX_SIZE, unit="pixels")
-    ] = 1280
-    height: Annotated[
-        int, Option("Height of the picture.", metavar="PX", low=1, high=MAX_SIZE, unit="pixels")
-    ] = 720
-    view: Annotated[
-        ViewAngles,
-        Option(
-            "Azimuth and elevation of the camera in degrees, and its distance from the center in "
-            "model units.",
-            metavar="AZ,EL[,DIST]",
-        ),
-    ] = (30.0, 20.0)
-    up: Annotated[str, Option("Axis of the world that is up in the picture.", choices=UPS)] = "y"
-    fov: Annotated[
-        float,
-        Option("Vertical field of view.", metavar="DEG", above=0, below=180, unit="degrees"),
-    ] = 35.0
-    supersampling: Annotated[
-        int,
-        Option(
-            "Samples per pixel along one side, N x N in all.",
-            metavar="N",
-            low=1,
-            high=MAX_SUPERSAMPLING,
-        ),
-    ] = 2
-    max_error: Annotated[
-        str | float | None,
-        Option(
-            "Add samples until the estimated error of every pixel is at most this share of the "
-            "way from black to white in sRGB: 2/255, or 0.01.",
-            metavar="E",
-            default="the same number of samples everywhere",
-        ),
-    ] = None
-    time_budget: Annotated[
-        str | float | None,
-        Option(
-            "Time that the picture may take, such as 20s or 2min: pixels are refined until it is "
-            "spent. The report names the `max_error` that gives the same picture.",
-            metavar="T",
-            default="no limit",
-        ),
-    ] = None
-    background: Annotated[
-        Rgb | None, Option("Color behind the mesh.", low=0, high=1, default="transparent")
-    ] = (0.15, 0.16, 0.18)
-    base_color: Annotated[
-        Rgb, Option("Color of the mesh where it has no albedo texture.", low=0, high=1)
-    ] = (0.8, 0.8, 0.8)
-    exposure: Annotated[
-        str | None,
-        Option(
-            "Darken pictures that are too bright and roll off highlights (auto), or clip light at "
-            "white (none).",
-            choices=EXPOSURES,
-            default="auto in texbake's built-in light, none in a scene's own",
-        ),
-    ] = None
-    back_faces: Annotated[
-        str | None,
-        Option(
-            "Leave out triangles seen from behind (cull), or draw them with their normals turned "
-            "to the camera (show).",
-            choices=BACK_FACES,
-            default="show in pictures of an open or inside-out mesh, cull in scenes",
-        ),
-    ] = None
-    edges: Annotated[
-        str,
-        Option(
-            "Shade a pixel inside a triangle once (multisample), or shade every sample "
-            "(supersample).",
-            choices=EDGES,
-        ),
-    ] = "multisample"
-    interpolation: Annotated[
-        str,
-        Option(
-            "Interpolate with perspective correction, without it (affine), or step by step along "
-            "edges and spans (scanline).",
-            choices=INTERPOLATIONS,
-        ),
-    ] = "perspective"
-    filter: Annotated[
-        str | None,
-        Option("Filter of all image textures.", choices=FILTERS, default="each texture's own"),
-    ] = None
-    buffer: Annotated[
-        str | None,
-        Option(
-            "Show a buffer of the renderer in place of the picture.",
-            choices=BUFFERS,
-            default="the picture",
-        ),
-    ] = None
-    mapping_order: Annotated[
-        str,
-        Option(
-            "Look up the texture for each pixel (screen), write each texel at a pixel (texture), "
-            "or spread it over the pixels that it covers (texture-coverage). In texture order only "
-            "base colors are shown, with one sample per pixel.",
-            choices=MAPPING_ORDERS,
-        ),
-    ] = "screen"
-    bounces: Annotated[
-        int,
-        Option(
-            "Number of reflections within reflections, for environments rendered from the scene.",
-            metavar="N",
-            low=0,
-            high=MAX_BOUNCES,
-        ),
-    ] = 1
-    max_triangles: Annotated[
-        int,
-        Option(
-            "Greatest number of triangles that displacement may divide a mesh into.",
-            metavar="N",
-            low=1,
-        ),
-    ] = 4_000_000
+    width: int = option(
+        1280, "Width of the picture.", metavar="PX", low=1, high=MAX_SIZE, unit="pixels"
+    )
+    height: int = option(
+        720, "Height of the picture.", metavar="PX", low=1, high=MAX_SIZE, unit="pixels"
+    )
+    view: ViewAngles = option(
+        (30.0, 20.0),
+        "Azimuth and elevation of the camera in degrees, and its distance from the center in "
+        "model units.",
+        metavar="AZ,EL[,DIST]",
+    )
+    up: str = option("y", "Axis of the world that is up in the picture.", choices=UPS)
+    fov: float = option(
+        35.0, "Vertical field of view.", metavar="DEG", above=0, below=180, unit="degrees"
+    )
+    supersampling: int = option(
+        2,
+        "Samples per pixel along one side, N x N in all.",
+        metavar="N",
+        low=1,
+        high=MAX_SUPERSAMPLING,
+    )
+    max_error: str | float | None = option(
+        None,
+        "Add samples until the estimated error of every pixel is at most this share of the "
+        "way from black to white in sRGB: 2/255, or 0.01.",
+        metavar="E",
+        default="the same number of samples everywhere",
+    )
+    time_budget: str | float | None = option(
+        None,
+        "Time that the picture may take, such as 20s or 2min: pixels are refined until it is "
+        "spent. The report names the `max_error` that gives the same picture.",
+        metavar="T",
+        default="no limit",
+    )
+    background: Rgb | None = option(
+        (0.15, 0.16, 0.18), "Color behind the mesh.", low=0, high=1, default="transparent"
+    )
+    base_color: Rgb = option(
+        (0.8, 0.8, 0.8), "Color of the mesh where it has no albedo texture.", low=0, high=1
+    )
+    exposure: str | None = option(
+        None,
+        "Darken pictures that are too bright and roll off highlights (auto), or clip light at "
+        "white (none).",
+        choices=EXPOSURES,
+        default="auto in texbake's built-in light, none in a scene's own",
+    )
+    back_faces: str | None = option(
+        None,
+        "Leave out triangles seen from behind (cull), or draw them with their normals turned "
+        "to the camera (show).",
+        choices=BACK_FACES,
+        default="show in pictures of an open or inside-out mesh, cull in scenes",
+    )
+    edges: str = option(
+        "multisample",
+        "Shade a pixel inside a triangle once (multisample), or shade every sample (supersample).",
+        choices=EDGES,
+    )
+    interpolation: str = option(
+        "perspective",
+        "Interpolate with perspective correction, without it (affine), or step by step along "
+        "edges and spans (scanline).",
+        choices=INTERPOLATIONS,
+    )
+    filter: str | None = option(
+        None, "Filter of all image textures.", choices=FILTERS, default="each texture's own"
+    )
+    buffer: str | None = option(
+        None,
+        "Show a buffer of the renderer in place of the picture.",
+        choices=BUFFERS,
+        default="the picture",
+    )
+    mapping_order: str = option(
+        "screen",
+        "Look up the texture for each pixel (screen), write each texel at a pixel (texture), "
+        "or spread it over the pixels that it covers (texture-coverage). In texture order only "
+        "base colors are shown, with one sample per pixel.",
+        choices=MAPPING_ORDERS,
+    )
+    bounces: int = option(
+        1,
+        "Number of reflections within reflections, for environments rendered from the scene.",
+        metavar="N",
+        low=0,
+        high=MAX_BOUNCES,
+    )
+    max_triangles: int = option(
+        4_000_000,
+        "Greatest number of triangles that displacement may divide a mesh into.",
+        metavar="N",
+        low=1,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

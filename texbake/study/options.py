@@ -7,7 +7,7 @@ from typing import Annotated
 
 from texbake.baking.options import THREADS_OPTION
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, Option, option
 
 # In the order in which they are studied and shown, each with its module in `knobs`.
 KNOB_MODULES = {
@@ -48,22 +48,18 @@ class StudyOptions(CheckedOptions):
     longer than `seconds`.
     """
 
-    knobs: Annotated[
-        tuple[str, ...],
-        Option(
-            "Setting to study; repeatable.",
-            choices=KNOB_NAMES,
-            metavar="NAME",
-            default="all",
-            flag="--knob",
-            many=True,
-        ),
-    ] = KNOB_NAMES
+    knobs: tuple[str, ...] = option(
+        KNOB_NAMES,
+        "Setting to study; repeatable.",
+        choices=KNOB_NAMES,
+        metavar="NAME",
+        default="all",
+        flag="--knob",
+        many=True,
+    )
     repeats: Annotated[int, REPEATS_OPTION] = 5
     seconds: Annotated[float, SECONDS_OPTION] = 10.0
-    quick: Annotated[
-        bool, Option("Study a small range of each setting on small meshes, in a minute.")
-    ] = False
+    quick: bool = option(False, "Study a small range of each setting on small meshes, in a minute.")
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.mapping.options.shared import MAX_SIZE, Size
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, Option, option
 
 MIP_KINDS = ("color", "data", "normal")
 MIP_WRAPS = ("repeat", "mirror", "clamp")
@@ -18,62 +18,51 @@ EDGES = ("clamp", "repeat")
 class MipOptions(CheckedOptions):
     """How the mip levels of an image are made."""
 
-    kind: Annotated[
-        str,
-        Option(
-            "Average sRGB colors in linear light (color), values as they are (data), or unit "
-            "vectors (normal).",
-            choices=MIP_KINDS,
-        ),
-    ] = "color"
-    wrap: Annotated[
-        str,
-        Option("Repeat, mirror or clamp the image beyond its borders.", choices=MIP_WRAPS),
-    ] = "repeat"
-    filter: Annotated[
-        str,
-        Option(
-            "Average the area of a texel (box), or keep distant detail sharper with a windowed "
-            "sinc (kaiser).",
-            choices=MIP_FILTERS,
-        ),
-    ] = "box"
+    kind: str = option(
+        "color",
+        "Average sRGB colors in linear light (color), values as they are (data), or unit "
+        "vectors (normal).",
+        choices=MIP_KINDS,
+    )
+    wrap: str = option(
+        "repeat", "Repeat, mirror or clamp the image beyond its borders.", choices=MIP_WRAPS
+    )
+    filter: str = option(
+        "box",
+        "Average the area of a texel (box), or keep distant detail sharper with a windowed "
+        "sinc (kaiser).",
+        choices=MIP_FILTERS,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PackOptions(CheckedOptions):
     """How `pack_textures` puts several images into one."""
 
-    size: Annotated[
-        Size | None,
-        Option(
-            "If the images do not fit, all are scaled down by one factor. Width and height of the "
-            "packed image.",
-            metavar="PX|WxH",
-            low=1,
-            high=MAX_SIZE,
-            unit="texels",
-            default="the least powers of two that hold all images at full size",
-        ),
-    ] = None
-    padding: Annotated[
-        int,
-        Option(
-            "Width of the padding around each image.",
-            metavar="PX",
-            low=0,
-            high=MAX_SIZE // 2 - 1,
-            unit="texels",
-        ),
-    ] = 4
-    edges: Annotated[
-        str,
-        Option(
-            "Fill the padding with the nearest texels (clamp), or with the opposite side of an "
-            "image that tiles (repeat).",
-            choices=EDGES,
-        ),
-    ] = "clamp"
+    size: Size | None = option(
+        None,
+        "If the images do not fit, all are scaled down by one factor. Width and height of the "
+        "packed image.",
+        metavar="PX|WxH",
+        low=1,
+        high=MAX_SIZE,
+        unit="texels",
+        default="the least powers of two that hold all images at full size",
+    )
+    padding: int = option(
+        4,
+        "Width of the padding around each image.",
+        metavar="PX",
+        low=0,
+        high=MAX_SIZE // 2 - 1,
+        unit="texels",
+    )
+    edges: str = option(
+        "clamp",
+        "Fill the padding with the nearest texels (clamp), or with the opposite side of an "
+        "image that tiles (repeat).",
+        choices=EDGES,
+    )
 
     @property
     def sides(self) -> tuple[int, int] | None:
@@ -102,42 +91,32 @@ FACE_NAMES = (
 class CubeOptions(CheckedOptions):
     """How a latitude-longitude image and a cube map are converted into one another."""
 
-    layout: Annotated[
-        str | None,
-        Option(
-            "Write a latitude-longitude image, a cross of six faces, or six files.",
-            choices=LAYOUTS,
-            default="faces into a folder; else a cross of a latlong, a latlong of faces",
-        ),
-    ] = None
-    size: Annotated[
-        int | None,
-        Option(
-            "Width of a face, or height of a latitude-longitude image.",
-            metavar="PX",
-            low=1,
-            unit="texels",
-            default="as fine as the source",
-        ),
-    ] = None
-    convention: Annotated[
-        str,
-        Option(
-            "Faces as graphics APIs look them up, mirrored (opengl), or as the eye sees them from "
-            "inside (inside).",
-            choices=CONVENTIONS,
-        ),
-    ] = "opengl"
-    color: Annotated[
-        bool,
-        Option("Treat integer values as sRGB colors, or as data.", flag="--color/--data"),
-    ] = True
-    format: Annotated[
-        str | None,
-        Option(
-            "File format of the six faces.", choices=FACE_FORMATS, default="the source's, or png"
-        ),
-    ] = None
+    layout: str | None = option(
+        None,
+        "Write a latitude-longitude image, a cross of six faces, or six files.",
+        choices=LAYOUTS,
+        default="faces into a folder; else a cross of a latlong, a latlong of faces",
+    )
+    size: int | None = option(
+        None,
+        "Width of a face, or height of a latitude-longitude image.",
+        metavar="PX",
+        low=1,
+        unit="texels",
+        default="as fine as the source",
+    )
+    convention: str = option(
+        "opengl",
+        "Faces as graphics APIs look them up, mirrored (opengl), or as the eye sees them from "
+        "inside (inside).",
+        choices=CONVENTIONS,
+    )
+    color: bool = option(
+        True, "Treat integer values as sRGB colors, or as data.", flag="--color/--data"
+    )
+    format: str | None = option(
+        None, "File format of the six faces.", choices=FACE_FORMATS, default="the source's, or png"
+    )
 
 
 DERIVATIVES = ("central", "sobel", "scharr")
@@ -163,24 +142,20 @@ class HeightToNormalOptions(CheckedOptions):
     depend least on the direction of a slope.
     """
 
-    scale: Annotated[
-        float | None,
-        Option(
-            "Difference in height between values 0 and 1, in the unit of the width.",
-            metavar="S",
-            default=f"what the file says, else {DEFAULT_SCALE:g}",
-        ),
-    ] = None
+    scale: float | None = option(
+        None,
+        "Difference in height between values 0 and 1, in the unit of the width.",
+        metavar="S",
+        default=f"what the file says, else {DEFAULT_SCALE:g}",
+    )
     width: Annotated[float, _WIDTH] = 1.0
     wrap: Annotated[str, _WRAP] = "repeat"
-    derivative: Annotated[
-        str,
-        Option(
-            "Take differences of two texels (central), or average them over three rows against "
-            "noise (sobel, scharr).",
-            choices=DERIVATIVES,
-        ),
-    ] = "central"
+    derivative: str = option(
+        "central",
+        "Take differences of two texels (central), or average them over three rows against "
+        "noise (sobel, scharr).",
+        choices=DERIVATIVES,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,21 +166,17 @@ class NormalToHeightOptions(CheckedOptions):
     curvature. Slopes that are left over reveal a wrong convention.
     """
 
-    method: Annotated[
-        str,
-        Option(
-            "Fit the steps from texel to texel (poisson), or a sum of waves that tile "
-            "(frankot-chellappa).",
-            choices=INTEGRATIONS,
-        ),
-    ] = "poisson"
+    method: str = option(
+        "poisson",
+        "Fit the steps from texel to texel (poisson), or a sum of waves that tile "
+        "(frankot-chellappa).",
+        choices=INTEGRATIONS,
+    )
     wrap: Annotated[str, _WRAP] = "repeat"
     width: Annotated[float, _WIDTH] = 1.0
-    convention: Annotated[
-        str | None,
-        Option(
-            "Green channel of the normal map: +Y up (opengl) or +Y down (directx).",
-            choices=NORMAL_CONVENTIONS,
-            default="what the file says, else opengl",
-        ),
-    ] = None
+    convention: str | None = option(
+        None,
+        "Green channel of the normal map: +Y up (opengl) or +Y down (directx).",
+        choices=NORMAL_CONVENTIONS,
+        default="what the file says, else opengl",
+    )

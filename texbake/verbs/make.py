@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from texbake.baking.memory import PROCESS
 from texbake.files import PathLike
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
-from texbake.schema import Option, option
+from texbake.schema import Option, option_of
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 from texbake.verbs.step import (
     FORMAT_OF_MESH,
@@ -53,7 +53,7 @@ class Relief:
     Options(MakeOptions, without=tuple(_FILES)),
     *(
         Reads(
-            name, name, option(MakeOptions, name).help, required=False, suffixes=suffixes,
+            name, name, option_of(MakeOptions, name).help, required=False, suffixes=suffixes,
             metavar="FILE",
         )
         for name, suffixes in _FILES.items()

@@ -13,7 +13,7 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, make_folder
 from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_uv_set, present_paths
 from texbake.mapping.options import UnwrapOptions
-from texbake.schema import option
+from texbake.schema import option_of
 from texbake.verbs.step import FORMAT_OF_MESH, n_faces, stage_seconds, step_of
 from texbake.verbs.verb import (
     REPORT,
@@ -93,7 +93,7 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     ),
     Options(UnwrapOptions, *_NAMES[:_MATRIX]),
     Reads(
-        "matrix", "matrix", option(UnwrapOptions, "matrix").help, required=False, role=None,
+        "matrix", "matrix", option_of(UnwrapOptions, "matrix").help, required=False, role=None,
         suffixes=(".txt",), metavar="FILE",
     ),
     Options(UnwrapOptions, *_NAMES[_MATRIX + 1 :]),

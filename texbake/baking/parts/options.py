@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 
 OCCLUDERS = ("all", "match")
 TEXTURE_SETS = ("none", "groups", "materials")
@@ -17,52 +16,39 @@ TEXTURE_SETS = ("none", "groups", "materials")
 class PartsOptions(CheckedOptions):
     """How the parts of an asset are matched and baked together."""
 
-    match_by_name: Annotated[
-        bool,
-        Option(
-            "Bake each part only from the high-poly parts with its name: body_low from body_high, "
-            "body_high_01 and so on. A part is a group of a mesh, or a file. Names with _ignore "
-            "are left out."
-        ),
-    ] = False
-    join_objects: Annotated[
-        bool,
-        Option(
-            "Bake the objects of a mesh as one. Otherwise objects that touch have normals and ray "
-            "distances of their own, and each is baked from its match if all of them have the "
-            "same names in both meshes, with or without their suffixes."
-        ),
-    ] = False
-    high_suffix: Annotated[
-        str,
-        Option(
-            "Ending of the names of high-poly parts, in upper or lower case; a number may follow.",
-            metavar="WORD",
-        ),
-    ] = "_high"
-    low_suffix: Annotated[
-        str,
-        Option("Ending of the names of low-poly parts, in upper or lower case.", metavar="WORD"),
-    ] = "_low"
-    occluders: Annotated[
-        str,
-        Option(
-            "Parts that occlude a matched part in ao, bent-normal and thickness: all high-poly "
-            "parts, or only its match.",
-            choices=OCCLUDERS,
-        ),
-    ] = "all"
-    texture_sets: Annotated[
-        str,
-        Option(
-            "Bake separate maps for each group of the low-poly meshes (with matched names, each "
-            "part), or for each of their materials.",
-            choices=TEXTURE_SETS,
-        ),
-    ] = "none"
-    udim: Annotated[
-        bool, Option("Bake every UDIM tile that charts lie in, and not only tile 1001.")
-    ] = False
+    match_by_name: bool = option(
+        False,
+        "Bake each part only from the high-poly parts with its name: body_low from body_high, "
+        "body_high_01 and so on. A part is a group of a mesh, or a file. Names with _ignore "
+        "are left out.",
+    )
+    join_objects: bool = option(
+        False,
+        "Bake the objects of a mesh as one. Otherwise objects that touch have normals and ray "
+        "distances of their own, and each is baked from its match if all of them have the "
+        "same names in both meshes, with or without their suffixes.",
+    )
+    high_suffix: str = option(
+        "_high",
+        "Ending of the names of high-poly parts, in upper or lower case; a number may follow.",
+        metavar="WORD",
+    )
+    low_suffix: str = option(
+        "_low", "Ending of the names of low-poly parts, in upper or lower case.", metavar="WORD"
+    )
+    occluders: str = option(
+        "all",
+        "Parts that occlude a matched part in ao, bent-normal and thickness: all high-poly "
+        "parts, or only its match.",
+        choices=OCCLUDERS,
+    )
+    texture_sets: str = option(
+        "none",
+        "Bake separate maps for each group of the low-poly meshes (with matched names, each "
+        "part), or for each of their materials.",
+        choices=TEXTURE_SETS,
+    )
+    udim: bool = option(False, "Bake every UDIM tile that charts lie in, and not only tile 1001.")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -17,7 +17,7 @@ from texbake.baking.options import (
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import Option
+from texbake.schema import Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
 
 Rgb = tuple[float, float, float]
@@ -27,16 +27,14 @@ Rgb = tuple[float, float, float]
 class TextureBakeOptions(TextureOptions):
     """Options of every texture bake."""
 
-    samples: Annotated[int, Option("Samples per texel, averaged.", choices=SAMPLES)] = 4
+    samples: int = option(4, "Samples per texel, averaged.", choices=SAMPLES)
     padding: Annotated[int, PADDING_OPTION] = DEFAULT_PADDING
-    fill: Annotated[
-        str,
-        Option(
-            "Fill texels without a color of their own smoothly with the colors around them "
-            "(push-pull), or leave them black (none).",
-            choices=FILLS,
-        ),
-    ] = "push-pull"
+    fill: str = option(
+        "push-pull",
+        "Fill texels without a color of their own smoothly with the colors around them "
+        "(push-pull), or leave them black (none).",
+        choices=FILLS,
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     @property
@@ -60,42 +58,34 @@ class SolidOptions(TextureBakeOptions):
     units. Colors are linear.
     """
 
-    procedure: Annotated[
-        str,
-        Option(
-            f"Procedure to evaluate at the points of the mesh: {', '.join(PROCEDURE_NAMES)}.",
-            metavar="NAME",
-            choices=PROCEDURE_NAMES,
-        ),
-    ] = "marble"
+    procedure: str = option(
+        "marble",
+        f"Procedure to evaluate at the points of the mesh: {', '.join(PROCEDURE_NAMES)}.",
+        metavar="NAME",
+        choices=PROCEDURE_NAMES,
+    )
     parameters: Annotated[
         Mapping[str, Any], Option("Parameters of the procedure.", default="the procedure's own")
     ] = field(default_factory=dict)
-    scale: Annotated[
-        float | tuple[float, float, float] | None,
-        Option(
-            "Factor that positions are multiplied by.",
-            metavar="S[,SY,SZ]",
-            default="2 / the longest side of the mesh",
-        ),
-    ] = None
-    volume: Annotated[
-        tuple[str, ...],
-        Option(
-            "A .npy file of a volume to look up instead, or the image of each slice; it fills the "
-            "bounding cube of the mesh.",
-            metavar="FILE",
-            many=True,
-        ),
-    ] = ()
-    colors: Annotated[
-        tuple[Rgb, ...] | None,
-        Option(
-            "Colors of a ramp from value 0 to value 1, evenly spaced.",
-            metavar="#RRGGBB,...",
-            default="the procedure's own",
-        ),
-    ] = None
+    scale: float | tuple[float, float, float] | None = option(
+        None,
+        "Factor that positions are multiplied by.",
+        metavar="S[,SY,SZ]",
+        default="2 / the longest side of the mesh",
+    )
+    volume: tuple[str, ...] = option(
+        (),
+        "A .npy file of a volume to look up instead, or the image of each slice; it fills the "
+        "bounding cube of the mesh.",
+        metavar="FILE",
+        many=True,
+    )
+    colors: tuple[Rgb, ...] | None = option(
+        None,
+        "Colors of a ramp from value 0 to value 1, evenly spaced.",
+        metavar="#RRGGBB,...",
+        default="the procedure's own",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -117,49 +107,39 @@ class PhotoOptions(TextureBakeOptions):
     `max_angle`, by the power `falloff`; a power of 0 weights everything seen alike.
     """
 
-    max_angle: Annotated[
-        float,
-        Option(
-            "Angle between normal and view at which the weight of a photograph reaches 0.",
-            metavar="DEG",
-            above=0,
-            high=90,
-            unit="degrees",
-        ),
-    ] = 80.0
-    falloff: Annotated[
-        float,
-        Option(
-            "Power by which the weight of a photograph falls up to that angle.",
-            metavar="P",
-            low=0,
-            high=64,
-        ),
-    ] = 2.0
-    feather: Annotated[
-        float,
-        Option(
-            "Share of the width and height of a photograph over which its weight falls to 0 at "
-            "the border.",
-            metavar="SHARE",
-            low=0,
-            high=0.5,
-        ),
-    ] = 0.05
-    occlusion: Annotated[
-        bool,
-        Option(
-            "Leave out what other parts of the mesh hide from the camera.",
-            flag="--occlusion/--no-occlusion",
-        ),
-    ] = True
-    margin: Annotated[
-        float,
-        Option(
-            "Width of the margin around occluders that is left out as well, in pixels.",
-            metavar="PX",
-            low=0,
-            high=64,
-            unit="pixels",
-        ),
-    ] = 1.0
+    max_angle: float = option(
+        80.0,
+        "Angle between normal and view at which the weight of a photograph reaches 0.",
+        metavar="DEG",
+        above=0,
+        high=90,
+        unit="degrees",
+    )
+    falloff: float = option(
+        2.0,
+        "Power by which the weight of a photograph falls up to that angle.",
+        metavar="P",
+        low=0,
+        high=64,
+    )
+    feather: float = option(
+        0.05,
+        "Share of the width and height of a photograph over which its weight falls to 0 at "
+        "the border.",
+        metavar="SHARE",
+        low=0,
+        high=0.5,
+    )
+    occlusion: bool = option(
+        True,
+        "Leave out what other parts of the mesh hide from the camera.",
+        flag="--occlusion/--no-occlusion",
+    )
+    margin: float = option(
+        1.0,
+        "Width of the margin around occluders that is left out as well, in pixels.",
+        metavar="PX",
+        low=0,
+        high=64,
+        unit="pixels",
+    )

@@ -9,7 +9,7 @@ from texbake.errors import OptionError, quoted
 from texbake.mapping.options.atlas import AtlasOptions
 from texbake.mapping.options.projection import ProjectionOptions, TransformOptions
 from texbake.mesh.options import ANGLE_OPTION, DEFAULT_ANGLE, NORMALS_OPTION, check_angle
-from texbake.schema import Option
+from texbake.schema import option
 
 
 @dataclass(frozen=True)
@@ -47,26 +47,21 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
     An option that the method does not read must keep its default.
     """
 
-    method: Annotated[
-        str,
-        Option(
-            "How the coordinates are made: an atlas of charts with little stretch, or a "
-            "classical mapping.",
-            choices=tuple(METHODS),
-        ),
-    ] = "atlas"
-    keep: Annotated[
-        bool,
-        Option("Keep the coordinates that the mesh has as charts, and only pack them."),
-    ] = False
-    only: Annotated[
-        str | None,
-        Option(
-            "Map the faces of this group and leave all others as they are.",
-            metavar="GROUP",
-            default="all faces",
-        ),
-    ] = None
+    method: str = option(
+        "atlas",
+        "How the coordinates are made: an atlas of charts with little stretch, or a "
+        "classical mapping.",
+        choices=tuple(METHODS),
+    )
+    keep: bool = option(
+        False, "Keep the coordinates that the mesh has as charts, and only pack them."
+    )
+    only: str | None = option(
+        None,
+        "Map the faces of this group and leave all others as they are.",
+        metavar="GROUP",
+        default="all faces",
+    )
     normals: Annotated[
         str,
         replace(
@@ -75,16 +70,14 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         ),
     ] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
-    uv_set: Annotated[
-        str | None,
-        Option(
-            "Write the coordinates as a further set of this name, such as lightmap, and leave the "
-            "first as it is.",
-            metavar="NAME",
-            flag="--set",
-            default="the first set",
-        ),
-    ] = None
+    uv_set: str | None = option(
+        None,
+        "Write the coordinates as a further set of this name, such as lightmap, and leave the "
+        "first as it is.",
+        metavar="NAME",
+        flag="--set",
+        default="the first set",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

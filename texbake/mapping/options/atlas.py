@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import Option
+from texbake.schema import option
 
 QUALITIES = ("fast", "good", "best")
 CHART_CUTTERS = ("texbake", "xatlas")
@@ -45,77 +44,61 @@ class AtlasOptions(TextureOptions):
     right, 1011 the one above.
     """
 
-    padding: Annotated[
-        int | None,
-        Option(
-            "Room left around each chart for the padding of a bake.",
-            metavar="PX",
-            low=0,
-            unit="texels",
-        ),
-    ] = DEFAULT_PADDING
-    quality: Annotated[
-        str,
-        Option(
-            "Trade time for quality: fast for large scans, good for charts with little stretch, "
-            "best for fewer charts and tighter packing.",
-            choices=QUALITIES,
-        ),
-    ] = "good"
-    max_stretch: Annotated[
-        float | None,
-        Option(
-            "Cut charts until none has more L2 stretch than this, such as 1.1.",
-            metavar="L2",
-            above=1,
-            default="no limit",
-        ),
-    ] = None
-    seams_at_hard_edges: Annotated[
-        bool,
-        Option("Cut charts at hard edges, where the normals of the mesh jump."),
-    ] = False
-    seam_angle: Annotated[
-        float | None,
-        Option(
-            "Cut charts at edges where faces meet at more than this angle.",
-            metavar="DEG",
-            above=0,
-            below=180,
-            unit="degrees",
-            default="wherever the stretch calls for it",
-        ),
-    ] = None
-    charts: Annotated[
-        str,
-        Option(
-            "What cuts charts: texbake, or the library xatlas in separate processes.",
-            choices=CHART_CUTTERS,
-        ),
-    ] = "texbake"
-    timeout: Annotated[
-        float | None,
-        Option(
-            "Seconds after which xatlas is stopped on a part, which is then cut by its normals.",
-            metavar="SECONDS",
-            above=0,
-            unit="seconds",
-            default="60 s and 10 ms per face",
-        ),
-    ] = None
-    tiles: Annotated[
-        int,
-        Option(
-            "Number of UDIM tiles that the charts are spread over.",
-            metavar="N",
-            low=1,
-            high=MAX_TILES,
-        ),
-    ] = 1
-    by_group: Annotated[
-        bool,
-        Option("Give each group of faces its own tiles, all with the same texel density."),
-    ] = False
+    padding: int | None = option(
+        DEFAULT_PADDING,
+        "Room left around each chart for the padding of a bake.",
+        metavar="PX",
+        low=0,
+        unit="texels",
+    )
+    quality: str = option(
+        "good",
+        "Trade time for quality: fast for large scans, good for charts with little stretch, "
+        "best for fewer charts and tighter packing.",
+        choices=QUALITIES,
+    )
+    max_stretch: float | None = option(
+        None,
+        "Cut charts until none has more L2 stretch than this, such as 1.1.",
+        metavar="L2",
+        above=1,
+        default="no limit",
+    )
+    seams_at_hard_edges: bool = option(
+        False, "Cut charts at hard edges, where the normals of the mesh jump."
+    )
+    seam_angle: float | None = option(
+        None,
+        "Cut charts at edges where faces meet at more than this angle.",
+        metavar="DEG",
+        above=0,
+        below=180,
+        unit="degrees",
+        default="wherever the stretch calls for it",
+    )
+    charts: str = option(
+        "texbake",
+        "What cuts charts: texbake, or the library xatlas in separate processes.",
+        choices=CHART_CUTTERS,
+    )
+    timeout: float | None = option(
+        None,
+        "Seconds after which xatlas is stopped on a part, which is then cut by its normals.",
+        metavar="SECONDS",
+        above=0,
+        unit="seconds",
+        default="60 s and 10 ms per face",
+    )
+    tiles: int = option(
+        1,
+        "Number of UDIM tiles that the charts are spread over.",
+        metavar="N",
+        low=1,
+        high=MAX_TILES,
+    )
+    by_group: bool = option(
+        False, "Give each group of faces its own tiles, all with the same texel density."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

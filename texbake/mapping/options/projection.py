@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import (
@@ -15,7 +15,7 @@ from texbake.mapping.options.shared import (
     check_interval,
     check_numbers,
 )
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,125 +40,99 @@ class ProjectionOptions(CheckedOptions):
     is given, it only turns within the plane.
     """
 
-    axis: Annotated[
-        str | Vector | None,
-        Option(
-            "Direction that a plane faces, or axis of a cylinder or sphere.",
-            metavar="X,Y,Z",
-            choices=tuple(AXES),
-            default="z for a plane, y for a cylinder or sphere",
-        ),
-    ] = None
-    normal: Annotated[
-        Vector | None,
-        Option(
-            "Planar: normal of the plane, instead of an axis.",
-            metavar="X,Y,Z",
-            default="the axis",
-        ),
-    ] = None
-    fit: Annotated[
-        str,
-        Option(
-            "Planar: align the plane with the model's axes (bounds), or with the directions in "
-            "which its points spread most (pca).",
-            choices=FITS,
-        ),
-    ] = "bounds"
-    sides: Annotated[
-        bool,
-        Option("Planar: put faces that look away beside the others, so that none is mirrored."),
-    ] = False
-    center: Annotated[
-        Vector | None,
-        Option(
-            "Center of the sphere or box, or a point on the axis of the cylinder.",
-            metavar="X,Y,Z",
-            unit="model units",
-            default=_BOX,
-        ),
-    ] = None
-    theta: Annotated[
-        tuple[float, float],
-        Option("Angles about the axis that become s = 0 and s = 1.", metavar="A,B", unit="degrees"),
-    ] = (-180.0, 180.0)
-    height: Annotated[
-        tuple[float, float] | None,
-        Option(
-            "Cylindrical: heights above the center that become t = 0 and t = 1 (below 1 with "
-            "caps).",
-            metavar="A,B",
-            unit="model units",
-            default="the lowest and the highest corner",
-        ),
-    ] = None
-    caps: Annotated[
-        bool,
-        Option(
-            "Cylindrical: map faces across the axis, such as ends, with a plane, and place them "
-            "above the side at the same scale. The side then ends at t = height / arc length."
-        ),
-    ] = False
-    overlap: Annotated[
-        bool,
-        Option("Box: let all six planes share the whole square, for textures that tile."),
-    ] = False
-    surface: Annotated[
-        str, Option("Two-part: the surface that the texture is put on first.", choices=SURFACES)
-    ] = "cylinder"
-    via: Annotated[
-        str,
-        Option("Two-part: the line from a point of the object to that surface.", choices=VIAS),
-    ] = "centroid"
-    eye: Annotated[
-        Vector | None,
-        Option(
-            "Two-part via reflection: the point that the reflection is seen from.",
-            metavar="X,Y,Z",
-            unit="model units",
-        ),
-    ] = None
-    camera: Annotated[
-        tuple[float, float] | tuple[float, float, float | None] | None,
-        Option(
-            "Projector: azimuth and elevation in degrees, and the distance in model units.",
-            metavar="AZ,EL[,DIST]",
-            default="0,0, in front",
-        ),
-    ] = None
-    fov: Annotated[
-        float,
-        Option(
-            "Projector: vertical field of view.",
-            metavar="DEG",
-            above=0,
-            below=180,
-            unit="degrees",
-        ),
-    ] = 35.0
-    matrix: Annotated[
-        Matrix | None,
-        Option(
-            "Projector: 4 x 4 numbers that take (x, y, z, 1) to (s, t, r, q), or 3 x 4 to (s, t, "
-            "q), instead of a camera.",
-            metavar="FILE",
-        ),
-    ] = None
-    unseen: Annotated[
-        str,
-        Option(
-            "Projector: put faces that look away or are hidden one tile to the left (aside), or "
-            "project onto them as well.",
-            choices=UNSEEN,
-        ),
-    ] = "aside"
-    linear: Annotated[
-        tuple[float, float, float, float, float, float],
-        Option(
-            "Parametric: s = AU u + BU v + CU and t = AV u + BV v + CV.",
-            metavar="AU,BU,CU,AV,BV,CV",
-        ),
-    ] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    axis: str | Vector | None = option(
+        None,
+        "Direction that a plane faces, or axis of a cylinder or sphere.",
+        metavar="X,Y,Z",
+        choices=tuple(AXES),
+        default="z for a plane, y for a cylinder or sphere",
+    )
+    normal: Vector | None = option(
+        None,
+        "Planar: normal of the plane, instead of an axis.",
+        metavar="X,Y,Z",
+        default="the axis",
+    )
+    fit: str = option(
+        "bounds",
+        "Planar: align the plane with the model's axes (bounds), or with the directions in "
+        "which its points spread most (pca).",
+        choices=FITS,
+    )
+    sides: bool = option(
+        False, "Planar: put faces that look away beside the others, so that none is mirrored."
+    )
+    center: Vector | None = option(
+        None,
+        "Center of the sphere or box, or a point on the axis of the cylinder.",
+        metavar="X,Y,Z",
+        unit="model units",
+        default=_BOX,
+    )
+    theta: tuple[float, float] = option(
+        (-180.0, 180.0),
+        "Angles about the axis that become s = 0 and s = 1.",
+        metavar="A,B",
+        unit="degrees",
+    )
+    height: tuple[float, float] | None = option(
+        None,
+        "Cylindrical: heights above the center that become t = 0 and t = 1 (below 1 with caps).",
+        metavar="A,B",
+        unit="model units",
+        default="the lowest and the highest corner",
+    )
+    caps: bool = option(
+        False,
+        "Cylindrical: map faces across the axis, such as ends, with a plane, and place them "
+        "above the side at the same scale. The side then ends at t = height / arc length.",
+    )
+    overlap: bool = option(
+        False, "Box: let all six planes share the whole square, for textures that tile."
+    )
+    surface: str = option(
+        "cylinder", "Two-part: the surface that the texture is put on first.", choices=SURFACES
+    )
+    via: str = option(
+        "centroid", "Two-part: the line from a point of the object to that surface.", choices=VIAS
+    )
+    eye: Vector | None = option(
+        None,
+        "Two-part via reflection: the point that the reflection is seen from.",
+        metavar="X,Y,Z",
+        unit="model units",
+    )
+    camera: tuple[float, float] | tuple[float, float, float | None] | None = option(
+        None,
+        "Projector: azimuth and elevation in degrees, and the distance in model units.",
+        metavar="AZ,EL[,DIST]",
+        default="0,0, in front",
+    )
+    fov: float = option(
+        35.0,
+        "Projector: vertical field of view.",
+        metavar="DEG",
+        above=0,
+        below=180,
+        unit="degrees",
+    )
+    matrix: Matrix | None = option(
+        None,
+        "Projector: 4 x 4 numbers that take (x, y, z, 1) to (s, t, r, q), or 3 x 4 to (s, t, "
+        "q), instead of a camera.",
+        metavar="FILE",
+    )
+    unseen: str = option(
+        "aside",
+        "Projector: put faces that look away or are hidden one tile to the left (aside), or "
+        "project onto them as well.",
+        choices=UNSEEN,
+    )
+    linear: tuple[float, float, float, float, float, float] = option(
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        "Parametric: s = AU u + BU v + CU and t = AV u + BV v + CV.",
+        metavar="AU,BU,CU,AV,BV,CV",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -205,41 +179,31 @@ class TransformOptions(CheckedOptions):
     coordinates and returns as many.
     """
 
-    warp: Annotated[
-        str | tuple[str, float] | WarpFunction | None,
-        Option(
-            "Bend the coordinates. The default strengths are: "
-            + ", ".join(f"{name} {strength:g}" for name, strength in WARPS.items())
-            + ".",
-            choices=tuple(WARPS),
-            metavar=f"{'|'.join(WARPS)}[:STRENGTH]",
-        ),
-    ] = None
-    flip: Annotated[str | None, Option("Mirror s, t or both about 1/2.", choices=FLIPS)] = None
-    rotate: Annotated[
-        float,
-        Option("Turn counterclockwise about (1/2, 1/2).", metavar="DEG", unit="degrees"),
-    ] = 0.0
-    scale: Annotated[
-        float | tuple[float, float],
-        Option("Multiply by this about (0, 0); 2 repeats the texture twice.", metavar="S[,T]"),
-    ] = 1.0
-    texel_density: Annotated[
-        float | None,
-        Option(
-            "Scale the coordinates so that the mesh has this many texels per model unit on "
-            "average.",
-            metavar="PX",
-            above=0,
-            unit="texels per model unit",
-            default="as the mapping gives it",
-        ),
-    ] = None
-    offset: Annotated[
-        tuple[float, float], Option("Add this at the end, to move the coordinates.", metavar="S,T")
-    ] = (
-        0.0,
-        0.0,
+    warp: str | tuple[str, float] | WarpFunction | None = option(
+        None,
+        "Bend the coordinates. The default strengths are: "
+        + ", ".join(f"{name} {strength:g}" for name, strength in WARPS.items())
+        + ".",
+        choices=tuple(WARPS),
+        metavar=f"{'|'.join(WARPS)}[:STRENGTH]",
+    )
+    flip: str | None = option(None, "Mirror s, t or both about 1/2.", choices=FLIPS)
+    rotate: float = option(
+        0.0, "Turn counterclockwise about (1/2, 1/2).", metavar="DEG", unit="degrees"
+    )
+    scale: float | tuple[float, float] = option(
+        1.0, "Multiply by this about (0, 0); 2 repeats the texture twice.", metavar="S[,T]"
+    )
+    texel_density: float | None = option(
+        None,
+        "Scale the coordinates so that the mesh has this many texels per model unit on average.",
+        metavar="PX",
+        above=0,
+        unit="texels per model unit",
+        default="as the mapping gives it",
+    )
+    offset: tuple[float, float] = option(
+        (0.0, 0.0), "Add this at the end, to move the coordinates.", metavar="S,T"
     )
 
     def __post_init__(self) -> None:

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Annotated
 
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 
 Vector = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]
@@ -51,16 +50,14 @@ Size = int | tuple[int, int]
 class TextureOptions(CheckedOptions):
     """How large a texture is."""
 
-    size: Annotated[
-        Size,
-        Option(
-            "Width and height of the texture in texels; one number means both.",
-            metavar="PX|WxH",
-            low=1,
-            high=MAX_SIZE,
-            unit="texels",
-        ),
-    ] = 1024
+    size: Size = option(
+        1024,
+        "Width and height of the texture in texels; one number means both.",
+        metavar="PX|WxH",
+        low=1,
+        high=MAX_SIZE,
+        unit="texels",
+    )
 
     @property
     def width_px(self) -> int:

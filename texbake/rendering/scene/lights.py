@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from texbake.errors import OptionError
 from texbake.rendering.scene.textures import ImageTexture, Rgb
-from texbake.schema import Option, check_fields
+from texbake.schema import check_fields, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,20 +35,15 @@ class Shadow:
     `filter_radius` is that of percentage-closer filtering, in texels; 0 compares one texel.
     """
 
-    size: Annotated[
-        int,
-        Option(
-            "Width of the shadow map in texels; for a point light, of each cube face.",
-            low=1,
-            high=16384,
-        ),
-    ] = 1024
-    filter_radius: Annotated[
-        float,
-        Option(
-            "Radius in texels of percentage-closer filtering; 0 gives hard edges.", low=0, high=16
-        ),
-    ] = 1.5
+    size: int = option(
+        1024,
+        "Width of the shadow map in texels; for a point light, of each cube face.",
+        low=1,
+        high=16384,
+    )
+    filter_radius: float = option(
+        1.5, "Radius in texels of percentage-closer filtering; 0 gives hard edges.", low=0, high=16
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -58,68 +53,49 @@ class Shadow:
 class Light:
     """A light."""
 
-    name: Annotated[str, Option("Name of the light in messages and in the plan.")] = "light"
-    kind: Annotated[
-        str,
-        Option(
-            "Light from infinitely far (directional), from a point, or in a cone (spot).",
-            choices=KINDS,
-        ),
-    ] = "directional"
-    color: Annotated[Rgb, Option("Linear color of the light.")] = (1.0, 1.0, 1.0)
-    intensity: Annotated[
-        float, Option("Factor of the color; point and spot lights have it at distance 1.", low=0)
-    ] = 1.0
-    position: Annotated[Vector, Option("Position of a point or spot light in world space.")] = (
-        0.0,
-        0.0,
-        0.0,
+    name: str = option("light", "Name of the light in messages and in the plan.")
+    kind: str = option(
+        "directional",
+        "Light from infinitely far (directional), from a point, or in a cone (spot).",
+        choices=KINDS,
     )
-    direction: Annotated[
-        Vector, Option("Direction in which a directional or spot light shines.")
-    ] = (0.0, -1.0, 0.0)
-    up: Annotated[Vector, Option("Direction that is up in the profile of a spot light.")] = (
-        0.0,
-        1.0,
-        0.0,
+    color: Rgb = option((1.0, 1.0, 1.0), "Linear color of the light.")
+    intensity: float = option(
+        1.0, "Factor of the color; point and spot lights have it at distance 1.", low=0
     )
-    angle: Annotated[
-        float, Option("Angle of the whole cone of a spot light in degrees.", above=0, below=180)
-    ] = 45.0
-    blend: Annotated[
-        float, Option("Share of the half angle over which a spot light fades out.", low=0, high=1)
-    ] = 0.15
-    decay: Annotated[
-        float,
-        Option("Power of the distance by which a point or spot light fades; 0 for none.", low=0),
-    ] = 2.0
-    shadow: Annotated[
-        Shadow | None, Option("Shadow map of the light; without it the light casts no shadows.")
-    ] = None
-    profile: Annotated[
-        ImageTexture | None, Option("Image that a spot light projects: its cookie (gobo).")
-    ] = None
-    gate: Annotated[
-        str,
-        Option(
-            "Opening around the profile: its own rectangle, whose longer side fills the angle, or "
-            "the round cone, which its shorter side fills.",
-            choices=GATES,
-        ),
-    ] = "rectangle"
-    aspect: Annotated[
-        float | None,
-        Option(
-            "Width of the profile divided by its height; without it that of the image.", above=0
-        ),
-    ] = None
-    static: Annotated[bool, Option("Whether light maps contain the light.")] = True
-    follows_camera: Annotated[
-        bool,
-        Option(
-            "Whether x, y and z of position and direction are right, up and back of the camera."
-        ),
-    ] = False
+    position: Vector = option((0.0, 0.0, 0.0), "Position of a point or spot light in world space.")
+    direction: Vector = option(
+        (0.0, -1.0, 0.0), "Direction in which a directional or spot light shines."
+    )
+    up: Vector = option((0.0, 1.0, 0.0), "Direction that is up in the profile of a spot light.")
+    angle: float = option(
+        45.0, "Angle of the whole cone of a spot light in degrees.", above=0, below=180
+    )
+    blend: float = option(
+        0.15, "Share of the half angle over which a spot light fades out.", low=0, high=1
+    )
+    decay: float = option(
+        2.0, "Power of the distance by which a point or spot light fades; 0 for none.", low=0
+    )
+    shadow: Shadow | None = option(
+        None, "Shadow map of the light; without it the light casts no shadows."
+    )
+    profile: ImageTexture | None = option(
+        None, "Image that a spot light projects: its cookie (gobo)."
+    )
+    gate: str = option(
+        "rectangle",
+        "Opening around the profile: its own rectangle, whose longer side fills the angle, or "
+        "the round cone, which its shorter side fills.",
+        choices=GATES,
+    )
+    aspect: float | None = option(
+        None, "Width of the profile divided by its height; without it that of the image.", above=0
+    )
+    static: bool = option(True, "Whether light maps contain the light.")
+    follows_camera: bool = option(
+        False, "Whether x, y and z of position and direction are right, up and back of the camera."
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, prefix=f"{self.name}.")
@@ -135,11 +111,10 @@ class Light:
 class Ambient:
     """Light from everywhere: `color` from above, `ground` from below (None: the same)."""
 
-    color: Annotated[Rgb, Option("Linear color of ambient light from above.")] = (0.0, 0.0, 0.0)
-    ground: Annotated[
-        Rgb | None,
-        Option("Linear color of ambient light from below; without it the same as from above."),
-    ] = None
+    color: Rgb = option((0.0, 0.0, 0.0), "Linear color of ambient light from above.")
+    ground: Rgb | None = option(
+        None, "Linear color of ambient light from below; without it the same as from above."
+    )
 
     def __post_init__(self) -> None:
         _check_color("ambient.color", self.color)
@@ -155,32 +130,21 @@ class Environment:
     it where there is none. `rotate` turns it about the up axis, in degrees.
     """
 
-    image: Annotated[
-        PathLike | Image | npt.NDArray[np.float32] | None,
-        Option(
-            "Latitude-longitude image, twice as wide as high, or studio for a room with soft lamps."
-        ),
-    ] = None
-    faces: Annotated[
-        tuple[PathLike | Image | npt.NDArray[np.float32], ...],
-        Option("Six images of a cube map: +x, -x, +y, -y, +z, -z."),
-    ] = ()
-    color: Annotated[Rgb, Option("Linear color of an environment without an image.")] = (
-        0.0,
-        0.0,
-        0.0,
+    image: PathLike | Image | npt.NDArray[np.float32] | None = option(
+        None,
+        "Latitude-longitude image, twice as wide as high, or studio for a room with soft lamps.",
     )
-    intensity: Annotated[float, Option("Factor of the environment's light.", low=0)] = 1.0
-    rotate: Annotated[
-        float, Option("Angle in degrees by which the environment is turned about the up axis.")
-    ] = 0.0
-    background: Annotated[bool, Option("Whether the environment is seen behind the objects.")] = (
-        True
+    faces: tuple[PathLike | Image | npt.NDArray[np.float32], ...] = option(
+        (), "Six images of a cube map: +x, -x, +y, -y, +z, -z."
     )
-    lighting: Annotated[bool, Option("Whether the environment lights the objects.")] = False
-    size: Annotated[
-        int, Option("Width in texels of each face of its cube map.", low=1, high=8192)
-    ] = 512
+    color: Rgb = option((0.0, 0.0, 0.0), "Linear color of an environment without an image.")
+    intensity: float = option(1.0, "Factor of the environment's light.", low=0)
+    rotate: float = option(
+        0.0, "Angle in degrees by which the environment is turned about the up axis."
+    )
+    background: bool = option(True, "Whether the environment is seen behind the objects.")
+    lighting: bool = option(False, "Whether the environment lights the objects.")
+    size: int = option(512, "Width in texels of each face of its cube map.", low=1, high=8192)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -195,16 +159,15 @@ class Environment:
 class Fog:
     """What light fades into over distance: `linear` from start to end, `exp` or `exp2`."""
 
-    color: Annotated[Rgb, Option("Linear color that distant light fades into.")] = (0.5, 0.55, 0.6)
-    mode: Annotated[
-        str,
-        Option(
-            "How fog grows with distance: linear from start to end, exp or exp2.", choices=FOG_MODES
-        ),
-    ] = "exp"
-    density: Annotated[float, Option("Density of exponential fog per world unit.", low=0)] = 0.1
-    start: Annotated[float, Option("Distance at which linear fog begins.")] = 0.0
-    end: Annotated[float, Option("Distance at which linear fog hides everything.")] = 10.0
+    color: Rgb = option((0.5, 0.55, 0.6), "Linear color that distant light fades into.")
+    mode: str = option(
+        "exp",
+        "How fog grows with distance: linear from start to end, exp or exp2.",
+        choices=FOG_MODES,
+    )
+    density: float = option(0.1, "Density of exponential fog per world unit.", low=0)
+    start: float = option(0.0, "Distance at which linear fog begins.")
+    end: float = option(10.0, "Distance at which linear fog hides everything.")
 
     def __post_init__(self) -> None:
         check_fields(self, prefix="fog.")
@@ -222,17 +185,15 @@ class Fog:
 class AmbientOcclusion:
     """Ambient light that nearby surfaces in the picture hide: within `radius` in model units."""
 
-    radius: Annotated[
-        float | None,
-        Option(
-            "Distance within which surfaces occlude one another; without it, by scene size.",
-            above=0,
-        ),
-    ] = None
-    samples: Annotated[int, Option("Samples per pixel.", low=1, high=1024)] = 16
-    strength: Annotated[
-        float, Option("Share of the occlusion that is applied, from 0 to 1.", low=0, high=1)
-    ] = 1.0
+    radius: float | None = option(
+        None,
+        "Distance within which surfaces occlude one another; without it, by scene size.",
+        above=0,
+    )
+    samples: int = option(16, "Samples per pixel.", low=1, high=1024)
+    strength: float = option(
+        1.0, "Share of the occlusion that is applied, from 0 to 1.", low=0, high=1
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)

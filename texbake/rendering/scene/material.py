@@ -25,7 +25,7 @@ from texbake.rendering.scene.textures import (
     check_finite,
 )
 from texbake.rendering.scene.transforms import picture_aspect, projector_position
-from texbake.schema import Option, check_fields
+from texbake.schema import Option, check_fields, option
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 SHADING_RATES = ("pixel", "vertex")
@@ -61,24 +61,19 @@ class NormalMap:
     """
 
     texture: Annotated[ImageTexture, Option("Image of normals.")]
-    space: Annotated[
-        str | None,
-        Option(
-            "Space of the normals; without it what the file says, else tangent.",
-            choices=NORMAL_SPACES,
-        ),
-    ] = None
-    convention: Annotated[
-        str | None,
-        Option(
-            "+Y up (opengl) or down (directx); without it what the file says, else opengl.",
-            choices=CONVENTIONS,
-        ),
-    ] = None
-    strength: Annotated[
-        float,
-        Option("Factor of x and y of tangent-space normals; 0 disables the map in any space."),
-    ] = 1.0
+    space: str | None = option(
+        None,
+        "Space of the normals; without it what the file says, else tangent.",
+        choices=NORMAL_SPACES,
+    )
+    convention: str | None = option(
+        None,
+        "+Y up (opengl) or down (directx); without it what the file says, else opengl.",
+        choices=CONVENTIONS,
+    )
+    strength: float = option(
+        1.0, "Factor of x and y of tangent-space normals; 0 disables the map in any space."
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -95,32 +90,25 @@ class BumpMap:
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights.")]
-    height: Annotated[
-        float,
-        # Slopes beyond these are beyond float64.
-        Option("Height of value 1 in units of the object.", low=-1e100, high=1e100),
-    ] = 0.05
-    form: Annotated[
-        str,
-        Option(
-            "Formula of the tilted normal: exact, blinn (first order), emboss, emboss-normalized.",
-            choices=BUMP_FORMS,
-        ),
-    ] = "exact"
-    light_space: Annotated[
-        str,
-        Option(
-            "Space in which embossing compares the light with the normal.", choices=LIGHT_SPACES
-        ),
-    ] = "world"
-
-    difference: Annotated[
-        str,
-        Option(
-            "Finite difference that gives the slope, for exact, blinn and emboss-normalized.",
-            choices=DIFFERENCES,
-        ),
-    ] = "central"
+    # Slopes beyond these are beyond float64.
+    height: float = option(
+        0.05, "Height of value 1 in units of the object.", low=-1e100, high=1e100
+    )
+    form: str = option(
+        "exact",
+        "Formula of the tilted normal: exact, blinn (first order), emboss, emboss-normalized.",
+        choices=BUMP_FORMS,
+    )
+    light_space: str = option(
+        "world",
+        "Space in which embossing compares the light with the normal.",
+        choices=LIGHT_SPACES,
+    )
+    difference: str = option(
+        "central",
+        "Finite difference that gives the slope, for exact, blinn and emboss-normalized.",
+        choices=DIFFERENCES,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -137,30 +125,21 @@ class Displacement:
     """
 
     texture: Annotated[Texture, Option("Image or procedure of heights or vectors.")]
-    height: Annotated[
-        float | None,
-        Option("Height of a change of value by 1; without it what the file says, else 1."),
-    ] = None
-    mid: Annotated[
-        float | None,
-        Option("Value that does not move the surface; without it what the file says, else 0."),
-    ] = None
-    vector: Annotated[bool, Option("Whether the three channels are x, y and z of a vector.")] = (
-        False
+    height: float | None = option(
+        None, "Height of a change of value by 1; without it what the file says, else 1."
     )
-    space: Annotated[
-        str | None,
-        Option(
-            "Space of vectors; without it what the file says, else tangent.",
-            choices=DISPLACEMENT_SPACES,
-        ),
-    ] = None
-    edge_px: Annotated[
-        float | None,
-        Option(
-            "Longest edge in pixels of the triangles that the surface is divided into.", above=0
-        ),
-    ] = 2.0
+    mid: float | None = option(
+        None, "Value that does not move the surface; without it what the file says, else 0."
+    )
+    vector: bool = option(False, "Whether the three channels are x, y and z of a vector.")
+    space: str | None = option(
+        None,
+        "Space of vectors; without it what the file says, else tangent.",
+        choices=DISPLACEMENT_SPACES,
+    )
+    edge_px: float | None = option(
+        2.0, "Longest edge in pixels of the triangles that the surface is divided into.", above=0
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -181,8 +160,8 @@ class Parallax:
     texture: Annotated[
         ImageTexture, Option("Image of heights: white is the surface, black the deepest.")
     ]
-    depth: Annotated[float, Option("Depth of black in units of texture coordinates.", low=0)] = 0.05
-    layers: Annotated[int, Option("Most steps of the search along the line of sight.", low=1)] = 32
+    depth: float = option(0.05, "Depth of black in units of texture coordinates.", low=0)
+    layers: int = option(32, "Most steps of the search along the line of sight.", low=1)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -196,25 +175,21 @@ class Reflection:
     middle of this one.
     """
 
-    strength: Annotated[
-        Slot, Option("Share of light that is mirrored: a number, color, image or procedure.")
-    ] = 1.0
-    environment: Annotated[
-        str,
-        Option(
-            "What is mirrored: the scene's environment, or its objects (rendered).",
-            choices=ENVIRONMENTS,
-        ),
-    ] = "scene"
-    size: Annotated[
-        int,
-        Option(
-            "Width in texels of each face of a rendered environment.",
-            low=1,
-            high=MAX_ENVIRONMENT_SIZE,
-        ),
-    ] = 256
-    fresnel: Annotated[bool, Option("Whether the reflection grows toward grazing angles.")] = False
+    strength: Slot = option(
+        1.0, "Share of light that is mirrored: a number, color, image or procedure."
+    )
+    environment: str = option(
+        "scene",
+        "What is mirrored: the scene's environment, or its objects (rendered).",
+        choices=ENVIRONMENTS,
+    )
+    size: int = option(
+        256,
+        "Width in texels of each face of a rendered environment.",
+        low=1,
+        high=MAX_ENVIRONMENT_SIZE,
+    )
+    fresnel: bool = option(False, "Whether the reflection grows toward grazing angles.")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -225,25 +200,21 @@ class Reflection:
 class Refraction:
     """Light seen through the surface, bent once by Snell's law; total reflection mirrors it."""
 
-    strength: Annotated[
-        Slot, Option("Share of light that comes through: a number, color, image or procedure.")
-    ] = 1.0
-    ior: Annotated[float, Option("Index of refraction.", above=0)] = 1.5
-    environment: Annotated[
-        str,
-        Option(
-            "What is seen: the scene's environment, or its objects (rendered).",
-            choices=ENVIRONMENTS,
-        ),
-    ] = "scene"
-    size: Annotated[
-        int,
-        Option(
-            "Width in texels of each face of a rendered environment.",
-            low=1,
-            high=MAX_ENVIRONMENT_SIZE,
-        ),
-    ] = 256
+    strength: Slot = option(
+        1.0, "Share of light that comes through: a number, color, image or procedure."
+    )
+    ior: float = option(1.5, "Index of refraction.", above=0)
+    environment: str = option(
+        "scene",
+        "What is seen: the scene's environment, or its objects (rendered).",
+        choices=ENVIRONMENTS,
+    )
+    size: int = option(
+        256,
+        "Width in texels of each face of a rendered environment.",
+        low=1,
+        high=MAX_ENVIRONMENT_SIZE,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -268,13 +239,11 @@ class ProjectedTexture:
             "4 x 4 numbers that take a point of the world to (s, t, r, q), or 3 x 4 to (s, t, q)."
         ),
     ]
-    strength: Annotated[float, Option("Factor of the image's opacity.")] = 1.0
-    facing: Annotated[
-        bool, Option("Whether surfaces that face away from the projector get no image.")
-    ] = False
-    occlusion: Annotated[
-        bool, Option("Whether surfaces that others hide from the projector get no image.")
-    ] = False
+    strength: float = option(1.0, "Factor of the image's opacity.")
+    facing: bool = option(False, "Whether surfaces that face away from the projector get no image.")
+    occlusion: bool = option(
+        False, "Whether surfaces that others hide from the projector get no image."
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -300,78 +269,60 @@ class ProjectedTexture:
 class Material:
     """Slots of a surface."""
 
-    name: Annotated[str, Option("Name of the material.")] = "material"
-    shading: Annotated[
-        str,
-        Option(
-            "Model of shading: metallic-roughness as in glTF 2.0, unlit, lambert or blinn-phong.",
-            choices=SHADINGS,
-        ),
-    ] = "metallic-roughness"
-    shading_rate: Annotated[
-        str,
-        Option(
-            "Where light is computed: at pixels, or at vertices and interpolated between them.",
-            choices=SHADING_RATES,
-        ),
-    ] = "pixel"
-    base_color: Annotated[
-        Slot, Option("Base color; the fourth channel of an image is its opacity.")
-    ] = (0.8, 0.8, 0.8)
-    vertex_colors: Annotated[
-        bool, Option("Whether the mesh's vertex colors multiply the base color.")
-    ] = False
-    specular: Annotated[Slot, Option("Color of the highlight of blinn-phong.")] = (0.2, 0.2, 0.2)
-    exponent: Annotated[Slot, Option("Exponent of the highlight of blinn-phong.")] = 32.0
-    gloss: Annotated[Slot | None, Option("Factor of the specular color.")] = None
-    roughness: Annotated[Slot, Option("Roughness of metallic-roughness, from 0 to 1.")] = 0.5
-    metalness: Annotated[Slot, Option("Metalness of metallic-roughness, from 0 to 1.")] = 0.0
-    ior: Annotated[
-        float, Option("Index of refraction of what is not metal, for metallic-roughness.")
-    ] = 1.5
-    emission: Annotated[Slot | None, Option("Color of light that the surface emits.")] = None
-    occlusion: Annotated[
-        Slot | None, Option("Factor of ambient and environment light, from 0 to 1.")
-    ] = None
-    occlusion_strength: Annotated[
-        float, Option("Share of the occlusion that is applied, from 0 to 1.", low=0, high=1)
-    ] = 1.0
-    opacity: Annotated[
-        Slot | None, Option("Opacity from 0 to 1, which multiplies that of the base color.")
-    ] = None
-    alpha_mode: Annotated[
-        str,
-        Option(
-            "What opacity does: blend, mask (leave out what is below the cutoff) or opaque.",
-            choices=ALPHA_MODES,
-        ),
-    ] = "blend"
-    alpha_cutoff: Annotated[
-        float, Option("Opacity below which a masked surface is left out.", low=0, high=1)
-    ] = 0.5
-    light_map: Annotated[
-        Slot | None, Option("Baked light on the surface, as bake-lightmap makes it.")
-    ] = None
-    normal_map: Annotated[NormalMap | None, Option("Normal map.")] = None
-    bump_map: Annotated[BumpMap | None, Option("Heights that only tilt the normals.")] = None
-    displacement: Annotated[Displacement | None, Option("Heights that move the surface.")] = None
-    parallax: Annotated[
-        Parallax | None,
-        Option("Heights below the surface, into which the line of sight is followed."),
-    ] = None
-    reflection: Annotated[
-        Reflection | None, Option("How much of its surroundings the surface mirrors.")
-    ] = None
-    refraction: Annotated[
-        Refraction | None, Option("How much is seen through the surface, bent.")
-    ] = None
-    projected: Annotated[
-        tuple[ProjectedTexture, ...], Option("Images that are projected onto the surface.")
-    ] = ()
-    double_sided: Annotated[
-        bool | None,
-        Option("Whether back faces are drawn; without it, as the options of the picture say."),
-    ] = None
+    name: str = option("material", "Name of the material.")
+    shading: str = option(
+        "metallic-roughness",
+        "Model of shading: metallic-roughness as in glTF 2.0, unlit, lambert or blinn-phong.",
+        choices=SHADINGS,
+    )
+    shading_rate: str = option(
+        "pixel",
+        "Where light is computed: at pixels, or at vertices and interpolated between them.",
+        choices=SHADING_RATES,
+    )
+    base_color: Slot = option(
+        (0.8, 0.8, 0.8), "Base color; the fourth channel of an image is its opacity."
+    )
+    vertex_colors: bool = option(False, "Whether the mesh's vertex colors multiply the base color.")
+    specular: Slot = option((0.2, 0.2, 0.2), "Color of the highlight of blinn-phong.")
+    exponent: Slot = option(32.0, "Exponent of the highlight of blinn-phong.")
+    gloss: Slot | None = option(None, "Factor of the specular color.")
+    roughness: Slot = option(0.5, "Roughness of metallic-roughness, from 0 to 1.")
+    metalness: Slot = option(0.0, "Metalness of metallic-roughness, from 0 to 1.")
+    ior: float = option(1.5, "Index of refraction of what is not metal, for metallic-roughness.")
+    emission: Slot | None = option(None, "Color of light that the surface emits.")
+    occlusion: Slot | None = option(None, "Factor of ambient and environment light, from 0 to 1.")
+    occlusion_strength: float = option(
+        1.0, "Share of the occlusion that is applied, from 0 to 1.", low=0, high=1
+    )
+    opacity: Slot | None = option(
+        None, "Opacity from 0 to 1, which multiplies that of the base color."
+    )
+    alpha_mode: str = option(
+        "blend",
+        "What opacity does: blend, mask (leave out what is below the cutoff) or opaque.",
+        choices=ALPHA_MODES,
+    )
+    alpha_cutoff: float = option(
+        0.5, "Opacity below which a masked surface is left out.", low=0, high=1
+    )
+    light_map: Slot | None = option(None, "Baked light on the surface, as bake-lightmap makes it.")
+    normal_map: NormalMap | None = option(None, "Normal map.")
+    bump_map: BumpMap | None = option(None, "Heights that only tilt the normals.")
+    displacement: Displacement | None = option(None, "Heights that move the surface.")
+    parallax: Parallax | None = option(
+        None, "Heights below the surface, into which the line of sight is followed."
+    )
+    reflection: Reflection | None = option(
+        None, "How much of its surroundings the surface mirrors."
+    )
+    refraction: Refraction | None = option(None, "How much is seen through the surface, bent.")
+    projected: tuple[ProjectedTexture, ...] = option(
+        (), "Images that are projected onto the surface."
+    )
+    double_sided: bool | None = option(
+        None, "Whether back faces are drawn; without it, as the options of the picture say."
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, prefix=f"{self.name}.")

@@ -23,7 +23,7 @@ from texbake.rendering.camera import Camera, axes_toward
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Lighting, Vector
 from texbake.rendering.scene.material import Material
-from texbake.schema import Option, check_fields
+from texbake.schema import Option, check_fields, option
 
 # Least allowed ratio of the smallest to the largest singular value. Rounding leaves a flattened
 # axis at about 1e-16; above this limit it still has three significant digits.
@@ -39,24 +39,16 @@ class CameraView:
     as `RenderOptions` has it.
     """
 
-    position: Annotated[Vector | None, Option("Position of the camera in world space.")] = None
-    target: Annotated[Vector | None, Option("Point that the camera looks at, in world space.")] = (
-        None
+    position: Vector | None = option(None, "Position of the camera in world space.")
+    target: Vector | None = option(None, "Point that the camera looks at, in world space.")
+    up: Vector | None = option(None, "Direction that is up in the picture, with a position.")
+    angles: tuple[float, float] | tuple[float, float, float | None] | None = option(
+        None, "Azimuth and elevation in degrees, and the distance in world units."
     )
-    up: Annotated[
-        Vector | None, Option("Direction that is up in the picture, with a position.")
-    ] = None
-    angles: Annotated[
-        tuple[float, float] | tuple[float, float, float | None] | None,
-        Option("Azimuth and elevation in degrees, and the distance in world units."),
-    ] = None
-    fov: Annotated[
-        float | None, Option("Vertical field of view in degrees.", above=0, below=180)
-    ] = None
-    near: Annotated[
-        float | None,
-        Option("Distance of the near plane, with a position; small without it.", above=0),
-    ] = None
+    fov: float | None = option(None, "Vertical field of view in degrees.", above=0, below=180)
+    near: float | None = option(
+        None, "Distance of the near plane, with a position; small without it.", above=0
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -78,19 +70,17 @@ class SceneObject:
     """
 
     mesh: Annotated[Mesh, Option("Mesh in its own space.")]
-    mapping: Annotated[UnwrapOptions | None, Option("New texture coordinates for the mesh.")] = None
+    mapping: UnwrapOptions | None = option(None, "New texture coordinates for the mesh.")
     material: Annotated[Material, Option("Material of the object.")] = field(
         default_factory=Material
     )
-    transform: Annotated[
-        FloatArray | None, Option("Matrix from the object's space to the world.")
-    ] = None
-    name: Annotated[str, Option("Name of the object in messages and in the plan.")] = "object"
-    casts_shadows: Annotated[bool, Option("Whether the object casts shadows.")] = True
-    receives_shadows: Annotated[bool, Option("Whether shadows fall on the object.")] = True
-    visible: Annotated[
-        bool, Option("Whether the camera sees the object; shadows and reflections do in any case.")
-    ] = True
+    transform: FloatArray | None = option(None, "Matrix from the object's space to the world.")
+    name: str = option("object", "Name of the object in messages and in the plan.")
+    casts_shadows: bool = option(True, "Whether the object casts shadows.")
+    receives_shadows: bool = option(True, "Whether shadows fall on the object.")
+    visible: bool = option(
+        True, "Whether the camera sees the object; shadows and reflections do in any case."
+    )
 
     def __post_init__(self) -> None:
         if self.transform is not None:

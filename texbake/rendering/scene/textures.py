@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.schema import Option, check_fields
+from texbake.schema import Option, check_fields, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,49 +45,39 @@ class ImageTexture:
     """An image, looked up at texture coordinates."""
 
     image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
-    filter: Annotated[str, Option("Filter between texels.", choices=FILTERS)] = "trilinear"
-    wrap: Annotated[
-        str | tuple[str, str] | None,
-        Option(
-            "What lies outside the unit square, or along u and along v: by default repeat if "
-            "coordinates leave it, else clamp.",
-            choices=WRAPS,
-        ),
-    ] = None
-    border: Annotated[
-        tuple[float, ...],
-        Option("Values outside the unit square if wrap is border: one, or one per channel."),
-    ] = (0.0,)
-    scale: Annotated[
-        tuple[float, float], Option("Factor of the texture coordinates; 2 tiles twice.")
-    ] = (1.0, 1.0)
-    offset: Annotated[
-        tuple[float, float], Option("Added to the coordinates at the end, to move the texture.")
-    ] = (0.0, 0.0)
-    rotate: Annotated[
-        float,
-        Option(
-            "Angle in degrees by which coordinates are then turned about (0, 0), counterclockwise."
-        ),
-    ] = 0.0
-    channel: Annotated[
-        int | None,
-        Option(
-            "The one channel to use; without it the first, or the first three of a color.", low=0
-        ),
-    ] = None
-    factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
-    color: Annotated[
-        bool | None, Option("Whether integer values are sRGB colors; without it as the slot needs.")
-    ] = None
+    filter: str = option("trilinear", "Filter between texels.", choices=FILTERS)
+    wrap: str | tuple[str, str] | None = option(
+        None,
+        "What lies outside the unit square, or along u and along v: by default repeat if "
+        "coordinates leave it, else clamp.",
+        choices=WRAPS,
+    )
+    border: tuple[float, ...] = option(
+        (0.0,), "Values outside the unit square if wrap is border: one, or one per channel."
+    )
+    scale: tuple[float, float] = option(
+        (1.0, 1.0), "Factor of the texture coordinates; 2 tiles twice."
+    )
+    offset: tuple[float, float] = option(
+        (0.0, 0.0), "Added to the coordinates at the end, to move the texture."
+    )
+    rotate: float = option(
+        0.0, "Angle in degrees by which coordinates are then turned about (0, 0), counterclockwise."
+    )
+    channel: int | None = option(
+        None, "The one channel to use; without it the first, or the first three of a color.", low=0
+    )
+    factor: Constant = option(1.0, "Number or color that the values are multiplied by.")
+    color: bool | None = option(
+        None, "Whether integer values are sRGB colors; without it as the slot needs."
+    )
     uv_set: Annotated[str | None, _UV_SET] = None
-    colors: Annotated[
-        tuple[Rgb, ...] | None,
-        Option("Colors of a legend for the first channel, from the low to the high end of range."),
-    ] = None
-    range: Annotated[
-        tuple[float, float], Option("Values at the ends of the legend, with colors.")
-    ] = (0.0, 1.0)
+    colors: tuple[Rgb, ...] | None = option(
+        None, "Colors of a legend for the first channel, from the low to the high end of range."
+    )
+    range: tuple[float, float] = option(
+        (0.0, 1.0), "Values at the ends of the legend, with colors."
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -109,21 +99,19 @@ class ProcedureTexture:
     parameters: Annotated[Mapping[str, Any], Option("Parameters of the procedure.")] = field(
         default_factory=dict
     )
-    space: Annotated[
-        str,
-        Option(
-            "Space of the points: of the object, of the world, or texture coordinates (uv).",
-            choices=SPACES,
-        ),
-    ] = "object"
-    scale: Annotated[
-        float | tuple[float, float, float], Option("Factor that the points are multiplied by.")
-    ] = 1.0
-    colors: Annotated[
-        tuple[Rgb, ...] | None, Option("Colors of a ramp from value 0 to value 1, evenly spaced.")
-    ] = None
-    filtered: Annotated[bool, Option("Whether detail finer than a pixel is faded out.")] = True
-    factor: Annotated[Constant, Option("Number or color that the values are multiplied by.")] = 1.0
+    space: str = option(
+        "object",
+        "Space of the points: of the object, of the world, or texture coordinates (uv).",
+        choices=SPACES,
+    )
+    scale: float | tuple[float, float, float] = option(
+        1.0, "Factor that the points are multiplied by."
+    )
+    colors: tuple[Rgb, ...] | None = option(
+        None, "Colors of a ramp from value 0 to value 1, evenly spaced."
+    )
+    filtered: bool = option(True, "Whether detail finer than a pixel is faded out.")
+    factor: Constant = option(1.0, "Number or color that the values are multiplied by.")
     uv_set: Annotated[str | None, _UV_SET] = None
 
     def __post_init__(self) -> None:
@@ -141,18 +129,15 @@ class VolumeTexture(ProcedureTexture):
         PathLike | tuple[PathLike, ...] | npt.NDArray[np.float32],
         Option("A .npy file of a volume, or the images of its slices, from back (-z) to front."),
     ]
-    procedure: Annotated[str, Option("Always volume.")] = "volume"
-    offset: Annotated[
-        tuple[float, float, float],
-        Option("Added to the points after scale; the volume then fills the unit cube."),
-    ] = (0.0, 0.0, 0.0)
-    filter: Annotated[str, Option("Filter between texels.", choices=VOLUME_FILTERS)] = "trilinear"
-    wrap: Annotated[str, Option("What lies outside the cube.", choices=WRAPS)] = "clamp"
-    border: Annotated[float, Option("Value outside the cube if wrap is border.")] = 0.0
-    range: Annotated[
-        tuple[float, float], Option("Values at the ends of the ramp, with colors.")
-    ] = (0.0, 1.0)
-    filtered: Annotated[bool, Option("Not used.")] = False
+    procedure: str = option("volume", "Always volume.")
+    offset: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), "Added to the points after scale; the volume then fills the unit cube."
+    )
+    filter: str = option("trilinear", "Filter between texels.", choices=VOLUME_FILTERS)
+    wrap: str = option("clamp", "What lies outside the cube.", choices=WRAPS)
+    border: float = option(0.0, "Value outside the cube if wrap is border.")
+    range: tuple[float, float] = option((0.0, 1.0), "Values at the ends of the ramp, with colors.")
+    filtered: bool = option(False, "Not used.")
 
     def __post_init__(self) -> None:
         super().__post_init__()

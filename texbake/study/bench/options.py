@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, option
 from texbake.study.options import REPEATS_OPTION, SECONDS_OPTION
 
 # In the order in which they are run and shown.
@@ -58,81 +58,65 @@ _QUICK_TRIANGLES = 4_000
 class BenchOptions(CheckedOptions):
     """What the bench runs, on what, and how often."""
 
-    tasks: Annotated[
-        tuple[str, ...],
-        Option(
-            "Task to run; repeatable.",
-            choices=TASK_NAMES,
-            metavar="NAME",
-            default="all",
-            flag="--task",
-            many=True,
-        ),
-    ] = TASK_NAMES
-    cases: Annotated[
-        tuple[str, ...],
-        Option(
-            "Generated mesh to run them on; repeatable.",
-            choices=CASE_NAMES,
-            metavar="NAME",
-            default="all, or none with meshes of your own",
-            flag="--case",
-            many=True,
-        ),
-    ] = CASE_NAMES
-    programs: Annotated[
-        tuple[str, ...],
-        Option(
-            "Program to run; repeatable.",
-            choices=PROGRAM_NAMES,
-            metavar="NAME",
-            default="all that are installed",
-            flag="--program",
-            many=True,
-        ),
-    ] = PROGRAM_NAMES
-    sizes: Annotated[
-        tuple[int, ...],
-        Option(
-            "Width of baked maps, which are square; repeatable.",
-            metavar="PX",
-            unit="texels",
-            default="512, 1024, 2048 and 4096",
-            flag="--size",
-            many=True,
-        ),
-    ] = (512, 1024, 2048, 4096)
-    triangles: Annotated[
-        int,
-        Option(
-            "Approximate number of triangles of a generated high-poly mesh.",
-            metavar="N",
-            low=1000,
-            high=100000000,
-        ),
-    ] = 1_000_000
-    blender: Annotated[
-        str | None,
-        Option(
-            "Python in which bpy is installed, of the version that bpy needs.",
-            metavar="PYTHON",
-            default=f"${BLENDER_VARIABLE}",
-        ),
-    ] = None
+    tasks: tuple[str, ...] = option(
+        TASK_NAMES,
+        "Task to run; repeatable.",
+        choices=TASK_NAMES,
+        metavar="NAME",
+        default="all",
+        flag="--task",
+        many=True,
+    )
+    cases: tuple[str, ...] = option(
+        CASE_NAMES,
+        "Generated mesh to run them on; repeatable.",
+        choices=CASE_NAMES,
+        metavar="NAME",
+        default="all, or none with meshes of your own",
+        flag="--case",
+        many=True,
+    )
+    programs: tuple[str, ...] = option(
+        PROGRAM_NAMES,
+        "Program to run; repeatable.",
+        choices=PROGRAM_NAMES,
+        metavar="NAME",
+        default="all that are installed",
+        flag="--program",
+        many=True,
+    )
+    sizes: tuple[int, ...] = option(
+        (512, 1024, 2048, 4096),
+        "Width of baked maps, which are square; repeatable.",
+        metavar="PX",
+        unit="texels",
+        default="512, 1024, 2048 and 4096",
+        flag="--size",
+        many=True,
+    )
+    triangles: int = option(
+        1_000_000,
+        "Approximate number of triangles of a generated high-poly mesh.",
+        metavar="N",
+        low=1000,
+        high=100000000,
+    )
+    blender: str | None = option(
+        None,
+        "Python in which bpy is installed, of the version that bpy needs.",
+        metavar="PYTHON",
+        default=f"${BLENDER_VARIABLE}",
+    )
     repeats: Annotated[int, REPEATS_OPTION] = 3
     seconds: Annotated[float, SECONDS_OPTION] = 60.0
-    timeout: Annotated[
-        float,
-        Option(
-            "Seconds after which a run is ended and its setting left out.",
-            metavar="S",
-            above=0,
-            unit="seconds",
-        ),
-    ] = 900.0
-    quick: Annotated[
-        bool, Option("Run few settings on small meshes, to see that everything works.")
-    ] = False
+    timeout: float = option(
+        900.0,
+        "Seconds after which a run is ended and its setting left out.",
+        metavar="S",
+        above=0,
+        unit="seconds",
+    )
+    quick: bool = option(False, "Run few settings on small meshes, to see that everything works.")
 
     def __post_init__(self) -> None:
         super().__post_init__()

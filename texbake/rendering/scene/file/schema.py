@@ -75,7 +75,7 @@ from texbake.rendering.scene.material import (
 )
 from texbake.rendering.scene.scene import CameraView, Scene, check_view
 from texbake.rendering.studio import STUDIO_ROOM
-from texbake.schema import JsonSchema, option
+from texbake.schema import JsonSchema, option_of
 from texbake.texture.encoding import encode_srgb
 
 # Keys that only some kinds of light use.
@@ -201,7 +201,7 @@ CameraTable = table(
     more={
         "view": described(
             Annotated[Any, PlainValidator(_angles), WithJsonSchema(_ANGLES)],
-            option(RenderOptions, "view").help,
+            option_of(RenderOptions, "view").help,
         )
     },
 )
