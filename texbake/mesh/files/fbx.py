@@ -67,24 +67,15 @@ def read_fbx(path: PathLike) -> Mesh:
     colors (of several at one vertex the first), and materials as groups.
     """
     scene = read_scene(path)
-    placed, are_hidden = _models_to_read(scene)
-    parts = list(read_parts(scene, placed))
+    models = model_instances(scene)
+    parts = list(read_parts(scene, models))
     if not parts:
         raise MeshError(f"{path}: {_why_empty(scene)}")
-    if are_hidden:
+    if not all(item.is_shown for item in models):
         warn_of(path, "all its meshes are hidden; texbake reads them anyway")
-    warn_of_fbx(scene, placed)
+    warn_of_fbx(scene, models)
     meshes = [part.mesh(path) for part in parts]
     return join_parts(meshes, Path(path).name, np.array([part.matrix for part in parts]))
-
-
-def _models_to_read(scene: FbxScene) -> tuple[list[ModelInstance], bool]:
-    """Models that are shown, or all if none of those has a mesh; and whether that adds any."""
-    shown = list(model_instances(scene))
-    if any(model_geometry(scene, item.model) for item in shown):
-        return shown, False
-    all_models = list(model_instances(scene, hidden=True))
-    return all_models, len(all_models) > len(shown)
 
 
 def _why_empty(scene: FbxScene) -> str:
@@ -114,7 +105,8 @@ class FbxPart:
     def mesh(self, path: PathLike) -> Mesh:
         """Return the mesh in its own space, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
-        names = [self._group_name(int(index)) for index in used]
+        known = {i: material.name for i, material in enumerate(self.materials)}
+        names = (f"{self.model.name}/{known.get(i, i)}" for i in used.tolist())
         fields = dict(self.geometry.fields)
         fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
             path, fields["positions"], fields["faces"], fields.get("colors")
@@ -126,22 +118,14 @@ class FbxPart:
             name=Path(path).name,
         )
 
-    def _group_name(self, index: int) -> str:
-        is_known = 0 <= index < len(self.materials)
-        material = self.materials[index].name if is_known else f"{index}"
-        return f"{self.model.name}/{material}"
 
-
-def read_parts(scene: FbxScene, models: Iterable[ModelInstance] | None = None) -> Iterator[FbxPart]:
-    """Yield the geometry that the models of a scene show, in the order of the tree.
-
-    `models` are the result of `_models_to_read`, if it is known.
-    """
+def read_parts(scene: FbxScene, models: Iterable[ModelInstance]) -> Iterator[FbxPart]:
+    """Yield the geometry that the models of a scene show, in the order of the tree."""
     read: dict[Id, FbxGeometry | None] = {}
     triangles = most_triangles(_LEAST_TRIANGLES)
     most = max(3 * triangles, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
-    for placed in _models_to_read(scene)[0] if models is None else models:
+    for placed in models:
         materials = scene.members_of(placed.model.key, "Material")
         for item in model_geometry(scene, placed.model):
             if item.key not in read:
@@ -167,8 +151,7 @@ def uv_set_name(texture: FbxObject) -> str:
 
 
 Indices = npt.NDArray[np.int64]
-# Values, the row of each corner, and whether there is one row for each corner.
-_Layer = tuple[FloatArray, Indices, bool]
+_Layer = tuple[FloatArray, Indices]  # values, and the row of each corner
 _FIELDS = {"Normals": "normals", "UV": "uvs", "Colors": "colors"}
 
 
@@ -233,47 +216,47 @@ class _GeometryReader:
         }
         normals = self._layer(self._first("LayerElementNormal"), "Normals", 3)
         if normals is not None:
-            fields["normals"], rows = self._welded(normals)
-            fields["normal_faces"] = rows[self.slots]
+            fields |= {"normals": normals[0], "normal_faces": normals[1][self.slots]}
         else:
             fields |= self._smoothing()
-        sets = self._uv_sets(uv_names)
-        if sets is not None:
-            (fields["uvs"], *_), rows, _ = sets
-            fields["uv_faces"] = rows[self.slots]
+        uv_sets, rows = self._uv_sets(uv_names)
+        if uv_sets:
+            fields |= {"uvs": uv_sets.pop(next(iter(uv_sets))), "uv_faces": rows[self.slots]}
         colors = self._layer(self._first("LayerElementColor"), "Colors", 4)
         if colors is not None:
-            fields["colors"] = self._vertex_colors(*colors[:2])
-        further = {} if sets is None else dict(zip(sets[2], sets[0][1:], strict=True))
-        return FbxGeometry(fields, self._materials(), further)
+            values, rows = colors
+            fields["colors"] = np.ones((len(self.positions), 4), np.float32)
+            used = self.slots.ravel()[::-1]  # of the colors at a vertex, the first comes last
+            with np.errstate(over="ignore"):  # `Mesh` refuses what is not finite
+                fields["colors"][self.vertices[used]] = values[rows[used]]
+        return FbxGeometry(fields, self._materials(), uv_sets)
 
     def _first(self, layer: str) -> Node | None:
         """Return the layer of the least number."""
         return min(self.node.named(layer), key=_number, default=None)
 
-    def _uv_sets(
-        self, names: Collection[str]
-    ) -> tuple[list[FloatArray], Indices, list[str]] | None:
-        """Values of the sets in rows that they share, the row of each corner, further names."""
-        layers = sorted(self.node.named("LayerElementUV"), key=_number)
-        first = self._layer(next(iter(layers), None), "UV", 2)
-        if first is None:
-            return None
-        found = [self._welded(first)]
-        further: dict[str, None] = {}
-        for layer in layers[1:]:
+    def _uv_sets(self, names: Collection[str]) -> tuple[dict[str, FloatArray], Indices]:
+        """Sets by their names, the first and those named, and the row of each corner in them all.
+
+        None where the first has nothing to say.
+        """
+        found: dict[str, _Layer] = {}
+        for layer in sorted(self.node.named("LayerElementUV"), key=_number):
             name = layer.child_text("Name")
-            if name not in names or name in (layers[0].child_text("Name"), *further):
+            if found and (name in found or name not in names):
                 continue
-            if (values := self._layer(layer, "UV", 2)) is not None:
-                found.append(self._welded(values))
-                further[name] = None
-        if not further:
-            return [found[0][0]], found[0][1], []
-        table = np.stack([rows for _, rows in found], axis=1).astype(np.int32)
-        kept, numbers = unique_rows(table)
-        sets = [values[of_corner[kept]] for values, of_corner in found]
-        return sets, numbers.astype(np.int64), list(further)
+            values = self._layer(layer, "UV", 2)
+            if values is not None:
+                found[name] = values
+            elif not found:
+                break
+        if len(found) < 2:
+            rows = next((rows for _, rows in found.values()), self.vertices)
+            return {name: values for name, (values, _) in found.items()}, rows
+        table = np.stack([rows for _, rows in found.values()], axis=1)
+        kept, numbers = unique_rows(table.astype(np.int32))
+        sets = {name: values[rows[kept]] for name, (values, rows) in found.items()}
+        return sets, numbers.astype(np.int64)
 
     def _smoothing(self) -> dict[str, Any]:
         """Return normals that smoothing makes, as fields; none where no edge is hard."""
@@ -299,7 +282,10 @@ class _GeometryReader:
         return smoothed_normals(self.positions, faces, polygons, self.slots, pairs, is_smooth)
 
     def _layer(self, node: Node | None, name: str, width: int) -> _Layer | None:
-        """Read a layer; None where it has nothing to say."""
+        """Read a layer; None where it has nothing to say.
+
+        Of values that are listed for each corner, equal ones of a vertex become one.
+        """
         if node is None:
             return None
         values = _floats(node, name)
@@ -312,13 +298,16 @@ class _GeometryReader:
         rows = places
         if not is_listed and node.child(f"{name}Index") is not None:
             rows = _looked_up(_integers(node.numbers(f"{name}Index")), places)
-        missing = (rows < 0) | (rows >= len(values))
-        if missing.all():
+        is_missing = (rows < 0) | (rows >= len(values))
+        if is_missing.all():
             return None
-        if missing.any():
+        if is_missing.any():
             values = np.concatenate([values, np.zeros((1, width))])
-            rows = np.where(missing, len(values) - 1, rows)
-        return values, rows, is_listed and len(values) >= len(rows)
+            rows = np.where(is_missing, len(values) - 1, rows)
+        if is_listed and len(values) >= len(rows):  # one for each corner
+            values, numbers = unique_corners(self.vertices, values[rows])
+            rows = numbers.astype(np.int64)
+        return values, rows
 
     def _places(self, node: Node) -> Indices | None:
         """(C,) element that each corner takes its value from."""
@@ -331,27 +320,11 @@ class _GeometryReader:
             return np.repeat(np.arange(len(self.sizes)), self.sizes)
         return np.zeros_like(self.vertices) if mapping == "AllSame" else None
 
-    def _welded(self, layer: _Layer) -> tuple[FloatArray, Indices]:
-        """Make one row of equal values of one vertex, where there is one for each corner."""
-        values, rows, is_listed = layer
-        if not is_listed:
-            return values, rows
-        kept, numbers = unique_corners(self.vertices, values[rows])
-        return kept, numbers.astype(np.int64)
-
-    def _vertex_colors(self, values: FloatArray, rows: Indices) -> npt.NDArray[np.float32]:
-        """(V, 4) colors, white where no corner is."""
-        colors = np.ones((len(self.positions), 4), np.float32)
-        used = self.slots.ravel()[::-1]
-        with np.errstate(over="ignore"):  # `Mesh` refuses what is not finite
-            colors[self.vertices[used]] = values[rows[used]]
-        return colors
-
     def _materials(self) -> Indices:
         """(F,) material of each triangle."""
-        node = self.node.child("LayerElementMaterial")
-        ids = _integers(node.numbers("Materials")) if node is not None else np.zeros(0, np.int64)
-        if node is None or len(ids) == 0:
+        node = self.node.child("LayerElementMaterial") or Node("")
+        ids = _integers(node.numbers("Materials"))
+        if len(ids) == 0:
             return np.zeros(len(self.polygons), np.int64)
         is_by_polygon = node.child_text("MappingInformationType") == "ByPolygon"
         return _looked_up(ids, self.polygons if is_by_polygon else 0 * self.polygons)

@@ -21,6 +21,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import PurePosixPath
@@ -34,7 +35,7 @@ from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.channels import CHANNEL_OF_FBX
 from texbake.mesh.files.fbx import FbxPart, read_parts, uv_set_name
-from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, read_scene
+from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, model_instances, read_scene
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
@@ -55,42 +56,30 @@ _COLORS = ("DiffuseColor", "Diffuse")
 def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Read the materials of an FBX file; None where no face has one."""
     scene = read_scene(path)
-    numbers: dict[Id | None, int] = {}
-    found: list[FbxObject | None] = []
-    of_faces = []
-    parts = list(read_parts(scene))
+    parts = list(read_parts(scene, model_instances(scene)))
+    # The groups of the mesh are the materials of its parts, in this order.
+    used: list[FbxObject | None] = []
     for part in parts:
-        ids = part.geometry.face_materials
-        used, faces = np.unique(ids, return_inverse=True)
-        of_used = []
-        for index in used.tolist():
-            material = part.materials[index] if 0 <= index < len(part.materials) else None
-            key = None if material is None else material.key
-            if key not in numbers:
-                numbers[key] = len(found)
-                found.append(material)
-            of_used.append(numbers[key])
-        of_faces.append(np.array(of_used, np.int32)[faces])
-    if not any(found) or sum(map(len, of_faces)) != mesh.n_faces:
+        known = dict(enumerate(part.materials))
+        used += [known.get(i) for i in np.unique(part.geometry.face_materials).tolist()]
+    if not any(used) or mesh.face_groups is None or len(used) != len(mesh.group_names):
         return None
-    reader = _MaterialReader(scene, _uv_numbers(parts))
-    materials = tuple(reader.material(item) for item in found)
+    numbers = {item: i for i, item in enumerate(dict.fromkeys(used))}
+    of_groups = np.array([numbers[item] for item in used], np.int32)
+    # Sets of texture coordinates by their names, but for the first sets.
+    names = dict.fromkeys(name for part in parts for name in part.geometry.uv_sets)
+    reader = _MaterialReader(scene, {name: 1 + i for i, name in enumerate(names)})
+    materials = tuple(map(reader.material, numbers))
     if scene.version < 7000 and any(scene.members_of(part.model.key, "Texture") for part in parts):
         reader.missing.add("base-color", "textures of models are not read, only those of materials")
     uv_sets = _uv_sets(parts, mesh, reader.uv_numbers)
     materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in materials)
     return Materials(
-        face_materials=np.concatenate(of_faces),
+        face_materials=of_groups[mesh.face_groups],
         materials=_without_shear(materials, mesh, uv_sets),
         uv_sets=uv_sets,
         **reader.missing.fields(),
     )
-
-
-def _uv_numbers(parts: list[FbxPart]) -> dict[str, int]:
-    """Numbers of the sets of texture coordinates that textures name, but for the first sets."""
-    names = dict.fromkeys(name for part in parts for name in part.geometry.uv_sets)
-    return {name: 1 + i for i, name in enumerate(names)}
 
 
 def _uv_sets(parts: list[FbxPart], mesh: Mesh, numbers: dict[str, int]) -> dict[int, FloatArray]:
@@ -203,17 +192,13 @@ def _opacity(material: FbxObject, defaults: dict[str, list[Any]]) -> float:
     Programs write it as a number, or as a color that is let through, times a factor. Blender 2.79
     writes opaque materials with a color of 1 and leaves their factor to the file's default, 0.
     """
-
-    def numbers(name: str, properties: dict[str, list[Any]] = material.properties) -> list[float]:
-        values = properties.get(name, [])
-        is_sound = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
-        return values if is_sound else []
-
-    opacity, color, factor = map(numbers, ("Opacity", "TransparentColor", "TransparencyFactor"))
+    opacity = _floats(material.properties, "Opacity")
+    color = _floats(material.properties, "TransparentColor")
+    factor = _floats(material.properties, "TransparencyFactor")
     if len(opacity) == 1:
         alpha = opacity[0]
     elif len(color) >= 3 or len(factor) == 1:
-        factor = factor or numbers("TransparencyFactor", defaults) or [1.0]
+        factor = factor or _floats(defaults, "TransparencyFactor") or [1.0]
         alpha = 1.0 - (sum(color[:3]) / 3.0 if len(color) >= 3 else 1.0) * factor[0]
     else:
         alpha = 1.0
@@ -222,12 +207,16 @@ def _opacity(material: FbxObject, defaults: dict[str, list[Any]]) -> float:
 
 def _color(material: FbxObject) -> tuple[float, float, float] | None:
     """Return the diffuse color of a material; None where it has none of three numbers."""
-    properties = material.properties
-    values = next((properties[name] for name in _COLORS if name in properties), [])
-    if len(values) < 3 or not all(isinstance(v, int | float) for v in values[:3]):
-        return None
-    red, green, blue = (float(value) for value in values[:3])
-    return (red, green, blue) if all(map(math.isfinite, (red, green, blue))) else None
+    name = next(filter(material.properties.__contains__, _COLORS), "")
+    values = _floats(material.properties, name)
+    return (values[0], values[1], values[2]) if len(values) >= 3 else None
+
+
+def _floats(properties: dict[str, list[Any]], name: str) -> list[float]:
+    """Return the numbers of a property; none where they are not all finite numbers."""
+    values = properties.get(name, [])
+    is_sound = all(isinstance(value, int | float) and math.isfinite(value) for value in values)
+    return list(map(float, values)) if is_sound else []
 
 
 _FILES = ("RelativeFilename", "FileName", "Filename")
@@ -247,14 +236,17 @@ def first_image(scene: FbxScene, texture: FbxObject) -> tuple[bytes | None, str]
     Where there is none, None and the file name that the texture asks for, which may be empty.
     """
     if texture.key not in scene.found:
-        image = next(_images(scene, texture), None)
-        scene.found[texture.key] = image or (None, _file_name(scene, texture))
+        holders = [*scene.members_of(texture.key, "Video"), texture]
+        names = list(chain.from_iterable(map(image_names, holders)))
+        image = next(_images(scene, holders, names), None)
+        scene.found[texture.key] = image or (None, PurePosixPath(next(iter(names), "")).name)
     return scene.found[texture.key]
 
 
-def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
+def _images(
+    scene: FbxScene, holders: list[FbxObject], names: list[str]
+) -> Iterator[tuple[bytes, str]]:
     """Contents and names of the images of a texture, those in the file first."""
-    holders = [*scene.members_of(texture.key, "Video"), texture]
     for holder in holders:
         content = holder.node.child("Content")
         value = content.values[0] if content is not None and content.values else None
@@ -263,9 +255,11 @@ def _images(scene: FbxScene, texture: FbxObject) -> Iterator[tuple[bytes, str]]:
             if scene.named.setdefault(label, holder.key) != holder.key:
                 label += f" ({holder.key})"  # objects may have equal names
             if label not in scene.images:
-                scene.images[label] = _unwrapped(value)
+                scene.images[label] = value
+                with suppress(ValueError):  # text files hold base64; no image is such letters alone
+                    scene.images[label] = base64.b64decode(value, validate=True)
             yield scene.images[label], label
-    for name in chain.from_iterable(map(image_names, holders)):
+    for name in names:
         try:
             place = file_beside(scene.path, name)
             real = real_path(scene.path, name)
@@ -283,20 +277,6 @@ def image_names(holder: FbxObject) -> Iterator[str]:
         if words.name:
             yield str(words)
             yield words.name
-
-
-def _file_name(scene: FbxScene, texture: FbxObject) -> str:
-    """File name of the image that a texture asks for; empty where it names none."""
-    holders = (*scene.members_of(texture.key, "Video"), texture)
-    return PurePosixPath(next(chain.from_iterable(map(image_names, holders)), "")).name
-
-
-def _unwrapped(content: bytes) -> bytes:
-    """Return the bytes of an image, which text files hold in base64."""
-    try:
-        return base64.b64decode(content, validate=True)
-    except ValueError:  # no image is made of letters and digits alone
-        return content
 
 
 def has_alpha(data: bytes) -> bool:
@@ -345,11 +325,8 @@ def placing(scene: FbxScene, texture: FbxObject) -> Placing:
 
 def _numbers(texture: FbxObject, name: str, default: float) -> FloatArray:
     """(3,) numbers of a property."""
-    values = texture.properties.get(name, [])[:3]
-    if len(values) < 3 or not all(isinstance(value, int | float) for value in values):
-        return np.full(3, default)
-    numbers = np.array([float(value) for value in values])
-    return numbers if np.isfinite(numbers).all() else np.full(3, default)
+    values = _floats(texture.properties, name)
+    return np.array(values[:3]) if len(values) >= 3 else np.full(3, default)
 
 
 def _about(texture: FbxObject, name: str, matrix: FloatArray) -> FloatArray:

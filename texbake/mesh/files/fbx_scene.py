@@ -17,18 +17,17 @@ Based on: Autodesk, "FBX SDK", sample Transformations, 2020, for the ways to inh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_ascii import read_ascii
-from texbake.mesh.files.fbx_nodes import MAGIC, LazyNumbers, Node, read_binary
+from texbake.mesh.files.fbx_nodes import Node, read_nodes
 from texbake.mesh.files.source import decode_name, parsed, read_array, short_name
 from texbake.mesh.mesh import FloatArray
 
@@ -70,20 +69,11 @@ class FbxScene:
     named: dict[str, Id] = field(default_factory=dict, repr=False)
     # Results of `first_image` for textures; many materials may share a texture.
     found: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
-    _members: dict[tuple[Id, str], list[FbxObject]] = field(default_factory=dict, repr=False)
-
-    def fail(self, what: str) -> NoReturn:
-        """Raise `FileFormatError`."""
-        raise FileFormatError(f"{self.path}: {what}; export it again")
 
     def members_of(self, key: Id, node_name: str) -> list[FbxObject]:
         """Objects of a kind of node that are connected to an object, in order."""
-        if (key, node_name) not in self._members:
-            found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
-            self._members[key, node_name] = [
-                item for item in found if item is not None and item.node.name == node_name
-            ]
-        return self._members[key, node_name]
+        found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
+        return [item for item in found if item is not None and item.node.name == node_name]
 
     def textures_of(self, key: Id) -> dict[str, FbxObject]:
         """Textures connected to properties of an object, the first for each property."""
@@ -96,22 +86,13 @@ class FbxScene:
 
 
 def read_scene(path: PathLike) -> FbxScene:
-    """Read the objects and connections of an FBX file, binary or text.
-
-    Raises
-    ------
-    FileError
-        The file is missing or cannot be read.
-    FileFormatError
-        It is not FBX, or it is damaged.
-    """
+    """Read the objects and connections of an FBX file, binary or text."""
     return parsed(path, _read_scene)
 
 
 def _read_scene(path: PathLike) -> FbxScene:
     data = read_array(path)
-    is_binary = data[: len(MAGIC)].tobytes() == MAGIC
-    root, version = (read_binary if is_binary else read_ascii)(path, data)
+    root, version = read_nodes(path, data)
     objects_node = root.child("Objects") or Node("")
     objects: dict[Id, FbxObject] = {}
     for node in objects_node.children:
@@ -176,7 +157,7 @@ def read_properties(node: Node) -> dict[str, list[Any]]:
         for entry in (node.child(list_name) or Node("")).named(name):
             values: list[Any] = []
             for value in entry.values[first:]:
-                values += value.load().tolist() if isinstance(value, LazyNumbers) else [value]
+                values += value().tolist() if callable(value) else [value]
             found[entry.text()] = values
     return found
 
@@ -191,14 +172,15 @@ def _defaults(root: Node, name: str) -> dict[str, list[Any]]:
 
 @dataclass(frozen=True, eq=False)
 class ModelInstance:
-    """A model and the (4, 4) matrix of its geometry to the world: Y up, meters."""
+    """A model and where it stands."""
 
     model: FbxObject
-    matrix: FloatArray
+    matrix: FloatArray  # (4, 4) float64; of its geometry to the world: Y up, meters
+    is_shown: bool
 
 
-def model_instances(scene: FbxScene, *, hidden: bool = False) -> Iterator[ModelInstance]:
-    """Models that are shown, or all models with `hidden`, depth first, each after its parent."""
+def model_instances(scene: FbxScene) -> list[ModelInstance]:
+    """Models that are shown, or all if no mesh is, depth first, each after its parent."""
     models = {key: item for key, item in scene.objects.items() if item.node.name == "Model"}
     children: dict[Id, list[Id]] = {}
     seen: set[Id] = set()
@@ -209,11 +191,10 @@ def model_instances(scene: FbxScene, *, hidden: bool = False) -> Iterator[ModelI
             seen.update(own)
             children[owner] = own
     pending = [(key, WORLD, True) for key in reversed(models) if key not in seen]
-    n_placed = 0
+    found = []
     axes = scene_axes(_numbers(scene.settings))
     while pending:
         key, parent, is_shown = pending.pop()
-        n_placed += 1
         model = models[key]
         properties = _numbers({**scene.defaults["Model"], **model.properties})
         with np.errstate(over="ignore", invalid="ignore"):
@@ -223,12 +204,13 @@ def model_instances(scene: FbxScene, *, hidden: bool = False) -> Iterator[ModelI
             raise MeshError(
                 f"{scene.path}: model {quoted(model.name)}: its transform is not finite"
             )
-        shown = is_shown and _is_visible(properties)
-        if shown or hidden:
-            yield ModelInstance(model, matrix)
-        pending += [(child, here, shown) for child in reversed(children.get(key, ()))]
-    if n_placed < len(models):
-        scene.fail("its models stand in a cycle")
+        is_shown &= all(next(iter(properties.get(name, ())), 1) for name in ("Visibility", "Show"))
+        found.append(ModelInstance(model, matrix, is_shown))
+        pending += [(child, here, is_shown) for child in reversed(children.get(key, ()))]
+    if len(found) < len(models):
+        raise FileFormatError(f"{scene.path}: its models stand in a cycle; export it again")
+    shown = [item for item in found if item.is_shown]
+    return shown if any(model_geometry(scene, item.model) for item in shown) else found
 
 
 def _numbers(properties: dict[str, list[Any]]) -> dict[str, Sequence[float]]:
@@ -237,10 +219,6 @@ def _numbers(properties: dict[str, list[Any]]) -> dict[str, Sequence[float]]:
         for name, values in properties.items()
         if all(isinstance(value, int | float) for value in values)
     }
-
-
-def _is_visible(properties: dict[str, Sequence[float]]) -> bool:
-    return all(next(iter(properties.get(name, ())), 1) for name in ("Visibility", "Show"))
 
 
 def model_geometry(scene: FbxScene, model: FbxObject) -> list[FbxObject]:
