@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import cube
-from texbake.mesh.uv_sets import UvSet
 from texbake.messages import MessageError, pack, unpack
 
 

@@ -17,8 +17,8 @@ from texbake.building.build import build
 from texbake.building.sidecars import is_followed, sidecars
 from texbake.limits import raised_limits
 from texbake.mesh.files import write_mesh
+from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import uv_sphere
-from texbake.mesh.uv_sets import UvSet
 
 OBJ = "mtllib my stuff.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
 MTL = "newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 my wood.png\nbump -bm 0.5 gone.png\n"

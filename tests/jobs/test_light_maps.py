@@ -9,9 +9,8 @@ import pytest
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError, UvError
 from texbake.jobs.light_maps import LightMap, bake_light_maps
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import (

@@ -8,10 +8,9 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.mesh.compose import excerpt, is_mirroring, transformed
 from texbake.mesh.join import join_meshes, join_parts, with_alpha
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.mesh.uv_sets import UvSet
 
 SPHERE = uv_sphere(6, 8)
 SPHERE = SPHERE.replace(normals=SPHERE.positions, normal_faces=SPHERE.faces)

@@ -12,11 +12,10 @@ from texbake.mesh.compose import excerpt, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.join import join_meshes
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube
-from texbake.mesh.uv_sets import UvSet
 
 # The floor of an L: three squares.
 L_SHAPE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]

@@ -17,8 +17,8 @@ from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import excerpt, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.join import join_meshes
+from texbake.mesh.mesh import MOST_UV_SETS, UvSet
 from texbake.mesh.shapes import cube, uv_sphere
-from texbake.mesh.uv_sets import MOST_UV_SETS, UvSet
 from texbake.verbs.transform import transform_file
 from texbake.verbs.unwrap import unwrap_files
 
@@ -56,14 +56,10 @@ def test_arrays_are_checked_and_read_only(mesh):
     assert found.faces.dtype == np.int32 and not found.uvs.flags.writeable
     for wrong, message in (
         (UvSet(found.uvs[:3], found.faces), "out of range"),
-        (UvSet(found.uvs, found.faces[:2]), "shapes"),
+        (UvSet(found.uvs, found.faces[:2]), r"faces of the UV set 'a' has the shape \(2, 3\)"),
         (UvSet(found.uvs * np.nan, found.faces), "not finite"),
         (UvSet(found.uvs, found.faces.astype(np.int64) + (1 << 32)), "out of range"),
-        (
-            UvSet(found.uvs, (found.faces.astype(object) + (1 << 70)).tolist()),
-            "not two arrays of numbers",
-        ),
-        (UvSet(found.uvs, found.faces + 0.5), "not two arrays of numbers"),
+        (UvSet(found.uvs, found.faces + 0.5), "must be integers"),
     ):
         with pytest.raises(MeshError, match=message):
             mesh.replace(uv_sets={"a": wrong})

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.mapping.options import UnwrapOptions
+from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import cube, plane, uv_sphere
-from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Activation, Effect, Rejection

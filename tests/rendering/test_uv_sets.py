@@ -7,8 +7,8 @@ import pytest
 
 from texbake.errors import TexbakeError, UvError
 from texbake.mesh.files import write_mesh
+from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.mesh.uv_sets import UvSet
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Light, Lighting

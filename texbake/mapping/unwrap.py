@@ -29,8 +29,7 @@ from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.uv_sets import UvSet
+from texbake.mesh.mesh import FloatArray, Mesh, UvSet
 from texbake.progress import ProgressSink, StageRecord, Stages
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.

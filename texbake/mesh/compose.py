@@ -8,18 +8,36 @@ surface.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.uv_sets import UvSet, sets_by_corner
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet
 from texbake.mesh.weld import weld_rows
 
 # Fields of a mesh with a row of three indices for each face.
 CORNERS = ("faces", "uv_faces", "normal_faces")
+
+
+def changed_corners(mesh: Mesh, change: Callable[[IntArray], IntArray]) -> dict[str, Any]:
+    """Return the fields of a mesh with a row of indices for each face, all changed alike."""
+    rows = {name: getattr(mesh, name) for name in CORNERS}
+    fields: dict[str, Any] = {name: change(row) for name, row in rows.items() if row is not None}
+    sets = mesh.uv_sets.items()
+    fields["uv_sets"] = {name: UvSet(item.uvs, change(item.faces)) for name, item in sets}
+    return fields
+
+
+def of_faces(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
+    """Return the fields of a mesh that have a row for each face, for some faces in some order."""
+    fields = changed_corners(mesh, lambda corners: corners[chosen])
+    for name in "tangents", "polygon_of", "face_groups":
+        rows = getattr(mesh, name)
+        fields[name] = None if rows is None else rows[chosen]
+    return fields
 
 
 def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
@@ -29,19 +47,16 @@ def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
     """
     if chosen.all():
         return mesh
-    vertices, faces = used_rows(mesh.faces[chosen], mesh.n_vertices)
-    changes: dict[str, Any] = {"positions": mesh.positions[vertices], "faces": faces}
+    changes = of_faces(mesh, chosen)
+    vertices, changes["faces"] = used_rows(changes["faces"], mesh.n_vertices)
+    changes["positions"] = mesh.positions[vertices]
     for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
-        rows, indices = getattr(mesh, values), getattr(mesh, corners)
+        rows = getattr(mesh, values)
         if rows is not None:
-            used, changes[corners] = used_rows(indices[chosen], len(rows))
+            used, changes[corners] = used_rows(changes[corners], len(rows))
             changes[values] = rows[used]
-    for by_face in "tangents", "polygon_of", "face_groups":
-        array = getattr(mesh, by_face)
-        changes[by_face] = None if array is None else array[chosen]
     if mesh.colors is not None:
         changes["colors"] = mesh.colors[vertices]
-    changes["uv_sets"] = sets_by_corner(mesh, chosen)
     return mesh.replace(**changes)
 
 
@@ -107,17 +122,14 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     """
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
-    changes: dict[str, Any] = {"positions": pm.matmul(mesh.positions, linear.T) + matrix[:3, 3]}
-    for corners in CORNERS:
-        indices = getattr(mesh, corners)
-        changes[corners] = None if indices is None else indices[:, order]
+    changes = changed_corners(mesh, lambda corners: corners[:, order])
+    changes["positions"] = pm.matmul(mesh.positions, linear.T) + matrix[:3, 3]
     if mesh.normals is not None:
         changes["normals"] = transformed_normals(mesh.normals, linear)
     if mesh.tangents is not None:
         flat = mesh.tangents.reshape(-1, 4)
         turned = transformed_tangents(flat, linear).reshape(mesh.tangents.shape)
         changes["tangents"] = turned[:, order]
-    changes["uv_sets"] = sets_by_corner(mesh, order, columns=True)
     changes["polygon_of"] = mesh.polygon_of
     return mesh.replace(**changes)
 
@@ -187,20 +199,11 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
     """
     if not turned.any():
         return mesh
-    changes: dict[str, Any] = {"tangents": None, "polygon_of": mesh.polygon_of}
-    for name in CORNERS:
-        corners = getattr(mesh, name)
-        if corners is not None:
-            corners = corners.copy()
-            corners[turned] = corners[turned][:, ::-1]
-            changes[name] = corners
-    changes["uv_sets"] = {
-        name: UvSet(item.uvs, np.where(turned[:, None], item.faces[:, ::-1], item.faces))
-        for name, item in mesh.uv_sets.items()
-    }
+    changes = changed_corners(
+        mesh, lambda corners: np.where(turned[:, None], corners[:, ::-1], corners)
+    )
+    changes |= {"tangents": None, "polygon_of": mesh.polygon_of}
     if mesh.normals is not None:
-        corners = changes["normal_faces"].copy()
-        corners[turned] += len(mesh.normals)
         changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
-        changes["normal_faces"] = corners
+        changes["normal_faces"][turned] += len(mesh.normals)
     return mesh.replace(**changes)

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.compose import CORNERS, is_mirroring, normal_map, signed_tangents
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.uv_sets import UvSet, joined_uv_sets
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet, require_few_sets
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
@@ -130,7 +129,7 @@ def join_parts(
                 for part in parts
             ]
         )
-    fields["uv_sets"] = joined_uv_sets(parts)
+    fields["uv_sets"] = _joined_uv_sets(parts)
     # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
     with np.errstate(over="ignore", invalid="ignore"):
         if all(part.tangents is not None for part in parts):
@@ -142,6 +141,20 @@ def join_parts(
         name=name,
         **fields,
     )
+
+
+def _joined_uv_sets(parts: Sequence[Part]) -> dict[str, UvSet]:
+    """Sets of parts put into one; (0, 0) where only others have a set."""
+    names = dict.fromkeys(name for part in parts for name in part.uv_sets)
+    require_few_sets(len(names), f"{len(parts)} meshes")
+    joined = {}
+    for name in names:
+        items = [
+            part.uv_sets.get(name) or UvSet(np.zeros((1, 2)), 0 * part.faces) for part in parts
+        ]
+        faces = offset_joined([(item.faces, len(item.uvs)) for item in items])
+        joined[name] = UvSet(np.concatenate([item.uvs for item in items]), faces)
+    return joined
 
 
 def _joined_groups(

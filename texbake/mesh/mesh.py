@@ -17,7 +17,6 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, UvError, quoted
 from texbake.files import PathLike
-from texbake.mesh.uv_sets import UvSet, checked_uv_sets
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -28,6 +27,21 @@ MAX_FACES = MAX_CORNERS // 3
 
 # glTF's name of the first set of texture coordinates.
 FIRST_UV_SET = "TEXCOORD_0"
+
+MOST_UV_SETS = 64
+"""Further sets of a mesh: each takes as much memory as its faces, and a file can name one array as
+any number of sets."""
+
+
+@dataclass(frozen=True, eq=False)
+class UvSet:
+    """A further set of texture coordinates, with a layout and seams of its own.
+
+    The first set is `Mesh.uvs`: what is baked, packed and measured.
+    """
+
+    uvs: FloatArray  # (T, 2) float64; v up, (0, 0) at the lower left
+    faces: IntArray  # (F, 3) int32; indices into `uvs`
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,28 +107,25 @@ class Mesh:
     name: str = "mesh"
 
     def __post_init__(self) -> None:
-        positions = self._adopt("positions", np.float64, (None, 3))
+        positions = self._adopt("positions", np.float64, (None, 3), "a position")
         faces = self._adopt("faces", np.int32, (None, 3))
         if positions is None or faces is None or len(faces) == 0:
             raise MeshError(f"{self.name}: it has no faces; a mesh needs at least one triangle")
         check_face_count(len(faces), self.name)
-        self._check_finite("positions", "a position")
-        self._check_indices("faces", len(positions), "position")
+        _check_indices(faces, len(positions), f"{self.name}: a position index")
         for values, corners, width, noun in (
             ("uvs", "uv_faces", 2, "texture coordinate"),
             ("normals", "normal_faces", 3, "normal"),
         ):
             self._check_pair(values, corners, width, noun)
-        sets = checked_uv_sets(self.uv_sets, len(faces), self.name)
-        object.__setattr__(self, "uv_sets", sets)
+        self._check_uv_sets()
         if self.normals is not None:
             object.__setattr__(self, "normals", frozen(_normalized(self.normals)))
-        self._adopt("tangents", np.float32, (len(faces), 3, 4))
-        self._check_finite("tangents", "a tangent")
-        self._adopt("colors", np.float32, (len(positions), None))
-        self._check_finite("colors", "a vertex color")
-        self._adopt("face_groups", np.int32, (len(faces),))
-        self._check_indices("face_groups", len(self.group_names), "group")
+        self._adopt("tangents", np.float32, (len(faces), 3, 4), "a tangent")
+        self._adopt("colors", np.float32, (len(positions), None), "a vertex color")
+        groups = self._adopt("face_groups", np.int32, (len(faces),))
+        if groups is not None:
+            _check_indices(groups, len(self.group_names), f"{self.name}: a group index")
         if len(self.group_objects) not in (0, len(self.group_names)):
             raise MeshError(f"{self.name}: group_objects and group_names differ in length")
         self._adopt("polygon_of", np.int32, (len(faces),))
@@ -211,53 +222,42 @@ class Mesh:
             changes = {"uv_sets": {}, "polygon_of": None} | changes
         return replace(self, **changes)
 
-    def _adopt(self, field: str, dtype: type, shape: tuple[int | None, ...]) -> Any:
-        """Convert a field to a read-only array of the given type and shape (None: any length)."""
+    def _adopt(
+        self, field: str, dtype: type, shape: tuple[int | None, ...], noun: str | None = None
+    ) -> Any:
+        """Make a field a read-only array of a type and shape; with a `noun` of finite numbers."""
         value = getattr(self, field)
         if value is None:
             return None
-        try:
-            if np.ma.is_masked(value):
-                raise MeshError(f"{self.name}: {field} has masked numbers; leave them out")
-            array = np.asarray(value)
-            if array.dtype.kind not in "biuf":
-                raise TypeError(array.dtype)
-            if array.dtype != dtype or not array.flags.c_contiguous or array.ndim == 0:
-                array = self._converted(field, array, dtype)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, MeshError):
-                raise
-            raise MeshError(f"{self.name}: {field} is not an array of numbers") from error
-        if array.ndim != len(shape) or any(
-            want is not None and want != have for want, have in zip(shape, array.shape, strict=True)
-        ):
-            wanted = tuple("n" if want is None else want for want in shape)
-            raise MeshError(
-                f"{self.name}: {field} has the shape {array.shape}, not {wanted}".replace("'", "")
-            )
-        object.__setattr__(self, field, frozen(array))
+        array = _converted(value, f"{self.name}: {field}", dtype, shape)
+        if noun is not None:
+            _check_finite(array, f"{self.name}: {noun}")
+        object.__setattr__(self, field, array)
         return array
-
-    def _converted(self, field: str, array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
-        """Return a contiguous array of the given type; integers stay what they are."""
-        if np.issubdtype(dtype, np.integer) and array.size:
-            if array.dtype.kind not in "iu":
-                raise MeshError(f"{self.name}: {field} must be integers, not {array.dtype}")
-            limits = np.iinfo(dtype)
-            if array.dtype.itemsize >= 4 and (array.max() > limits.max or array.min() < limits.min):
-                raise MeshError(f"{self.name}: {field} has an index out of range")
-        with np.errstate(over="ignore"):  # what float32 does not hold is found not finite
-            return np.ascontiguousarray(array, dtype=dtype)
 
     def _check_pair(self, values: str, corners: str, width: int, noun: str) -> None:
         if (getattr(self, values) is None) != (getattr(self, corners) is None):
             raise MeshError(f"{self.name}: {values} and {corners} belong together; one is missing")
         if getattr(self, values) is None:
             return
-        n_values = len(self._adopt(values, np.float64, (None, width)))
-        self._adopt(corners, np.int32, (len(self.faces), 3))
-        self._check_finite(values, f"a {noun}")
-        self._check_indices(corners, n_values, noun)
+        array = self._adopt(values, np.float64, (None, width), f"a {noun}")
+        indices = self._adopt(corners, np.int32, (len(self.faces), 3))
+        _check_indices(indices, len(array), f"{self.name}: a {noun} index")
+
+    def _check_uv_sets(self) -> None:
+        require_few_sets(len(self.uv_sets), self.name)
+        sets = {}
+        for name, item in self.uv_sets.items():
+            if not isinstance(name, str) or not name.strip() or not name.isprintable():
+                raise MeshError(f"{self.name}: {quoted(name)} is not a name of texture coordinates")
+            of_set = f"of the UV set {quoted(name)}"
+            uvs = _converted(item.uvs, f"{self.name}: uvs {of_set}", np.float64, (None, 2))
+            _check_finite(uvs, f"{self.name}: a texture coordinate {of_set}")
+            shape = (len(self.faces), 3)
+            faces = _converted(item.faces, f"{self.name}: faces {of_set}", np.int32, shape)
+            _check_indices(faces, len(uvs), f"{self.name}: an index {of_set}")
+            sets[name] = UvSet(uvs, faces)
+        object.__setattr__(self, "uv_sets", sets)
 
     def _number_polygons(self) -> None:
         if self.polygon_of is None:
@@ -273,30 +273,63 @@ class Mesh:
             numbers = np.cumsum(steps > 0, dtype=np.int32)
             object.__setattr__(self, "polygon_of", frozen(np.append(np.int32(0), numbers)))
 
-    def _check_finite(self, field: str, noun: str) -> None:
-        array = getattr(self, field)
-        if array is None:
-            return
-        with np.errstate(over="ignore", invalid="ignore"):
-            if np.isfinite(array.sum()):  # a finite sum has only finite terms
-                return
-        bad = ~np.isfinite(array).reshape(len(array), -1).all(axis=1)
-        if bad.any():
-            raise MeshError(
-                f"{self.name}: {noun} is not finite "
-                f"({int(bad.sum())} of {len(array)}, the first at index {int(bad.argmax())})"
-            )
 
-    def _check_indices(self, field: str, n_values: int, noun: str) -> None:
-        indices = getattr(self, field)
-        if indices is None or len(indices) == 0:
+def _converted(
+    value: Any, what: str, dtype: type, shape: tuple[int | None, ...]
+) -> npt.NDArray[Any]:
+    """Return a read-only, contiguous array of a type and shape (None: any length).
+
+    Integers stay what they are.
+    """
+    if np.ma.is_masked(value):
+        raise MeshError(f"{what} has masked numbers; leave them out")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise MeshError(f"{what} is not an array of numbers") from error
+    if array.dtype.kind not in "biuf":
+        raise MeshError(f"{what} is not an array of numbers")
+    if np.issubdtype(dtype, np.integer) and array.size:
+        if array.dtype.kind not in "iu":
+            raise MeshError(f"{what} must be integers, not {array.dtype}")
+        limits = np.iinfo(dtype)
+        if array.dtype.itemsize >= 4 and (array.max() > limits.max or array.min() < limits.min):
+            raise MeshError(f"{what} has an index out of range")
+    with np.errstate(over="ignore"):  # what float32 does not hold is found not finite
+        array = np.asarray(array, dtype=dtype, order="C")
+    if array.ndim != len(shape) or any(
+        want is not None and want != have for want, have in zip(shape, array.shape, strict=True)
+    ):
+        wanted = str(tuple("n" if want is None else want for want in shape)).replace("'", "")
+        raise MeshError(f"{what} has the shape {array.shape}, not {wanted}")
+    return frozen(array)
+
+
+def _check_finite(array: npt.NDArray[Any], what: str) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(array.sum()):  # a finite sum has only finite terms
             return
-        if indices.min() < 0 or indices.max() >= n_values:
-            bad = ((indices < 0) | (indices >= n_values)).reshape(len(indices), -1).any(axis=1)
-            raise MeshError(
-                f"{self.name}: a {noun} index is out of range "
-                f"(face {int(bad.argmax())}; there are {n_values})"
-            )
+    bad = ~np.isfinite(array).reshape(len(array), -1).all(axis=1)
+    if bad.any():
+        raise MeshError(
+            f"{what} is not finite "
+            f"({int(bad.sum())} of {len(array)}, the first at index {int(bad.argmax())})"
+        )
+
+
+def _check_indices(indices: IntArray, n_values: int, what: str) -> None:
+    if indices.min() < 0 or indices.max() >= n_values:
+        bad = ((indices < 0) | (indices >= n_values)).reshape(len(indices), -1).any(axis=1)
+        raise MeshError(f"{what} is out of range (face {int(bad.argmax())}; there are {n_values})")
+
+
+def require_few_sets(n_sets: int, mesh: str) -> None:
+    """Raise `MeshError` for more further sets of texture coordinates than a mesh can have."""
+    if n_sets > MOST_UV_SETS:
+        raise MeshError(
+            f"{mesh}: it has {n_sets:,} sets of texture coordinates besides the first, and at most "
+            f"{MOST_UV_SETS} are read; remove those that nothing uses"
+        )
 
 
 def check_face_count(n_faces: int, name: str) -> None:

@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.compose import CORNERS
+from texbake.mesh.compose import of_faces
 from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
@@ -105,8 +105,7 @@ def object_by_object(mesh: Mesh) -> Mesh:
     if not mesh.group_objects or mesh.face_groups is None:
         return mesh
     order = np.lexsort([mesh.face_groups, np.array(mesh.group_objects)[mesh.face_groups]])
-    rows = {name: getattr(mesh, name) for name in (*CORNERS, "face_groups")}
-    return mesh.replace(**{name: row[order] for name, row in rows.items() if row is not None})
+    return mesh.replace(**of_faces(mesh, order))
 
 
 def _is_without_charts(mesh: Mesh) -> bool:

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.compose import CORNERS, turned_over, used_rows
+from texbake.mesh.compose import of_faces, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -26,7 +25,6 @@ from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import duplicate_faces, edge_neighbors, wind_alike
-from texbake.mesh.uv_sets import sets_by_corner
 from texbake.mesh.weld import weld_rows
 
 
@@ -104,12 +102,7 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
 
 
 def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
-    if keep.all():
-        return mesh
-    fields = (*CORNERS, "tangents", "polygon_of", "face_groups")
-    kept = {name: getattr(mesh, name) for name in fields if getattr(mesh, name) is not None}
-    changes: dict[str, Any] = {name: values[keep] for name, values in kept.items()}
-    return mesh.replace(**changes, uv_sets=sets_by_corner(mesh, keep))
+    return mesh if keep.all() else mesh.replace(**of_faces(mesh, keep))
 
 
 def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:

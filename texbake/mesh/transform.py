@@ -22,10 +22,9 @@ from texbake.errors import OptionError
 from texbake.mesh.compose import transformed, turned_over
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh, check_face_count
+from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_face_count
 from texbake.mesh.options import MOST_SUBDIVISIONS, UNITS, TransformOptions
 from texbake.mesh.polygons import Outlines, next_corners, outlines, triangulated
-from texbake.mesh.uv_sets import UvSet
 from texbake.mesh.weld import unique_rows
 
 # Takes a mesh whose z axis points up to one whose y axis does.

@@ -47,8 +47,7 @@ from texbake.mesh.materials import (
     Placing,
     is_sheared,
 )
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.uv_sets import require_few_sets
+from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 
 _COLORS = ("DiffuseColor", "Diffuse")
 

@@ -31,8 +31,7 @@ from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.join import MeshPart, join_parts
-from texbake.mesh.mesh import Mesh, check_corner_count
-from texbake.mesh.uv_sets import require_few_sets
+from texbake.mesh.mesh import Mesh, check_corner_count, require_few_sets
 
 
 def read_gltf(path: PathLike) -> Mesh:

@@ -51,8 +51,7 @@ from texbake.mesh.materials import (
     Placing,
     is_sheared,
 )
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.uv_sets import require_few_sets
+from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 
 _TRANSFORM = "KHR_texture_transform"
 # v down to v up, and back.

@@ -20,8 +20,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, quoted
 from texbake.limits import most_triangles
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.mesh import FloatArray
-from texbake.mesh.uv_sets import require_few_sets
+from texbake.mesh.mesh import FloatArray, require_few_sets
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""

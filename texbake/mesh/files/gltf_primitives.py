@@ -23,8 +23,7 @@ from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
 from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.join import MeshPart
-from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.uv_sets import UvSet
+from texbake.mesh.mesh import FloatArray, IntArray, UvSet
 from texbake.mesh.weld import weld_rows
 
 _UVS = "TEXCOORD"

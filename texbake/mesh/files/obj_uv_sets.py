@@ -17,9 +17,8 @@ import numpy.typing as npt
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, is_file, remove_file
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import IntArray, Mesh, UvSet
 from texbake.mesh.polygons import Outlines, triangulated
-from texbake.mesh.uv_sets import UvSet
 
 
 def uv_sets_path(path: PathLike) -> Path:

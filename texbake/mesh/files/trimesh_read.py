@@ -26,8 +26,7 @@ from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unu
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import damaged, read_array
 from texbake.mesh.interchange import from_trimesh
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.uv_sets import UvSet
+from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.weld import unique_corners, unique_rows
 
 _PACKED = 20  # times that the XML of an archive may be larger than the archive

@@ -39,9 +39,8 @@ from texbake.mesh.files.usd_stage import (
     reporting_damage,
 )
 from texbake.mesh.join import join_parts
-from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
+from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.polygons import triangulated
-from texbake.mesh.uv_sets import UvSet
 
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 

@@ -28,9 +28,8 @@ from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.join import MeshPart
-from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count
+from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.normals import with_flat_normals
-from texbake.mesh.uv_sets import UvSet
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.scene.gltf_materials import MaterialReader, SceneMaterial, set_name
 from texbake.rendering.scene.lights import Light, Lighting, Vector
