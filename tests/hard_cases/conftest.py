@@ -17,16 +17,14 @@ from texbake import Mesh, TexbakeError
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from catalog import cells  # noqa: E402
 from catalog.case import Case, only, pairwise  # noqa: E402
-from catalog.contrasts import CONTRASTS  # noqa: E402
 from catalog.geometry import GEOMETRY  # noqa: E402
 from catalog.images import IMAGES  # noqa: E402
 from catalog.mappings import MAPPINGS  # noqa: E402
 from catalog.pairs import PAIRS  # noqa: E402
 from catalog.rays import RAYS  # noqa: E402
 from catalog.scenes import SCENES  # noqa: E402
-from catalog.texture_space import TEXTURE_SPACE  # noqa: E402
+from catalog.texture_space import TEXTURE_SPACE, in_cells as cells_of  # noqa: E402
 from fuzz_formats import FORMATS  # noqa: E402
 
 MESHES = GEOMETRY + TEXTURE_SPACE
@@ -43,7 +41,6 @@ CASES: dict[str, tuple[Any, ...]] = {
     "image_case": IMAGES,
     "color_case": only(IMAGES, "color"),
     "scene_case": SCENES,
-    "contrast": CONTRASTS,
 }
 
 
@@ -79,7 +76,7 @@ def attempt() -> Callable[..., Any]:
 @pytest.fixture(scope="session")
 def in_cells() -> Callable[[Case[Mesh]], Mesh]:
     """Give a mesh without coordinates a cell of the texture for each face, without any unwrap."""
-    return cells.in_cells
+    return cells_of
 
 
 @pytest.fixture(scope="session")

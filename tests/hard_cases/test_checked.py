@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from table import PAGE, document
 
 import texbake
 from texbake.errors import MeshError
@@ -104,3 +105,7 @@ def test_a_mesh_that_does_not_show_is_one_clear_error(case_named, in_cells):
     options = StudyOptions(knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1)
     with pytest.raises(MeshError, match=r"nothing of .* shows"):
         run_study(mesh, mesh, options=options)
+
+
+def test_the_page_lists_every_case():
+    assert PAGE.read_text(encoding="utf-8") == document(), "run: python tests/hard_cases/table.py"

@@ -5,30 +5,88 @@ Each command meets each change on another mesh, and those on which it has failed
 
 import itertools
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from catalog.case import Case
-from catalog.cells import in_cells
-from invariance.changes import (
+from catalog.geometry import GEOMETRY
+from catalog.texture_space import TEXTURE_SPACE, in_cells
+from commands import PLAIN, TEXTURED
+from invariance import (
     CHANGES,
     CORNERS,
     FACES,
     KINDS,
+    LENGTH,
     PLACE,
-    QUARTER,
+    POINT,
     SCALE,
-    SHIFT,
+    TURN,
     Change,
+    Quantity,
+    Result,
+    changed,
+    faults,
+    outcome,
+    sides,
 )
-from invariance.product import COMMANDS, MESHES, UNDECIDED, faults_of
-from invariance.quantities import LENGTH, POINT, Quantity, Side, compared, sides
 
 import texbake
 from texbake import Mesh
 from texbake.jobs.options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.lighten import lighten_file
+
+MESHES = GEOMETRY + TEXTURE_SPACE
+COMMANDS = PLAIN | TEXTURED
+
+
+class Undecided(NamedTuple):
+    """Where a result depends on the change, by its nature; commands by how their names begin."""
+
+    reason: str
+    commands: tuple[str, ...]
+    kinds: tuple[str, ...]
+    meshes: set[str]
+
+
+UNDECIDED = (
+    Undecided("of faces that lie on one another, in space or in the texture, the first counts",
+              ("",), (FACES,), {
+        "duplicate faces", "duplicate faces turned", "coincident shells",
+        "sheets that cross along edges", "coordinates three deep",
+        "mirrored halves sharing vertices", "opposing neighbors", "face over the ±π seam",
+        "face that holds a pole"}),
+    Undecided("the normals around a vertex cancel, and that of its first face is taken",
+              ("",), (FACES,), {"edge of five faces", "bow-tie vertex", "Möbius strip"}),
+    Undecided("no rule gives a tangent, which is then an axis of the space",
+              ("tangents",), (TURN,), {
+        "zero-area faces", "duplicate faces turned", "bow-tie vertex", "all in one point",
+        "one index thrice", "zero-area coordinates", "coordinates of area down to 1e-24",
+        "coordinates of 1e9", "coordinates on a line", "u constant", "all coordinates equal"}),
+    Undecided("no rule gives a tangent at its vertex, and so none a normal in tangent space",
+              ("bake",), (TURN,), {"bow-tie vertex"}),
+    Undecided("from its smallest cube, several faces are equally close, and the first counts",
+              ("bake of closest points",), (FACES,), {"sizes 1 to 1e-9 in one"}),
+    Undecided("what touches a face closer than 2^-16 of the size may hide it",
+              ("bake-texture of a photograph",), (CORNERS, TURN),
+              {"duplicate faces turned", "sizes 1 to 1e-9 in one"}),
+    Undecided("the camera lies in the plane of a face, and sees it or not by rounding",
+              ("bake-texture of a photograph",), (TURN,),
+              {"duplicate faces", "wall thinner than the cage", "negative zeros"}),
+    Undecided("the middle of three sheets is seen from one side as little as from the other",
+              ("orientation",), (TURN,), {"coordinates three deep"}),
+    Undecided("float32 merges their vertices at some places, which is refused",
+              ("convert to stl", "convert to glb"), (PLACE,), {"needles", "offset 1e7 sizes"}),
+    Undecided("float64 holds few bits of it, and no power of two that makes it of unit size",
+              ("cage", "bake-texture", "normals", "transform"), (SCALE,),
+              {"subnormal coordinates"}),
+    Undecided("it has no size that lengths could be relative to",
+              ("bake", "remap", "cage"), (SCALE,), {"all in one point"}),
+    Undecided("the cage of a cube 1e-9 large reaches for points a billion times as far away",
+              ("cage",), (FACES,), {"sizes 1 to 1e-9 in one"}),
+)  # fmt: skip
 
 # Each xatlas is a process of its own, and these take a second for some meshes.
 SLOW = {
@@ -47,13 +105,12 @@ ONCE_FAILED = (
     ("unwrap projector", "torus", PLACE),
     ("unwrap cylindrical", "T-junctions", CORNERS),
     ("unwrap spherical", "T-junctions", CORNERS),
-    ("unwrap fast", "points on one line", QUARTER),
-    ("bake-texture of a photograph", "negative zeros", SHIFT),
+    ("unwrap fast", "points on one line", TURN),
     ("bake-texture of a photograph", "offset 1e7 sizes", PLACE),
     ("bake-texture of a photograph", "coordinates of 1e300", SCALE),
     ("bake-texture marble", "subnormal coordinates", FACES),
-    ("tangents", "needles", QUARTER),
-    ("tangents", "strip of 1 by 1e6", QUARTER),
+    ("tangents", "needles", TURN),
+    ("tangents", "strip of 1 by 1e6", TURN),
     ("layout", "coordinates of 1e300", SCALE),
     ("cage", "coordinates of 1e300", SCALE),
     ("repair", "coordinates of 1e300", SCALE),
@@ -80,32 +137,48 @@ def once_failed(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
             yield from ((cases[mesh], change) for change in CHANGES if change.kind == kind)
 
 
+def is_decided(command: str, change: Change, mesh: str) -> bool:
+    return not any(
+        change.kind in item.kinds and mesh in item.meshes and command.startswith(item.commands)
+        for item in UNDECIDED
+    )
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_change_of_the_mesh_changes_its_result_within_bounds(command):
-    pairs = itertools.chain(chosen(command), once_failed(command))
-    assert list(faults_of(command, pairs, in_cells)) == []
+    known: dict[tuple[str, bool], Result | str] = {}
+    wrong = []
+    for case, change in itertools.chain(chosen(command), once_failed(command)):
+        if not is_decided(command, change, case.name):
+            continue
+        found = changed(change, in_cells(case) if command in TEXTURED else case.make())
+        one, two = sides(found)
+        key = case.name, change.kind == PLACE
+        if key not in known:
+            known[key] = outcome(COMMANDS[command], one)
+        after = outcome(COMMANDS[command], two)
+        wrong += [
+            f"{case.name}, {change.kind} {change.name}: {fault}"
+            for fault in faults(known[key], after, found)
+        ]
+    assert wrong == []
 
 
-def test_a_result_that_is_not_changed_along_is_found():
+def test_a_result_that_is_not_changed_along_is_found(case_named):
     """A command that works in model units, or by the order of vertices, does not pass."""
     change = {change.kind: change for change in CHANGES}
-    case = next(case for case in MESHES if case.name == "torus")
 
-    def differ(kind: str, quantity: Quantity, of: object) -> bool:
-        changed = change[kind].applied(case.make())
-        one, two = (Quantity(values=of(side), unit=quantity.unit, bounds=quantity.bounds)
-                    for side in sides(changed))  # fmt: skip
-        return not compared({"it": one}, {"it": two}, changed)[0].holds
+    def differ(kind, of, **bounds):
+        found = changed(change[kind], case_named("torus").make())
+        return faults(*({"it": Quantity(values=of(s.mesh), **bounds)} for s in sides(found)), found)
 
-    def rounded(side: Side) -> np.ndarray:
-        return np.round(side.mesh.positions, 3)
+    def rounded(mesh):
+        return np.round(mesh.positions, 3)
 
-    like = Quantity(values=np.zeros(1), unit=POINT, bounds={SCALE: 0.0, PLACE: 0.0, FACES: 0.0})
-    assert differ(SCALE, like, rounded)
-    assert not differ(FACES, like, rounded)
-    assert not differ(SCALE, like, lambda side: side.mesh.positions)
-    length = Quantity(values=np.zeros(1), unit=LENGTH, bounds={PLACE: 0.0})
-    assert differ(PLACE, length, lambda side: np.linalg.norm(side.mesh.positions, axis=1))
+    assert differ(SCALE, rounded, unit=POINT)
+    assert not differ(FACES, rounded, unit=POINT, order=0.0)
+    assert not differ(SCALE, lambda mesh: mesh.positions, unit=POINT)
+    assert differ(PLACE, lambda mesh: np.linalg.norm(mesh.positions, axis=1), unit=LENGTH)
 
 
 def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
@@ -116,17 +189,15 @@ def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
     assert {mesh for _, mesh, _ in ONCE_FAILED} <= names
 
 
-WHOLE_JOBS = [change for change in CHANGES if change.kind == SCALE or change.kind == PLACE][1::3]
-
-
-@pytest.mark.parametrize("change", WHOLE_JOBS, ids=lambda change: change.name)
-def test_a_whole_run_changes_no_bit_of_its_maps(change, case_named, tmp_path):
-    changed = change.applied(case_named("torus").make())
+@pytest.mark.parametrize("name", ["2^50", "by 2^10 sizes"])
+def test_a_whole_run_changes_no_bit_of_its_maps(name, case_named, tmp_path):
+    (change,) = (change for change in CHANGES if change.name == name)
     options = texbake.RunOptions(n_faces=60, size=32, padding=1, quality="fast", threads=1)
     results = []
-    for name, side in zip(("one", "two"), sides(changed), strict=True):
-        (tmp_path / name).mkdir()
-        results.append(texbake.run(side.mesh, tmp_path / name, options))
+    for side in sides(changed(change, case_named("torus").make())):
+        folder = tmp_path / str(len(results))
+        folder.mkdir()
+        results.append(texbake.run(side.mesh, folder, options))
     one, two = results
     np.testing.assert_array_equal(two.low.faces, one.low.faces)
     np.testing.assert_array_equal(two.low.corner_uvs(), one.low.corner_uvs())

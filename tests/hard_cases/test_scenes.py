@@ -75,12 +75,12 @@ def test_ground_below_the_horizon_is_covered_and_above_it_not():
 
 
 @pytest.mark.parametrize("distance", [1.0, 1e3, 1e6])
-def test_a_surface_a_thousandth_in_front_hides_the_one_behind(distance):
+def test_a_surface_a_millionth_in_front_hides_the_one_behind(distance):
     """With near planes of 1e-3 and so depths of 1e-9: reversed depth keeps them apart."""
     wall = plane()
     near, far = (
         wall.replace(positions=(wall.positions - [0.5, 0.5, 0.0]) * d * 9 - [0, 0, d])
-        for d in (distance, distance * 1.001)
+        for d in (distance, distance * (1.0 + 1e-6))
     )
     red, green = (
         Material(shading="unlit", base_color=color) for color in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from catalog.case import Case
 from catalog.geometry import mesh_of
@@ -84,6 +86,21 @@ def _pole_in_a_face() -> Mesh:
     longitude = np.arctan2(points[:, 1], points[:, 0]) / (2.0 * np.pi) + 0.5
     latitude = np.arcsin(np.clip(points[:, 2], -1.0, 1.0)) / np.pi + 0.5
     return with_uvs(mesh_of(points, ball.faces), np.column_stack([longitude, latitude]))
+
+
+@cache
+def in_cells(case: Case[Mesh]) -> Mesh:
+    """Mesh of a case, with its own coordinates or one cell for each face, without any unwrap."""
+    mesh = case.make()
+    if mesh.uvs is not None:
+        return mesh
+    n = int(np.ceil(np.sqrt(mesh.n_faces)))
+    cells = np.arange(mesh.n_faces)
+    origins = np.column_stack([cells % n, cells // n]).astype(float)
+    corners = (origins[:, None] + [[0.15, 0.15], [0.85, 0.15], [0.15, 0.85]]) / n
+    return mesh.replace(
+        uvs=corners.reshape(-1, 2), uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3)
+    )
 
 
 TINY_SIDES = (1e-3, 1e-6, 1e-9, 1e-12)
