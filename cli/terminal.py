@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from texbake.progress import ProgressSink
-    from texbake.sampling.time_budget import BudgetClock
+    from texbake.sampling.rounds import BudgetClock
 
 _HEADING = {"bold": True}
 PROGRESS = ("auto", "json", "none")
@@ -91,7 +91,7 @@ class Terminal:
 
     def clock(self) -> BudgetClock:
         """Return the clock of a time budget, which began with the process."""
-        from texbake.sampling.time_budget import BudgetClock
+        from texbake.sampling.rounds import BudgetClock
 
         return BudgetClock.of_process(self.warn)
 

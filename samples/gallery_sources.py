@@ -11,8 +11,7 @@ import numpy as np
 
 import texbake
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
-from texbake.baking.texture.photo import Photo, PhotoCamera
-from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.light_maps import bake_light_maps
 from texbake.mesh.join import join_meshes

@@ -4,7 +4,7 @@ from .baking.bake import bake as bake, remap as remap
 from .baking.cage import fit_cage as fit_cage
 from .baking.options import BakeOptions as BakeOptions
 from .baking.parts.bake_parts import bake_parts as bake_parts
-from .baking.parts.options import PartsOptions as PartsOptions
+from .baking.parts.matching import PartsOptions as PartsOptions
 from .building.build import build as build
 from .building.options import BuildOptions as BuildOptions
 from .checks.check import check as check

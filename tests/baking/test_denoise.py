@@ -8,7 +8,7 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
-from texbake.baking.padding import denoised
+from texbake.baking.texel_values import denoised
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere

@@ -6,18 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from texbake.baking.adaptive_texels.bounded_maps import BakeSampling
+from texbake.baking.adaptive_texels.samples import BakeSampling
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.low_parts import BakeTarget
-from texbake.baking.parts.matching import Match, Matching
-from texbake.baking.parts.options import PartsOptions
-from texbake.baking.parts.result import PartFigures, PartsReport
-from texbake.baking.parts.target_maps import joined_reports
+from texbake.baking.parts.matching import Match, Matching, PartsOptions
+from texbake.baking.parts.result import PartFigures, PartsReport, joined_reports
 from texbake.baking.report import BakeReport, DistanceSummary
 from texbake.baking.result import BakeResult, check_texels, unseen_faces
+from texbake.baking.texture.canvas import PhotoShare, TextureReport
 from texbake.baking.texture.options import SolidOptions
-from texbake.baking.texture.result import PhotoShare, TextureReport
 from texbake.baking.trace import TraceCounts
 from texbake.errors import UvError
 from texbake.mesh.shapes import plane

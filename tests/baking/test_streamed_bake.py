@@ -98,7 +98,7 @@ def test_other_files_and_options(
 
 
 def test_hits_are_made_into_maps_in_pieces(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("texbake.baking.sums._HITS_OF_STREAM", 1001)
+    monkeypatch.setattr("texbake.baking.texel_values._HITS_OF_STREAM", 1001)
     monkeypatch.setattr("texbake.baking.trace._SAMPLES_IN_CHUNKS", 1 << 12)
     assert_same_bake(folder, "high.ply", OPTIONS, 2, monkeypatch)
 

@@ -333,7 +333,7 @@ def run_here(kind, name, size, folder, busy, options):
     """Bake or draw in this process; return its processor seconds."""
     from texbake.jobs.maps import bake_files
     from texbake.jobs.preview import preview_files
-    from texbake.sampling.time_budget import BudgetClock
+    from texbake.sampling.rounds import BudgetClock
 
     clock, threads = BudgetClock.of_process(), None
     if busy:

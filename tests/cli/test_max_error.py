@@ -11,7 +11,7 @@ from texbake_cli.main import texbake
 
 from texbake import write_mesh
 from texbake.mesh.shapes import plane
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock
 
 
 @pytest.fixture

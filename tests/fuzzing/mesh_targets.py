@@ -14,8 +14,7 @@ import texbake as tb
 from texbake.baking.bake import remap_hits
 from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
-from texbake.baking.texture.photo import Photo, PhotoCamera
-from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.mapping.atlas.cutting import cut
 from texbake.mapping.layout_svg import layout_svg

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.sampling.rounds import OutOfTimeError, Rounds, spread_rows
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock, OutOfTimeError, Rounds, spread_rows
 
 
 class Work:

@@ -4,12 +4,12 @@ import subprocess
 import sys
 import time
 
-from texbake.sampling.time_budget import BudgetClock, Round, TimeBudget, with_actual_time
+from texbake.sampling.rounds import BudgetClock, Round, TimeBudget, with_actual_time
 
 
 def test_the_clock_of_the_process_began_before_python_did_anything():
     line = (
-        "import time; time.sleep(0.3); from texbake.sampling.time_budget import BudgetClock; "
+        "import time; time.sleep(0.3); from texbake.sampling.rounds import BudgetClock; "
         "print(BudgetClock.of_process().spent)"
     )
     start = time.perf_counter()

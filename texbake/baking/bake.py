@@ -7,16 +7,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.facing import face_outwards
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import ADAPTIVE, BakeOptions
-from texbake.baking.padding import finished_maps
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import BakeReport, DistanceSummary, library_versions
 from texbake.baking.result import BakeResult, unseen_faces
-from texbake.baking.sums import TexelSums
+from texbake.baking.scenes import face_outwards
+from texbake.baking.texel_values import TexelSums, finished_maps
 from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import BakeSetup, Trace
 from texbake.errors import MissError, OptionError, UvError, counted
@@ -27,7 +26,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.time_budget import BudgetClock, with_actual_time
+from texbake.sampling.rounds import BudgetClock, with_actual_time
 
 
 def bake(

@@ -20,7 +20,7 @@ from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.time_budget import TimeBudget
+from texbake.sampling.rounds import TimeBudget
 
 _BAND = 1 << 15
 _PERCENTILES = (1, 5, 50, 95, 99)

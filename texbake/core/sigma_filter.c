@@ -8,7 +8,7 @@
    Image Processing 24(2), 1983. Departs from it: weights fall smoothly, as in Tukey's biweight, and
    not abruptly at the limit.
 
-   Called from texbake/baking/padding.py. */
+   Called from texbake/baking/texel_values.py. */
 
 #include "core.h"
 #include "numbers.h"

@@ -1,12 +1,12 @@
 /* The values of texels from those of their samples: the mean of the hits, or the first of them.
 
-   Called from texbake/baking/sums.py. */
+   Called from texbake/baking/texel_values.py. */
 
 #include <math.h>
 
 #include "core.h"
 
-/* How samples are combined, as in texbake/baking/sums.py. */
+/* How samples are combined, as in texbake/baking/texel_values.py. */
 enum { MEAN, UNIT_MEAN, FIRST };
 
 EXPORT void add_samples(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from texbake.baking.parts.high_parts import match_objects
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import PartsOptions
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakeResult
 from texbake.errors import MeshError

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
-from texbake.baking.padding import ChartPadding
+from texbake.baking.texel_values import ChartPadding
 from texbake.baking.texels import NO_FACE, SampleGrid, Samples, owned_bands, snap_uvs
 from texbake.errors import OptionError, UvError, counted
 from texbake.files import PathLike

@@ -42,7 +42,7 @@ from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
-from texbake.sampling.time_budget import BudgetClock, with_actual_time
+from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
 from texbake.texture.material_images import check_gray
 from texbake.texture.model_materials import read_materials

@@ -24,8 +24,7 @@ import numpy.typing as npt
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo import Photo, PhotoCamera
-from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
 from texbake.mesh.mesh import Mesh

@@ -17,8 +17,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts
 from texbake.baking.parts.high_parts import match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, Tiles
-from texbake.baking.parts.matching import Match, Matching
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import Match, Matching, PartsOptions
 from texbake.baking.parts.result import PartsReport, PartsResult
 from texbake.baking.rays import RayMaps
 from texbake.baking.result import WrittenMap

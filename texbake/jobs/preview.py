@@ -39,7 +39,7 @@ from texbake.rendering.render import draw_picture, plan_scene, render_scene
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.results import Costs
 from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
-from texbake.sampling.time_budget import BudgetClock, with_actual_time
+from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import FloatImage, write_image
 
 

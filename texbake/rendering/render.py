@@ -14,7 +14,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene, camera_of
 from texbake.rendering.studio import studio_scene
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock
 
 
 def render(

@@ -33,7 +33,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import VisibilityBuffer
 from texbake.rendering.results import Costs
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.time_budget import TimeBudget
+from texbake.sampling.rounds import TimeBudget
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage, write_image
 

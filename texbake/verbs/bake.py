@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.baking.memory import bake_memory
 from texbake.baking.options import BakeOptions
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder
 from texbake.jobs.outputs import JobResult, write_report

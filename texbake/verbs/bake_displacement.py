@@ -12,7 +12,7 @@ from texbake.verbs.verb import PAGE, Reads, Writes, verb
 if TYPE_CHECKING:
     from texbake.jobs.maps import MapFiles
     from texbake.progress import ProgressSink
-    from texbake.sampling.time_budget import BudgetClock
+    from texbake.sampling.rounds import BudgetClock
 
 
 @verb(

@@ -18,7 +18,7 @@ from texbake.verbs.step import FORMAT_OF_IMAGE, READ_FACE, n_faces, n_texels, st
 from texbake.verbs.verb import BITS, REPORT, THREADS, Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
-    from texbake.baking.texture.result import TextureBake, TextureReport
+    from texbake.baking.texture.canvas import TextureBake, TextureReport
     from texbake.progress import ProgressSink
 
 _CAMERA_SUFFIXES = (".toml", ".txt")
@@ -183,8 +183,7 @@ def _baked(
     cameras: Sequence[PathLike],
     progress: ProgressSink | None,
 ) -> TextureBake:
-    from texbake.baking.texture.photo import Photo, read_camera
-    from texbake.baking.texture.photos import bake_photos
+    from texbake.baking.texture.photos import Photo, bake_photos, read_camera
     from texbake.baking.texture.solid import bake_solid
     from texbake.mesh.files import read_mesh
 

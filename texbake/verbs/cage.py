@@ -66,7 +66,7 @@ def _fitted(high: Mesh, low: Mesh, margin: float | None, threads: int | None) ->
 
     from texbake.baking.cage import Cage, fit_cage
     from texbake.baking.parts.high_parts import HighMeshes, match_objects
-    from texbake.baking.parts.options import PartsOptions
+    from texbake.baking.parts.matching import PartsOptions
     from texbake.mesh.compose import excerpt
 
     paired = match_objects([high], [low], PartsOptions())

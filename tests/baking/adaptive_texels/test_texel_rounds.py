@@ -9,7 +9,7 @@ from tests.chosen_bounds import chosen_bounds
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.mesh.shapes import plane
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock
 
 
 def bumpy():

@@ -10,7 +10,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
 from texbake.baking.parts.high_parts import match_objects
 from texbake.baking.parts.low_parts import BakeTarget
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import PartsOptions
 from texbake.baking.rays import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
 from texbake.mesh.files import read_mesh

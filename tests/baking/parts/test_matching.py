@@ -5,8 +5,7 @@ import string
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.baking.parts.matching import base_of, match_names, pair_names
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import PartsOptions, base_of, match_names, pair_names
 from texbake.errors import MeshError, OptionError
 
 OPTIONS = PartsOptions(match_by_name=True)

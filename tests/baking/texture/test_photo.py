@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.baking.texture.photo import PhotoCamera, read_camera
+from texbake.baking.texture.photos import PhotoCamera, read_camera
 from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.mapping.classical.projector import camera_matrix
 from texbake.mesh.shapes import uv_sphere

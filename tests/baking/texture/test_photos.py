@@ -10,11 +10,9 @@ import pytest
 from texbake import write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.canvas import TextureCanvas, sample_steps
+from texbake.baking.texture.canvas import TextureBake, TextureCanvas, sample_steps
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo import Photo, PhotoCamera
-from texbake.baking.texture.photos import bake_photos
-from texbake.baking.texture.result import TextureBake
+from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.core import core
 from texbake.errors import OptionError, UvError
 from texbake.mesh.frame import LocalFrame

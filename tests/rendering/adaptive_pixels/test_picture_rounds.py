@@ -11,7 +11,7 @@ from texbake.mesh.shapes import icosphere
 from texbake.rendering.adaptive_pixels import samples
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render, render_scene
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock
 
 OPTIONS = RenderOptions(width=64, height=48)
 

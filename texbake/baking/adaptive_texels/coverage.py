@@ -137,7 +137,7 @@ def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 class CellSamples(Rows):
     """Samples of cells, in the order in which they are cast; see `Samples` for the other fields."""
 
-    # (n,) int32; places of the cells among all cells; see `texbake.baking.adaptive_texels.cells`.
+    # (n,) int32; places of the cells among all cells; see `Cells`.
     places: IntArray
     texel_ids: IntArray
     faces: IntArray

@@ -9,28 +9,79 @@ where they bend 6, so the check has an error of its own.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.bounded_maps import BakeSampling, BoundedMap, bounded_maps
-from texbake.baking.adaptive_texels.cells import LAST_LEVEL, NO_CHART, BoolArray, FloatArray32
 from texbake.baking.adaptive_texels.coverage import (
     N_CHECK_SAMPLES,
     check_samples,
 )
-from texbake.baking.adaptive_texels.texel_error import Refinement, estimate_for, refine
+from texbake.baking.adaptive_texels.texel_error import (
+    BoundedMap,
+    Refinement,
+    bounded_maps,
+    estimate_for,
+    refine,
+)
 from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
-from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
+from texbake.baking.adaptive_texels.texel_sampler import (
+    LAST_LEVEL,
+    NO_CHART,
+    BoolArray,
+    FloatArray32,
+    TexelSampler,
+)
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
-from texbake.baking.sums import TexelSums
+from texbake.baking.texel_values import TexelSums
 from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import Trace
 from texbake.core import portable_math as pm
-from texbake.sampling.report import check_random, n_to_check, percent_within
-from texbake.sampling.time_budget import BudgetClock, TimeBudget
+from texbake.sampling.report import (
+    SamplingReport,
+    check_random,
+    format_percents,
+    n_to_check,
+    percent_within,
+)
+from texbake.sampling.rounds import BudgetClock, TimeBudget
+
+
+@dataclass(frozen=True, kw_only=True)
+class BakeSampling(SamplingReport):
+    """What the adaptive samples of a bake achieved.
+
+    A divided texel counts by its finest samples, as if it had been sampled that finely throughout.
+    """
+
+    rays_per_texel: float  # rays cast for the maps, per texel with data
+    rays_of_check: int  # rays cast for the check
+    unbounded: tuple[str, ...] = ()  # maps without a bound, made from the samples of the others
+
+    element: ClassVar[str] = "texel"
+    most_samples: ClassVar[int] = 64
+
+    @property
+    def warnings(self) -> list[str]:
+        """One if 64 samples were too few for many texels, and one if a map has no bound."""
+        if not self.unbounded:
+            return super().warnings
+        names = ", ".join(self.unbounded)
+        return [
+            f"{self.max_error} bounds nothing of {names}: what the other maps need decides on its "
+            "samples, whatever its own errors are",
+            *super().warnings,
+        ]
+
+    def table(self) -> list[tuple[str, str]]:
+        """Rows of a label and a figure, to print."""
+        samples = (
+            f"{format_percents(self.sample_percents)}; {self.rays_per_texel:.2f} rays per texel"
+        )
+        return [("samples per texel", samples), *super().table()]
 
 
 def cast_adaptively(

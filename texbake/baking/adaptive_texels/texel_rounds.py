@@ -12,26 +12,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.baking.adaptive_texels.bounded_maps import bounded_maps
-from texbake.baking.adaptive_texels.cells import LAST_LEVEL, NO_CHART, Division, FloatArray32
 from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES
 from texbake.baking.adaptive_texels.texel_error import (
     FOUR_SAMPLES,
     ONE_SAMPLE,
     Refinement,
+    bounded_maps,
     estimate_for,
     refine,
 )
-from texbake.baking.adaptive_texels.texel_sampler import TexelSampler
+from texbake.baking.adaptive_texels.texel_sampler import (
+    LAST_LEVEL,
+    NO_CHART,
+    Division,
+    FloatArray32,
+    TexelSampler,
+)
 from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
-from texbake.baking.padding import finished_maps
-from texbake.baking.sums import TexelSums
+from texbake.baking.texel_values import TexelSums, finished_maps
 from texbake.progress import Stages
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
 from texbake.sampling.report import CHECKED_SHARE
-from texbake.sampling.rounds import OutOfTimeError, Rounds, spread_rows
-from texbake.sampling.time_budget import BudgetClock, TimeBudget
+from texbake.sampling.rounds import BudgetClock, OutOfTimeError, Rounds, TimeBudget, spread_rows
 
 # The closest bounds where none is given: about what 16-bit maps round off.
 _CLOSEST = ErrorBounds(angle=math.radians(0.004), share=1e-6)

@@ -1,12 +1,22 @@
-"""Casts the samples of texels and of their cells, and keeps the values that they give."""
+"""Texels divided into quarters, and these again: where their samples lie, cast and kept.
+
+Cells of level 0 are the texels, all of them; a cell that is divided has four children on the next
+level. Each cell has one sample, where `core/quadtree.c` puts it. A texel that is certain to need it
+is divided twice at once, and its cells of level 1 have no samples.
+
+Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
+23(6), 1980. Departs from it by samples at the middles of cells, which are exact where values change
+evenly, and by one bound for the whole texel.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.cells import BoolArray, Cells, Level, in_tiles
 from texbake.baking.adaptive_texels.coverage import (
     FULL,
     CellSamples,
@@ -21,7 +31,197 @@ from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
 from texbake.baking.trace import SampleCaster, Trace
+from texbake.core import core
 from texbake.mesh.mesh import IntArray
+from texbake.parallel import run_bands
+
+NO_CHART = -1
+NO_CHILD = -1
+LAST_LEVEL = 3  # 64 cells per texel
+
+FloatArray32 = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """The cells of one level; those of one parent, and those of one texel, are adjacent."""
+
+    first: int  # place of the first one among all cells; the others follow
+    texels: IntArray  # (n,) int32; row times width plus column
+    # (n,) uint8; `FINE` times row plus column of the cell within its texel.
+    spots: npt.NDArray[np.uint8]
+    weights: npt.NDArray[np.uint8]  # (n,) uint8; how many of its sub-squares are covered
+    # Each (n,) int32; place of the same cell in each earlier division whose samples are reused,
+    # `NO_CHILD` for none.
+    origins: list[IntArray]
+
+    def __len__(self) -> int:
+        return len(self.texels)
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """How the texels are divided: the levels of cells, and the first child of each texel."""
+
+    levels: list[Level]
+    children: IntArray
+
+
+class Cells:
+    """All cells: the texels, each at the place of its id, then one level after another.
+
+    Attributes
+    ----------
+    values : (n, C) float32
+        Values of the samples, of all maps side by side.
+    charts : (n,) int32
+        Chart that the sample lies in, `NO_CHART` where there is no value.
+    children : (n,) int32
+        Place of the first of four children, `NO_CHILD` for none.
+    is_cast : (n,) bool
+        Whether the sample was cast, also if it hit nothing.
+    levels : list of Level
+        From level 1 on.
+
+    The texels can be divided again, more or less finely. Values sampled so far stay in memory, and
+    cells of the new division reuse them.
+    """
+
+    def __init__(self, n_texels: int, n_channels: int) -> None:
+        # Memory that is never written to costs nothing, so this leaves room for many levels.
+        n_room = 4 * n_texels + 1024
+        self._n = self._n_texels = n_texels
+        self.values = np.empty((n_room, n_channels), dtype=np.float32)
+        self.charts = np.empty(n_room, dtype=np.int32)
+        self.children = np.empty(n_room, dtype=np.int32)
+        self.is_cast = np.zeros(n_room, dtype=np.bool_)
+        self.charts[:n_texels] = NO_CHART
+        self.children[:n_texels] = NO_CHILD
+        self.levels: list[Level] = []
+        self._sources: list[Division] = []
+
+    @property
+    def division(self) -> Division:
+        """How the texels are divided now."""
+        return Division(self.levels, self.children[: self._n_texels].copy())
+
+    def restart(self, sources: list[Division]) -> None:
+        """Begin a new division of the texels, which takes over samples from earlier ones."""
+        self._sources = sources
+        self.children[: self._n_texels] = NO_CHILD
+        self.levels = []
+
+    def restore(self, division: Division) -> None:
+        """Return to an earlier division."""
+        self.levels = division.levels
+        self.children[: self._n_texels] = division.children
+
+    def add(self, divided: IntArray, coverage: TexelCoverage) -> Level:
+        """Divide some cells of the last level, given by their places, into four children each."""
+        first, n = self._n, 4 * len(divided)
+        self._make_room(first + n)
+        new = slice(first, first + n)
+        self.charts[new] = NO_CHART
+        self.children[new] = NO_CHILD
+        self.is_cast[new] = False
+        level = Level(
+            first,
+            np.empty(n, dtype=np.int32),
+            np.empty(n, dtype=np.uint8),
+            np.empty(n, dtype=np.uint8),
+            [self._origins_of(divided, source) for source in range(len(self._sources))],
+        )
+        k, parents = len(self.levels) + 1, self.levels[-1] if self.levels else None
+        texels = divided if parents is None else parents.texels[divided - parents.first]
+        spots = (
+            np.zeros(len(divided), dtype=np.uint8)
+            if parents is None
+            else parents.spots[divided - parents.first]
+        )
+        core.write_children(
+            k, first, divided, texels, spots, *coverage.arrays,
+            self.children, level.texels, level.spots, level.weights,
+        )  # fmt: skip
+        self.levels.append(level)
+        self._n = first + n
+        return level
+
+    def _make_room(self, n: int) -> None:
+        if n <= len(self.charts):
+            return
+        n_room = max(n, 2 * len(self.charts))
+        for name in ("values", "charts", "children", "is_cast"):
+            old = getattr(self, name)
+            new = np.empty((n_room, *old.shape[1:]), dtype=old.dtype)
+            new[: self._n] = old[: self._n]
+            setattr(self, name, new)
+
+    def _origins_of(self, divided: IntArray, source: int) -> IntArray:
+        """Places that the children of some cells have in an earlier division, or `NO_CHILD`."""
+        if self.levels:
+            parents = self.levels[-1].origins[source][divided - self.levels[-1].first]
+            firsts = np.where(parents == NO_CHILD, np.int32(NO_CHILD), self.children[parents])
+        else:
+            firsts = self._sources[source].children[divided]
+        places = firsts[:, np.newaxis] + np.arange(4, dtype=np.int32)
+        places[firsts == NO_CHILD] = NO_CHILD
+        return np.asarray(places.reshape(-1), dtype=np.int32)
+
+    def take_over(self, level: Level, cells: IntArray) -> IntArray:
+        """Reuse the samples of earlier divisions; return the cells without any.
+
+        These are moved to the front of `cells`. Kernel: `core/quadtree.c`.
+        """
+        for origins in level.origins:
+            n_left = core.take_over_samples(
+                origins, level.first, cells, self.is_cast, self.charts, self.values
+            )
+            cells = cells[:n_left]
+        return cells
+
+    def keep(
+        self, places: IntArray, charts: IntArray, values: FloatArray32, first_channel: int,
+        threads: int | None,
+    ) -> None:  # fmt: skip
+        """Keep the values of some cells of one map, whose channels begin at `first_channel`."""
+
+        def keep(start: int, stop: int) -> None:
+            core.keep_values(
+                places[start:stop], charts[start:stop], values[start:stop], first_channel,
+                self.charts, self.values,
+            )  # fmt: skip
+
+        run_bands(keep, len(places), band=1 << 16, threads=threads)
+
+    def firsts(self, n_texels: int, channels: slice) -> FloatArray32:
+        """(n_texels, C) float32: value of the first sample of each texel that hit, or 0."""
+        values = np.zeros((n_texels, channels.stop - channels.start), dtype=np.float32)
+        is_set = self.charts[:n_texels] != NO_CHART
+        values[is_set] = self.values[:n_texels][is_set, channels]
+        for level in self.levels:
+            has_value = self.charts[level.first : level.first + len(level)] != NO_CHART
+            new = np.flatnonzero(has_value & ~is_set[level.texels])
+            texels = level.texels[new]
+            values[texels[::-1]] = self.values[level.first + new[::-1], channels]
+            is_set[texels] = True
+        return values
+
+
+def in_tiles(chosen: BoolArray, n_chosen: int) -> IntArray:
+    """Return the ids of the chosen texels, given as (height, width) bool, tile by tile."""
+    ids = np.empty(n_chosen, dtype=np.int32)
+    core.list_in_tiles(chosen, ids)
+    return ids
+
+
+def gather(cells: Cells, level: Level, sums: FloatArray32, areas: FloatArray32) -> None:
+    """Add the undivided cells of a level to sums (n_texels, C) and covered areas (n_texels,)."""
+    core.add_leaves(
+        level.first, level.texels, level.weights, cells.children, cells.charts, cells.values,
+        sums, areas,
+    )  # fmt: skip
+
 
 # So few that what one step writes is still in the cache when the next one reads it.
 _SAMPLES_AT_ONCE = 1 << 17

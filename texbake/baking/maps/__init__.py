@@ -7,13 +7,13 @@ coding, options, reports) follows from the declaration.
 
 from __future__ import annotations
 
-from texbake.baking.maps import channels, geometry, occlusion, surface
+from texbake.baking.maps import geometry, occlusion, surface
 from texbake.baking.maps.kind import INNER, OUTER, MapKind
 from texbake.errors import OptionError
 
 __all__ = ["INNER", "MAPS", "MAP_NAMES", "MATERIAL_MAPS", "OUTER", "MapKind", "map_kinds"]
 
-_KINDS = (*geometry.KINDS, *surface.KINDS, *channels.KINDS, *occlusion.KINDS)
+_KINDS = (*geometry.KINDS, *surface.KINDS, *occlusion.KINDS)
 MAPS: dict[str, MapKind] = {kind.name: kind for kind in _KINDS}
 MAP_NAMES = tuple(MAPS)
 # Maps made from the materials of the high-poly mesh.

@@ -14,20 +14,23 @@ from pathlib import Path
 import numpy as np
 
 from texbake.baking.bake import BakeRun, bake, check_maps
-from texbake.baking.facing import face_outwards
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.high_parts import HighMeshes, NamedPart, match_objects, match_parts
 from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
-from texbake.baking.parts.matching import Matching
-from texbake.baking.parts.options import PartsOptions
-from texbake.baking.parts.result import PartFigures, PartsReport, PartsResult, target_name
-from texbake.baking.parts.target_maps import TargetMaps
+from texbake.baking.parts.matching import Matching, PartsOptions
+from texbake.baking.parts.result import (
+    PartFigures,
+    PartsReport,
+    PartsResult,
+    TargetMaps,
+    target_name,
+)
 from texbake.baking.rays import RayMaps, checked_cage
 from texbake.baking.report import DistanceSummary
 from texbake.baking.result import BakeResult
-from texbake.baking.scenes import BakeScenes
+from texbake.baking.scenes import BakeScenes, face_outwards
 from texbake.errors import OptionError, TexbakeError, UvError, quoted
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -38,7 +41,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.raycast.scene import RayScene
-from texbake.sampling.time_budget import BudgetClock
+from texbake.sampling.rounds import BudgetClock
 
 # Returns the images that change the rays of a set of maps.
 RayMapsOf = Callable[[BakeTarget], RayMaps | None]

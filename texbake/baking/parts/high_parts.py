@@ -13,8 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.parts.matching import Matching, has_suffix, match_names, pair_names
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import (
+    Matching,
+    PartsOptions,
+    has_suffix,
+    match_names,
+    pair_names,
+)
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, used_rows
 from texbake.mesh.join import join_meshes

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from texbake.baking.file_names import FIRST_TILE
 from texbake.baking.parts.high_parts import NamedPart
-from texbake.baking.parts.options import PartsOptions
+from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import MeshError, UvError
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.compose import excerpt

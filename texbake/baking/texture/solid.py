@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.baking.rays import RayField
-from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
+from texbake.baking.texture.canvas import TextureBake, TextureCanvas, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
-from texbake.baking.texture.result import TextureBake
 from texbake.errors import MeshError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh

@@ -39,8 +39,7 @@ from texbake.rendering.effect import RenderState
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.sampling.bounds import CODES, format_codes, parse_picture_bound
-from texbake.sampling.rounds import Rounds, spread_rows
-from texbake.sampling.time_budget import BudgetClock, TimeBudget, with_actual_time
+from texbake.sampling.rounds import BudgetClock, Rounds, TimeBudget, spread_rows, with_actual_time
 from texbake.texture.image import FloatImage
 
 FIRST = Sides(seen=4, shaded=1)
