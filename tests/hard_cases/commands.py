@@ -32,12 +32,11 @@ from invariance import (
     fixed,
     number,
 )
-from texbake.baking.texture.photo import Photo, PhotoCamera
 
 import texbake
 from texbake.baking.result import BakedMap
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
-from texbake.baking.texture.photos import bake_photos
+from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.export.export import share_elsewhere
 from texbake.jobs.uv_pictures import render_checker
