@@ -1,6 +1,8 @@
-"""The checks of every call, on a function of the test."""
+"""Declarations of the core, and the checks of every call by them."""
 
 import ctypes
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,35 +67,6 @@ def test_empty_arrays_are_arrays(add, seen):
     assert seen[0][0] == 0
 
 
-def wrong_arguments():
-    values, mask, sums = arrays()
-    read_only = sums.copy()
-    read_only.flags.writeable = False
-    unaligned = np.zeros(8 * 5 + 1, dtype=np.uint8)[1:].view(np.float64)
-    return {
-        "a list": ((values.tolist(), mask, sums), TypeError, "values: it is a list"),
-        "another dtype": ((values.astype("f4"), mask, sums), TypeError, "dtype float32"),
-        "another byte order": ((values.astype(">f8"), mask, sums), TypeError, "dtype >f8"),
-        "too few": ((values, mask[1:], sums), ValueError, r"mask: .*shape \(3,\)"),
-        "too many": ((values, mask, np.zeros(9)), ValueError, r"sums: .*\(n \+ 1\) with n = 4"),
-        "a fixed size": ((np.zeros((4, 3)), mask, sums), ValueError, r"values: .*\(4, 3\)"),
-        "another rank": ((values.ravel(), mask, sums), ValueError, r"values: .*shape \(8,\)"),
-        "not contiguous": ((values, np.ones(8, bool)[::2], sums), ValueError, "not contiguous"),
-        "columns first": ((np.asfortranarray(values), mask, sums), ValueError, "not contiguous"),
-        "not aligned": ((values, mask, unaligned), ValueError, "not contiguous and aligned"),
-        "read-only": ((values, mask, read_only), ValueError, "sums: it is read-only"),
-        "missing": ((None, mask, sums), TypeError, "values: it is a NoneType"),
-    }
-
-
-@pytest.mark.parametrize("name", wrong_arguments())
-def test_a_wrong_array_is_an_error_before_the_call(add, seen, name):
-    given, error, message = wrong_arguments()[name]
-    with pytest.raises(error, match=f"add: .*{message}|add: {message}"):
-        add(*given, 1.0)
-    assert seen == []
-
-
 @pytest.mark.parametrize("scale", ["1", None, [1.0]])
 def test_a_wrong_number_is_an_error_before_the_call(add, seen, scale):
     with pytest.raises(ctypes.ArgumentError):
@@ -126,3 +99,165 @@ def test_a_size_that_is_a_product_does_not_overflow():
     with pytest.raises(ValueError, match=r"firsts: .*shape \(1,\)"):
         core.bin_faces(corners, 1 << 62, 4, np.zeros(1, np.int64), None)
     core.bin_faces(corners, 1, 1, np.zeros(2, np.int64), None)
+
+
+SOURCES = Path(__file__).parents[2] / "texbake" / "core"
+
+HEADER = """
+int64_t smooth(
+    int64_t n, int64_t width,
+    const float image[n][width][3], OPTIONAL const bool mask[n * width],
+    double result[restrict n + 1], double weight);
+void nothing(void);
+"""
+
+
+def declaration(name, header=HEADER):
+    return read_prototype(split_prototypes(header)[name])
+
+
+def test_a_prototype_is_read_whole():
+    smooth = declaration("smooth")
+    rows = [
+        (each.name, each.dtype, each.dimensions, each.written, each.optional)
+        for each in smooth.parameters
+    ]
+    assert smooth.result == "int64_t"
+    assert rows == [
+        ("n", "int64", (), False, False),
+        ("width", "int64", (), False, False),
+        ("image", "float32", ("n", "width", "3"), False, False),
+        ("mask", "bool", ("n * width",), False, True),
+        ("result", "float64", ("n + 1",), True, False),
+        ("weight", "float64", (), False, False),
+    ]
+
+
+def test_sizes_come_from_the_shapes_that_tell_them():
+    told = {
+        size: [(array.name, axis, offset) for array, axis, offset in sources]
+        for size, sources in declaration("smooth").derived.items()
+    }
+    assert told == {"n": [("image", 0, 0), ("result", 0, -1)], "width": [("image", 1, 0)]}
+
+
+def test_a_size_that_no_dimension_is_alone_stays_an_argument():
+    header = "void fill(int64_t rows, int64_t columns, float image[rows * columns]);"
+    assert declaration("fill", header).derived == {}
+
+
+def test_a_function_without_parameters():
+    assert set(split_prototypes(HEADER)) == {"smooth", "nothing"}
+    assert declaration("nothing").parameters == ()
+
+
+@pytest.mark.parametrize("parameter", ["float *image", "struct arena arena", "unsigned n"])
+def test_what_the_table_cannot_say_is_an_error(parameter):
+    with pytest.raises(ValueError, match="cannot read the parameter"):
+        declaration("wrong", f"void wrong({parameter});")
+
+
+def test_every_file_of_the_core_names_who_calls_it():
+    modules = [path.as_posix() for path in SOURCES.parent.rglob("*.*")]
+    wrong = []
+    for path in SOURCES.glob("*.c"):
+        callers = re.search(r"Called from (.*?)\*/", path.read_text("utf-8"), re.S)
+        names = re.findall(r"[\w/]+\.(?:py|[ch])\b", callers[1]) if callers else []
+        known = [name for name in names if any(file.endswith(f"/{name}") for file in modules)]
+        if path.name != "arena.c" and (callers is None or known != names):
+            wrong.append((path.name, names))
+    assert wrong == []
+
+
+def test_the_library_knows_every_function_that_is_marked():
+    marks = [
+        re.findall("^EXPORT .*?(\\w+)\\(", path.read_text("utf-8"), re.M)
+        for path in SOURCES.glob("*.c")
+    ]
+    assert set(core._prototypes) == {name for names in marks for name in names}
+
+
+SIZE = 5  # of every dimension that the caller states
+DECLARATIONS = {name: read_prototype(text) for name, text in core._prototypes.items()}
+WITH_ARRAYS = [
+    name
+    for name, declaration in DECLARATIONS.items()
+    if any(parameter.dimensions for parameter in declaration.parameters)
+]
+
+
+class NeverCalled:
+    """In the place of a function of the core."""
+
+    def __call__(self, *arguments):
+        raise AssertionError("the function was called")
+
+
+def right_value(parameter, sizes):
+    """An argument that is as declared."""
+    if parameter.dimensions:
+        shape = tuple(max(0, eval(size, {}, sizes)) for size in parameter.dimensions)
+        return np.zeros(shape, parameter.dtype)
+    return {"bool": False, "double": 1.0, "float": 1.0}.get(parameter.dtype, SIZE)
+
+
+def words(expression):
+    return set(re.findall(r"[A-Za-z_]\w*", expression))
+
+
+def size_is_free(declaration, array, axis):
+    """Whether only this axis tells a size, so that any length of it is right."""
+    tells = any(
+        sources[0][0] is array and sources[0][1] == axis for sources in declaration.derived.values()
+    )
+    mine = words(array.dimensions[axis])
+    others = [
+        size
+        for parameter in declaration.parameters
+        for k, size in enumerate(parameter.dimensions)
+        if parameter is not array or k != axis
+    ]
+    return tells and not any(mine & words(size) for size in others)
+
+
+def wrong_values(declaration, array, right):
+    """Wrong arguments in the place of one array, by what is wrong with them."""
+    yield "a list", right.tolist()
+    yield "dtype", right.astype(np.float64 if right.dtype == np.float32 else np.float32)
+    yield "rank", right[None]
+    if right.dtype.itemsize > 1:
+        yield "byte order", right.astype(right.dtype.newbyteorder(">"))
+        if right.size:
+            shifted = np.zeros(right.nbytes + 1, np.uint8)[1:]
+            yield "alignment", shifted.view(right.dtype).reshape(right.shape)
+    if right.size > 1:
+        wide = np.zeros((*right.shape[:-1], 2 * right.shape[-1]), right.dtype)
+        yield "strides", wide[..., ::2]
+    if not array.optional:
+        yield "None", None
+    if array.written:
+        fixed = right.copy()
+        fixed.flags.writeable = False
+        yield "read-only", fixed
+    for axis in range(right.ndim):
+        if not size_is_free(declaration, array, axis):
+            longer = list(right.shape)
+            longer[axis] += 1
+            yield f"length of axis {axis}", np.zeros(longer, right.dtype)
+
+
+@pytest.mark.parametrize("name", WITH_ARRAYS)
+def test_wrong_arrays_are_refused(name):
+    declaration = DECLARATIONS[name]
+    function = bind(declaration, NeverCalled())
+    sizes = {each.name: SIZE for each in declaration.parameters if not each.dimensions}
+    for array in declaration.parameters:
+        if not array.dimensions:
+            continue
+        for what, wrong in wrong_values(declaration, array, right_value(array, sizes)):
+            arguments = [
+                wrong if each is array else right_value(each, sizes) for each in declaration.given
+            ]
+            with pytest.raises((TypeError, ValueError), match=f"^{name}: "):
+                function(*arguments)
+                pytest.fail(f"{array.name}: {what}")

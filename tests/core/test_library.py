@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import cache
 
+import numpy as np
 import pytest
 
 from texbake.core import builds, core, library
@@ -19,7 +20,7 @@ def test_an_unknown_function_is_an_attribute_error():
 
 
 def test_a_function_is_bound_once():
-    assert core.solve_blocks is core.solve_blocks
+    assert core.merge_labels is core.merge_labels
 
 
 def test_every_declared_function_is_exported_by_every_build():
@@ -60,31 +61,10 @@ def test_a_broken_library_is_an_error_of_one_line(monkeypatch, tmp_path):
 
 def test_too_much_memory_is_an_error_and_no_crash():
     """An arena that cannot grow goes back to the caller, and the next call works."""
-    script = """
-import numpy as np
-from texbake.core import core
-
-def solve(n, n_regions):
-    rows = np.arange(n + 1, dtype=np.int64)
-    columns = np.arange(n, dtype=np.int32)
-    blocks = np.tile([2.0, 0.0, 0.0, 2.0], (n, 1))
-    regions = (np.arange(n) % n_regions).astype(np.int32)
-    solution = np.empty((n, 2))
-    target = np.ones((n, 2))
-    core.solve_blocks(rows, columns, blocks, target, target, regions, solution, 1e-9, 10)
-    return solution
-
-solve(10, 1)
-try:
-    solve(400_000, 400_000)  # a dense system of 1.2 million rows: 11.5 TB
-except MemoryError as error:
-    print(error)
-print(solve(10, 1)[0, 0])
-"""
-    finished = subprocess.run(
-        [sys.executable, "-P", "-c", script], capture_output=True, text=True, check=True
-    )
-    assert finished.stdout == "solve_blocks: not enough memory\n0.5\n"
+    faces, components = np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.empty(2, np.int32)
+    with pytest.raises(MemoryError, match="number_components: not enough memory"):
+        core.number_components(1 << 50, faces, components)
+    assert core.number_components(6, faces, components) == 2
 
 
 WHOLE_JOB = """

@@ -36,8 +36,6 @@ SEED_BYTES = 1024
 
 # Functions of the core that no target and no format reaches, and why.
 UNREACHED = {
-    "find_regions": "only tests call it, to look into the solver that `flatten_patch` uses",
-    "solve_blocks": "only tests call it, to look into the solver that `flatten_patch` uses",
     "take_over_samples": "bakes of a few texels do not divide a texel twice; its tests do",
     "has_x86_64_v3": "it takes nothing, and is called while the library is chosen",
 }

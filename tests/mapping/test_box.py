@@ -173,13 +173,6 @@ def test_without_any_area_all_is_the_front():
     assert (box_sides(mesh).sides == 4).all()
 
 
-def test_opposite_windings_are_opposite_sides():
-    mesh = Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], faces=[[0, 1, 2], [1, 2, 3]]
-    )
-    assert box_sides(mesh).sides.tolist() == [4, 5]
-
-
 def test_padding_that_leaves_nothing_is_one_clear_error():
     with pytest.raises(OptionError, match=r"padding: 5 texels .* leave nothing of 20 x 20"):
         mapped(cube(), size=20, padding=5)

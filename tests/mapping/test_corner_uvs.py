@@ -8,7 +8,6 @@ from texbake.mapping.corner_uvs import (
     faces_of_group,
     joined_corners,
     measurable_uvs,
-    selected,
     signed_areas,
     surface_areas,
 )
@@ -63,13 +62,6 @@ def test_a_group_that_is_not_there_names_those_that_are(name: str) -> None:
         faces_of_group(cube(), name)
 
 
-def test_selected_faces_keep_coordinates_and_groups() -> None:
-    mesh = grouped(plane(3, 3))
-    part = selected(mesh, faces_of_group(mesh, "b"))
-    assert np.array_equal(part.corner_uvs(), mesh.corner_uvs()[1::3])
-    assert part.face_groups is not None and set(part.face_groups) == {1}
-
-
 @pytest.mark.parametrize("method", ["planar", "atlas"])
 def test_only_one_group_is_mapped(method: str) -> None:
     mesh = grouped(plane(3, 3))
@@ -99,9 +91,3 @@ def test_coordinates_too_far_out_to_be_measured_are_one_clear_error(far: float) 
     for measure in (measurable_uvs, distortion, draw_layout, layout_svg):
         with pytest.raises(UvError, match=r"tiles from the origin"):
             measure(mesh)
-
-
-def test_coordinates_that_can_be_measured_come_back_as_they_are() -> None:
-    mesh = plane(2, 2).replace(uvs=plane(2, 2).uvs * 1e75)
-    assert np.array_equal(measurable_uvs(mesh), mesh.corner_uvs())
-    assert np.isfinite(signed_areas(mesh.corner_uvs()) ** 2).all()

@@ -1,13 +1,16 @@
+"""Stretch, charts and tiles, against singular values and figures by hand."""
+
 import json
 import math
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from texbake.errors import UvError
 from texbake.mapping.distortion import distortion
+from texbake.mapping.stretch import face_stretch, stretch_by_group
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
@@ -48,28 +51,6 @@ def test_similarities_have_no_distortion(angle: float, log_size: float, log_text
     assert found.n_mirrored == found.n_degenerate == found.n_collapsed == found.n_overlapping == 0
 
 
-def test_twice_as_long_one_way() -> None:
-    # σ = √2 and 1/√2 once areas are equal.
-    found = distortion(mapped(plane(4, 4), [[2.0, 0.0], [0.0, 1.0]])).stretch
-    assert found.l2 == pytest.approx(math.sqrt((2.0 + 0.5) / 2.0))
-    assert found.linf == pytest.approx(math.sqrt(2.0))
-    assert found.symmetric_dirichlet == pytest.approx(2.0 * (2.0 + 0.5))
-    assert found.quasi_conformal == pytest.approx(2.0)
-    assert found.angle == pytest.approx(2.0 + 0.5 - 2.0)
-    assert found.area == pytest.approx(0.0, abs=1e-12)
-
-
-@given(st.floats(0.01, 5.0))
-def test_shear(k: float) -> None:
-    # [[1, k], [0, 1]]: σ1 σ2 = 1 and σ1² + σ2² = 2 + k², whose roots are (√(k² + 4) ± k) / 2.
-    greater = (math.sqrt(k * k + 4.0) + k) / 2.0
-    found = distortion(mapped(plane(2, 2), [[1.0, k], [0.0, 1.0]])).stretch
-    assert found.l2 == pytest.approx(math.sqrt((2.0 + k * k) / 2.0))
-    assert found.linf == pytest.approx(greater)
-    assert found.symmetric_dirichlet == pytest.approx(2.0 * (2.0 + k * k))
-    assert found.quasi_conformal == pytest.approx(greater**2)
-
-
 def test_two_charts_of_unlike_size() -> None:
     # Areas 1 and 4 in the texture, 1 and 1 in space: σ² = 2/5 and 8/5 once totals are equal.
     found = distortion(squares_of_scales(1.0, 2.0), size=100)
@@ -91,44 +72,6 @@ def test_two_charts_of_unlike_size() -> None:
     # 100 and 200 texels per unit.
     assert found.texel_density == pytest.approx(math.sqrt((100.0**2 + 200.0**2) / 2.0))
     assert found.texel_density_variation == pytest.approx(50.0 / 150.0)
-
-
-def test_a_prism_unrolled_keeps_its_shape_and_has_one_seam() -> None:
-    n, height = 12, 3.0
-    angles = 2.0 * math.pi * np.arange(n) / n
-    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    low, high = (np.insert(ring, 2, z, axis=1) for z in (0.0, height))
-    side = 2.0 * math.sin(math.pi / n)
-    here = np.arange(n)
-    after, columns = (here + 1) % n, here + 1
-    faces = np.concatenate(
-        [np.stack([here, after, n + after], 1), np.stack([here, n + after, n + here], 1)]
-    )
-    m = n + 1
-    uv_faces = np.concatenate(
-        [np.stack([here, columns, m + columns], 1), np.stack([here, m + columns, m + here], 1)]
-    )
-    u = np.arange(m) * side
-    uvs = np.concatenate([np.stack([u, 0 * u], 1), np.stack([u, 0 * u + height], 1)]) / (n * side)
-    found = distortion(
-        Mesh(positions=np.concatenate([low, high]), faces=faces, uvs=uvs, uv_faces=uv_faces)
-    )
-    assert found.stretch.l2 == pytest.approx(1.0, abs=1e-12)
-    assert found.stretch.symmetric_dirichlet == pytest.approx(4.0, abs=1e-12)
-    assert found.seam_length == pytest.approx(height, rel=1e-12)
-    assert found.n_charts == 1
-
-
-def test_a_mirrored_face_has_infinite_stretch_and_finite_angles() -> None:
-    found = distortion(mapped(plane(), [[-1.0, 0.0], [0.0, 1.0]]))
-    assert found.n_mirrored == 2
-    assert math.isinf(found.stretch.l2)
-    assert math.isinf(found.stretch.linf)
-    assert math.isinf(found.stretch.symmetric_dirichlet)
-    assert found.stretch.quasi_conformal == pytest.approx(1.0)
-    written = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    assert written["l2"] is None
-    assert written["n_mirrored"] == 2
 
 
 def test_faces_without_area_are_counted_and_left_out() -> None:
@@ -229,3 +172,64 @@ def test_errors() -> None:
     faces = np.array([[0, 1, 2]], dtype=np.int32)
     with pytest.raises(UvError, match=r"none of its faces has an area; .* texbake info"):
         distortion(Mesh(positions=line, faces=faces, uvs=line[:, :2], uv_faces=faces))
+
+
+def triangle_soup(seed: int, n: int = 20) -> Mesh:
+    """Triangles of any shape, upright and mirrored ones, none of them thin."""
+    random = np.random.default_rng(seed)
+    angles = random.uniform(0.0, 2.0 * np.pi, (n, 1)) + np.array([0.0, 2.0, 4.0])
+    flat = np.stack([np.cos(angles), np.sin(angles)], axis=2) * random.uniform(0.5, 2, (n, 3, 1))
+    frames = np.linalg.qr(random.normal(size=(n, 3, 3)))[0][:, :, :2]
+    corners = np.einsum("fij,fcj->fci", frames, flat) + random.normal(size=(n, 1, 3))
+    maps = random.normal(size=(n, 2, 2)) + 0.3 * np.eye(2)
+    uvs = np.einsum("fij,fcj->fci", maps, flat) + random.normal(size=(n, 1, 2))
+    each = np.arange(3 * n, dtype=np.int32).reshape(-1, 3)
+    return Mesh(positions=corners.reshape(-1, 3), faces=each, uvs=uvs.reshape(-1, 2), uv_faces=each)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_singular_values_are_those_of_the_matrix_from_texture_to_surface(seed: int) -> None:
+    mesh = triangle_soup(seed)
+    found = face_stretch(mesh)
+    corners, uvs = mesh.positions[mesh.faces], mesh.corner_uvs()
+    edges_uv = np.stack([uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]], axis=2)
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    expected = np.linalg.svd(edges @ np.linalg.inv(edges_uv), compute_uv=False)
+    area = np.linalg.norm(np.cross(edges[:, :, 0], edges[:, :, 1]), axis=1).sum()
+    expected *= np.sqrt(np.abs(np.linalg.det(edges_uv)).sum() / area)
+    # 1e-6: the inverse loses what the coordinates of a face nearly without area lack.
+    assert found.greatest == pytest.approx(expected[:, 0], rel=1e-6)
+    assert found.least == pytest.approx(expected[:, 1], rel=1e-6)
+    assert np.array_equal(found.mirrored, np.linalg.det(edges_uv) < 0.0)
+    assert found.l2 == pytest.approx(np.sqrt((expected**2).sum(axis=1) / 2.0), rel=1e-6)
+
+
+def test_groups_are_summed_up_by_area() -> None:
+    mesh = triangle_soup(1)
+    found = face_stretch(mesh)
+    groups = np.arange(20) % 3
+    for group, stretch in enumerate(stretch_by_group(found, groups, turned=True)):
+        own = groups == group
+        weights = found.areas[own] / found.areas[own].sum()
+        squares = found.greatest[own] ** 2 + found.least[own] ** 2
+        inverses = found.greatest[own] ** -2.0 + found.least[own] ** -2.0
+        assert stretch.l2 == pytest.approx(np.sqrt((squares * weights).sum() / 2.0))
+        assert stretch.linf == found.greatest[own].max()
+        assert stretch.symmetric_dirichlet == pytest.approx(((squares + inverses) * weights).sum())
+        ratios = found.greatest[own] / found.least[own]
+        assert stretch.quasi_conformal == pytest.approx((ratios * weights).sum())
+
+
+def test_only_groups_with_a_mirrored_face_are_infinite() -> None:
+    mesh = plane(2, 1)
+    assert mesh.uvs is not None
+    uvs = np.concatenate([mesh.uvs, [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]])
+    uv_faces = np.array(mesh.uv_faces)
+    uv_faces[0] = [6, 7, 8]  # clockwise
+    found = face_stretch(mesh.replace(uvs=uvs, uv_faces=uv_faces))
+    stretch = stretch_by_group(found, np.array([0, 1, 1, 1]))
+    assert found.mirrored.tolist() == [True, False, False, False]
+    assert [np.isinf(s.l2) for s in stretch] == [True, False]
+    assert stretch[0].to_json()["l2"] is None
+    assert all(np.isfinite(s.l2) for s in stretch_by_group(found, np.arange(4), turned=True))

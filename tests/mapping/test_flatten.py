@@ -76,14 +76,6 @@ def test_developable(place):
     assert flat.injective
 
 
-def test_single_triangle():
-    points = np.array([[5.0, 5, 5], [8, 5, 5], [5, 5, 9]])
-    flat = flatten(points, np.array([[0, 1, 2]]), accuracy=1e-12)
-    assert flat.energy == pytest.approx(4, abs=1e-12)
-    np.testing.assert_allclose(edge_lengths(flat.uvs, [[0, 1, 2]]), [[3, 5, 4]], rtol=1e-6)
-    np.testing.assert_allclose(flat.uvs.mean(axis=0), 0, atol=1e-12)
-
-
 def test_figures_of_a_known_stretch():
     # A unit square stretched to 2 x 1/2 keeps its area: σ = (2, 1/2) in every triangle.
     points, faces = sheet(3, 3, lambda u, v: (u, v, 0 * u))
@@ -264,124 +256,68 @@ def test_start_is_used_and_kept():
     assert flat.energy == pytest.approx(4, abs=1e-7)
 
 
-def circle_through(places):
-    """Center and radius of the circle nearest to places: |p|^2 = 2 c p + r^2 - |c|^2."""
-    rows = np.column_stack([2 * places, np.ones(len(places))])
-    x, y, rest = np.linalg.lstsq(rows, (places**2).sum(axis=1))[0]
-    return np.array([x, y]), math.sqrt(rest + x**2 + y**2)
+TURNS = np.linspace(0, 2 * math.pi, 7)[:-1]
+HEXAGON = np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)
 
 
-def loops_of(faces):
-    """Boundary loops, as sets of vertices."""
-    edges = {(int(f[i]), int(f[i - 2])) for f in faces for i in range(3)}
-    following = {a: b for a, b in edges if (b, a) not in edges}
-    loops = []
-    while following:
-        loop = [min(following)]
-        while loop[-1] in following:
-            loop.append(following.pop(loop[-1]))
-        loops.append(loop[1:])
-    return loops
+def is_injective(uvs, faces):
+    points = np.column_stack([uvs, np.zeros(len(uvs))])
+    figures = np.empty(3)
+    return bool(core.measure_layout(points, faces, np.array(uvs), figures) and figures[2])
 
 
-def rough_sheet(seed, n=15, holes=()):
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(n * n, 3)) * [0.2, 0.2, 3.0]
-    points[:, :2] += np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)
-    ids = np.arange(n * n).reshape(n, n)
-    a, b, c, d = ids[:-1, :-1], ids[:-1, 1:], ids[1:, 1:], ids[1:, :-1]
-    faces = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)])
-    return points, np.delete(faces.reshape(-1, 3), list(holes), axis=0)
-
-
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize(("holes", "n_holes"), [((), 0), ((60, 60 + 196), 1), ((60, 100), 2)])
-def test_no_flips(seed, holes, n_holes):
-    points, faces = rough_sheet(seed, holes=holes)
-    loops = loops_of(faces)
-    assert len(loops) == 1 + n_holes
-    uvs = flatten(points, faces, n_iterations=0).uvs
-    assert (signed_areas(uvs[faces]) > 0).all()
-    outer = np.array(max(loops, key=len))
-    center, radius = circle_through(uvs[outer])
-    distances = np.linalg.norm(uvs - center, axis=1) / radius
-    np.testing.assert_allclose(distances[outer], 1, atol=1e-12)
-    inner = np.setdiff1d(faces, outer)
-    assert (distances[inner] < 1).all()
-
-
-def test_wheel_closed_form():
-    """A regular hexagon's middle comes to the middle of the circle."""
-    turns = np.arange(6) * math.pi / 3
-    points = np.array([[0, 0, 1], *((math.cos(t), math.sin(t), 0) for t in turns)])
-    faces = np.array([[0, 1 + i, 1 + (i + 1) % 6] for i in range(6)])
-    uvs = flatten(points, faces, n_iterations=0).uvs
-    np.testing.assert_allclose(uvs[0], 0, atol=1e-9)
-    corners = np.linalg.norm(uvs[1:] - np.roll(uvs[1:], -1, axis=0), axis=1)
-    radii = np.linalg.norm(uvs[1:], axis=1)
-    np.testing.assert_allclose(corners, radii, atol=1e-9)
-
-
-def regions_of(uvs):
-    regions = np.empty(len(uvs), dtype=np.int32)
-    core.find_regions(uvs, regions)
-    return regions
-
-
-def grid_system(n, *, held):
-    """Springs of random directions along the edges of a grid, and with `held` to the ground."""
-    rng = np.random.default_rng(n)
-    places = np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2) * 1.0
-    blocks = {(i, i): np.eye(2) * held for i in range(n * n)}
-    for i in range(n * n):
-        for j in ([i + 1] if (i + 1) % n else []) + ([i + n] if i + n < n * n else []):
-            root = rng.normal(size=(2, 2))
-            spring = root @ root.T + 0.1 * np.eye(2)
-            blocks[i, i] = blocks[i, i] + spring
-            blocks[j, j] = blocks[j, j] + spring
-            blocks[i, j] = blocks[j, i] = -spring
-    rows = sorted(blocks, key=lambda key: (key[0], key[1] != key[0], key[1]))
-    row_starts = np.searchsorted([row for row, _ in rows], np.arange(n * n + 1)).astype(np.int64)
-    columns = np.array([column for _, column in rows], dtype=np.int32)
-    values = np.array([blocks[key].ravel() for key in rows])
-    dense = np.zeros((n * n, 2, n * n, 2))
-    for i, j in rows:
-        dense[i, :, j] = blocks[i, j]
-    return places, row_starts, columns, values, dense.reshape(2 * n * n, -1)
-
-
-def solved(system, target, regions, tolerance):
-    places, row_starts, columns, values, _ = system
-    solution = np.full_like(target, np.nan)
-    n_iterations = core.solve_blocks(
-        row_starts, columns, values, target, places, regions, solution, tolerance, 5000
+def ring(n, turns, inner=1.0, outer=1.4, *, closed=False):
+    """A band of n quads around the origin, and its layout."""
+    angle = np.arange(n if closed else n + 1) * (2 * math.pi * turns / n)
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    a, b = np.arange(n), (np.arange(n) + 1) % len(angle)
+    faces = np.concatenate(
+        [np.stack([a, a + len(rim), b + len(rim)], axis=1), np.stack([a, b + len(rim), b], axis=1)]
     )
-    return solution, n_iterations
+    return np.concatenate([inner * rim, outer * rim]), faces.astype(np.int32)
 
 
-@pytest.mark.parametrize("in_regions", [False, True])
-def test_against_a_dense_solver(in_regions):
-    system = grid_system(14, held=0.1)
-    target = np.random.default_rng(0).normal(size=(196, 2))
-    regions = regions_of(system[0]) if in_regions else np.zeros(196, dtype=np.int32)
-    assert regions.max() == in_regions  # two, for 196 vertices
-    solution, _ = solved(system, target, regions, 1e-12)
-    expected = np.linalg.solve(system[4], target.ravel())
-    np.testing.assert_allclose(solution.ravel(), expected, atol=1e-9)
+@pytest.mark.parametrize(
+    ("turns", "injective"), [(0.5, True), (0.99, True), (1.01, False), (1.5, False), (2.0, False)]
+)
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_band(turns, injective, size):
+    uvs, faces = ring(50, turns)
+    assert is_injective(size * uvs, faces) is injective
 
 
-def test_what_nothing_holds():
-    """Singular: the whole may be moved; a right side without a mean has solutions."""
-    system = grid_system(14, held=0.0)
-    target = np.random.default_rng(0).normal(size=(196, 2))
-    target -= target.mean(axis=0)
-    solution, _ = solved(system, target, regions_of(system[0]), 1e-10)
-    np.testing.assert_allclose(system[4] @ solution.ravel(), target.ravel(), atol=1e-8)
+def test_slit_that_closes_exactly():
+    """Both ends of a full turn lie on one another: the sides touch, and no area is shared."""
+    uvs, faces = ring(50, 1.0)
+    assert is_injective(uvs, faces)
+    uvs[[50, 101]] = uvs[[0, 51]]
+    assert is_injective(uvs, faces)
+    # By more than rounding, and less than a face.
+    turn = np.array([[math.cos(1e-3), math.sin(1e-3)], [-math.sin(1e-3), math.cos(1e-3)]])
+    uvs[[50, 101]] = uvs[[0, 51]] @ turn
+    assert not is_injective(uvs, faces)
 
 
-def test_regions_are_alike_in_size():
-    uvs = np.random.default_rng(1).normal(size=(5000, 2)) ** 3
-    sizes = np.bincount(regions_of(uvs))
-    assert len(sizes) == 64
-    assert sizes.max() - sizes.min() <= 1
-    assert regions_of(uvs[:127]).max() == 0
+def test_hole_wound_twice():
+    """A closed band around the origin twice, as the square root's sheet is."""
+    uvs, faces = ring(50, 1.0, closed=True)
+    assert is_injective(uvs, faces)
+    uvs, faces = ring(50, 2.0, closed=True)
+    assert not is_injective(uvs, faces)
+
+
+def test_hole_turned_inside_out():
+    """The inner loop mirrored: triangles are flipped, though no edges of the boundary cross."""
+    _, faces = ring(6, 1.0, closed=True)
+    assert is_injective(np.concatenate([0.2 * HEXAGON, HEXAGON]), faces)
+    mirrored = np.concatenate([0.2 * HEXAGON * [1, -1], HEXAGON])
+    assert not is_injective(mirrored, faces)
+
+
+def test_fans_within_one_another():
+    """Triangles around one corner: beside each other, or one within the other."""
+    faces = np.array([[0, 1, 2], [0, 3, 4]], dtype=np.int32)
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [-1, 0], [-1, -1]], dtype=float)
+    assert is_injective(uvs, faces)
+    uvs[3:] = [[0.5, 0.1], [0.5, 0.2]]  # no edges cross
+    assert not is_injective(uvs, faces)

@@ -50,26 +50,12 @@ def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> No
     assert np.array_equal(overlapping_faces(corners), expected)
 
 
-def test_a_face_within_another_and_one_on_itself() -> None:
-    large = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    small = large * 0.1 + 0.2
-    assert overlapping_faces(np.stack([large, small])).tolist() == [True, True]
-    assert overlapping_faces(np.stack([large, large])).tolist() == [True, True]
-    assert overlapping_faces(np.stack([large, -large])).tolist() == [False, False]
-
-
 @pytest.mark.parametrize("n_copies", [1, 2, 5])
 def test_copies_of_a_square_need_as_many_layers(n_copies: int) -> None:
     square = plane().corner_uvs()
     corners = np.tile(square, (n_copies, 1, 1))
     layers = overlap_layers(corners, np.zeros(2 * n_copies, dtype=np.int32), depth=1e-6)
     assert layers.tolist() == np.repeat(np.arange(n_copies), 2).tolist()
-
-
-def test_faces_of_other_charts_do_not_mind_each_other() -> None:
-    corners = np.tile(plane().corner_uvs(), (3, 1, 1))
-    charts = np.array([2, 2, 0, 0, 1, 1], dtype=np.int32)
-    assert not overlap_layers(corners, charts, depth=1e-6).any()
 
 
 @settings(max_examples=30)

@@ -18,31 +18,11 @@ def cube_of_squares() -> Mesh:
     )
 
 
-def test_a_plane_is_one_chart_without_seams() -> None:
-    mesh = plane(5, 4)
-    assert np.array_equal(chart_ids(mesh), np.zeros(40))
-    assert border_edges(mesh).sum() == 2 * (5 + 4)
-    assert seam_length(mesh) == 0.0  # its outline is one of the surface too
-
-
 def test_a_cube_cut_along_all_its_edges() -> None:
     mesh = cube_of_squares()
     assert chart_ids(mesh).tolist() == np.repeat(np.arange(6), 2).tolist()
     assert border_edges(mesh).sum() == 6 * 4
     assert seam_length(mesh) == 12.0
-
-
-def test_repeated_vertices_and_coordinates_cut_nothing() -> None:
-    mesh = plane(3, 3)
-    each_for_itself = np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3)
-    split = Mesh(
-        positions=mesh.positions[mesh.faces].reshape(-1, 3),
-        faces=each_for_itself,
-        uvs=mesh.corner_uvs().reshape(-1, 2),
-        uv_faces=each_for_itself,
-    )
-    assert chart_ids(split).max() == 0
-    assert seam_length(split) == 0.0
 
 
 def test_a_sphere_cut_from_pole_to_pole() -> None:

@@ -20,22 +20,6 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
 
-FAN = [[0, 0, 0], [0, 0, 1], [1, 0, 0], [-0.5, 0.9, 0], [-0.5, -0.9, 0]]
-
-HARD = {
-    "one face": ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
-    "three faces at an edge": (FAN, [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),
-    "the same face twice": (FAN, [[0, 1, 2], [0, 1, 2], [0, 1, 3]]),
-    "a face and its back": (FAN, [[0, 1, 2], [2, 1, 0]]),
-    "a face with one corner twice": (FAN, [[0, 1, 2], [0, 0, 1], [3, 3, 3]]),
-    "a face on a line": ([*FAN, [0, 0, 0.5]], [[0, 1, 2], [0, 5, 1]]),
-    "two parts, one tiny": (
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 1], [0.50001, 0.5, 1], [0.5, 0.50001, 1]],
-        [[0, 1, 2], [3, 4, 5]],
-    ),
-    "two faces that touch at a corner": (FAN, [[0, 1, 2], [0, 3, 4]]),
-}
-
 
 def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int]) -> None:
     """Check the properties of every unwrapped mesh."""
@@ -67,18 +51,6 @@ def test_made_meshes(mesh: Mesh, size: int | tuple[int, int]) -> None:
     assert found.fill == pytest.approx(report.fill)
     assert found.stretch.l2 < 1.03
     assert found.stretch.symmetric_dirichlet < 4.15
-
-
-@pytest.mark.parametrize("name", HARD)
-def test_hard_meshes(name: str) -> None:
-    positions, faces = HARD[name]
-    mesh = Mesh(positions=positions, faces=faces, name=name)
-    unwrapped, report = unwrap_with_report(mesh, size=64, padding=1)
-    assert_sound(mesh, unwrapped, 1, (64, 64))
-    solid = report.distortion.n_degenerate + report.distortion.n_measured
-    assert solid == mesh.n_faces
-    without_area = report.tallies.get("faces without area, reduced to a point", 0)
-    assert without_area == report.distortion.n_degenerate
 
 
 def test_two_shells_in_one_place_get_coordinates_of_their_own() -> None:
@@ -288,14 +260,6 @@ def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
     np.testing.assert_array_equal(ours[0][ours[1]], theirs[0][theirs[1]])
     named = list(inspect.signature(texbake.parametrize).parameters)[:4]
     assert named == ["positions", "indices", "normals", "uvs"]
-
-
-def test_width_and_height_of_a_square_and_of_a_rectangle() -> None:
-    assert (UnwrapOptions(size=512).width_px, UnwrapOptions(size=512).height_px) == (512, 512)
-    assert (UnwrapOptions(size=(512, 64)).width_px, UnwrapOptions(size=(512, 64)).height_px) == (
-        512,
-        64,
-    )
 
 
 @pytest.mark.parametrize(

@@ -129,12 +129,3 @@ def test_sources_of_the_wrong_shape(tmp_path):
         read_faces(folder)
     with pytest.raises(FileError, match="cannot be read"):
         read_faces(tmp_path / "nowhere")
-
-
-def test_none_of_six_files_appears_where_one_fails(tmp_path, panorama):
-    (tmp_path / "faces" / "pz.exr").mkdir(parents=True)
-    (tmp_path / "faces" / "px.exr").write_bytes(b"old")
-    with pytest.raises(FileError, match=r"pz\.exr: it is a folder"):
-        convert_cube(panorama, tmp_path / "faces")
-    assert sorted(path.name for path in (tmp_path / "faces").iterdir()) == ["px.exr", "pz.exr"]
-    assert (tmp_path / "faces" / "px.exr").read_bytes() == b"old"

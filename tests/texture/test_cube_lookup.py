@@ -33,15 +33,6 @@ def directions():
 
 
 @pytest.mark.parametrize("filter_name", CUBE_FILTERS)
-def test_each_axis_hits_the_middle_of_its_face(filter_name):
-    faces = np.zeros((6, 3, 3, 1), np.float32)
-    faces[:, 1, 1, 0] = range(1, 7)
-    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([[1.0], [-1.0]], (3, 1))
-    found = sample_cube(CubeMap(faces), 7.5 * axes, filter=filter_name)
-    assert found.ravel().tolist() == [1, 2, 3, 4, 5, 6]
-
-
-@pytest.mark.parametrize("filter_name", CUBE_FILTERS)
 @pytest.mark.parametrize("size", [1, 3, 8])
 def test_through_a_texels_center_it_gives_the_texel(filter_name, size):
     cube = CubeMap(np.random.default_rng(0).random((6, size, size, 2)).astype(np.float32))
@@ -249,18 +240,6 @@ def test_a_smooth_panorama_survives_the_way_to_a_cube_and_back():
     np.testing.assert_allclose(back, image, atol=2 * bound)
 
 
-@pytest.mark.parametrize("size", [4, 16, 64])
-def test_a_noisy_panorama_keeps_its_energy(size):
-    image = np.random.default_rng(4).random((128, 256, 3)).astype(np.float32)
-    cube = from_latitude_longitude(image, size=size)
-    # Noise of 32,768 texels with a deviation of 0.29 around 0.5: the mean of as many others would
-    # be off by 3e-3 of it.
-    np.testing.assert_allclose(cube_energy(cube), image_energy(image), rtol=4e-4)
-    np.testing.assert_allclose(
-        image_energy(to_latitude_longitude(cube, height=20)), cube_energy(cube), rtol=2e-3
-    )
-
-
 @pytest.mark.parametrize("size", [8, 32, 128])
 def test_a_small_sun_keeps_its_energy_wherever_it_is(size):
     """A single bright texel is what point sampling would find or lose."""
@@ -308,13 +287,3 @@ def test_sizes_of_panoramas():
             wrong()
     with pytest.raises(OptionError, match="image: the shape"):
         from_latitude_longitude(image[..., 0])
-
-
-def test_the_poles_are_one_value():
-    """Rows of stripes at a pole are a spot that no lookup may resolve."""
-    image = np.zeros((64, 128, 1), np.float32)
-    image[:, ::2] = 1.0
-    cube = from_latitude_longitude(image, size=32)
-    # The middle four texels of the top lie within 1.5 rows of the pole, where a stripe is 1/128 of
-    # a circle.
-    np.testing.assert_allclose(cube.faces[2:4, 15:17, 15:17], 0.5, atol=0.02)

@@ -79,17 +79,6 @@ def test_solid_angles_sum_to_the_sphere_and_agree_with_the_texels(size):
         np.testing.assert_allclose(angles, (2 / size) ** 2 / points**3, rtol=4e-4)
 
 
-def test_the_border_holds_the_texels_beyond_the_edges(noise):
-    bordered = noise.bordered
-    np.testing.assert_array_equal(bordered[:, 1:-1, 1:-1], noise.faces)
-    # The left neighbor of +z is -x, and its right column lies there; above lies +y's lower row.
-    np.testing.assert_array_equal(bordered[4, 1:-1, 0], noise.faces[1, :, -1])
-    np.testing.assert_array_equal(bordered[4, 0, 1:-1], noise.faces[2, -1])
-    np.testing.assert_array_equal(bordered[0, 1:-1, 0], noise.faces[4, :, -1])
-    # Above +x lies +y's right column, from its lower end.
-    np.testing.assert_array_equal(bordered[0, 0, 1:-1], noise.faces[2, ::-1, -1])
-
-
 @pytest.mark.parametrize("size", [1, 2, 5])
 def test_borders_continue_a_smooth_function(size):
     # Every texel its own direction: the border's must be those of the nearest texels beyond.

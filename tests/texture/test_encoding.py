@@ -1,3 +1,5 @@
+"""Codes of values, normals, heights and colors, and the ranges that heights are coded in."""
+
 from fractions import Fraction
 
 import numpy as np
@@ -18,7 +20,12 @@ from texbake.texture.encoding import (
     quantize_srgb,
     quantize_unsigned,
 )
-from texbake.texture.value_range import count_clipped, height_range
+from texbake.texture.value_range import (
+    channel_ranges,
+    count_clipped,
+    height_range,
+    size_at_percentile,
+)
 
 floats = st.floats(-2, 2, width=32)
 
@@ -51,13 +58,6 @@ def test_rounding_is_that_of_exact_arithmetic(bits, values):
 def test_halves_round_up_and_values_out_of_range_are_clipped():
     values = [-np.inf, -1.0, 0.0, 0.5, 1.0, 7.0, np.inf, np.nan]
     assert quantize_unsigned(np.array(values), 8).tolist() == [0, 0, 0, 128, 255, 255, 255, 0]
-
-
-@pytest.mark.parametrize("bits", [8, 16])
-def test_every_code_comes_back(bits):
-    top = 2**bits - 1
-    codes = np.arange(top + 1)
-    np.testing.assert_array_equal(quantize_unsigned((codes / top).astype(np.float32), bits), codes)
 
 
 @pytest.mark.parametrize("convention", ["opengl", "directx"])
@@ -101,13 +101,6 @@ def test_normals_come_back(bits, limit_deg, convention):
     decoded = decode_normals(codes, convention=convention)
     assert angles_deg(decoded, normals).max() < limit_deg
     np.testing.assert_allclose(np.linalg.norm(decoded, axis=1), 1.0, atol=2e-7)
-
-
-def test_flat_in_8_bits_decodes_as_renderers_see_it():
-    decoded = decode_normals(np.array([[128, 128, 255]], np.uint8))
-    assert angles_deg(decoded, np.array([[0.0, 0.0, 1.0]]))[0] == pytest.approx(
-        np.degrees(np.arctan(np.sqrt(2) / 255)), rel=1e-5
-    )
 
 
 def test_colors_without_direction_decode_to_the_axis():
@@ -229,5 +222,58 @@ def test_an_id_gets_its_color_and_one_that_is_no_number_the_first(dtype):
     assert codes.dtype == dtype and codes.tolist() == colors[[[0, 2, 0], [2, 1, 0]]].tolist()
 
 
-def test_alpha_beside_normals_is_ignored():
-    assert decode_normals(np.array([[[255, 128, 128, 7]]], np.uint8)).shape == (1, 1, 3)
+def test_flat_in_8_bits_decodes_as_renderers_see_it():
+    decoded = decode_normals(np.array([[128, 128, 255]], np.uint8))
+    assert angles_deg(decoded, np.array([[0.0, 0.0, 1.0]]))[0] == pytest.approx(
+        np.degrees(np.arctan(np.sqrt(2) / 255)), rel=1e-5
+    )
+
+
+@pytest.mark.parametrize("percentile", [0.0, 33.0, 99.0, 100.0])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (90, 70), (40, 30, 3)])
+def test_size_at_percentile_is_that_of_sorted_values(shape, percentile):
+    rng = np.random.default_rng(0)
+    for values in (
+        rng.normal(size=shape),
+        rng.integers(-2, 3, shape) * 0.1,
+        rng.normal(size=shape) * 10.0 ** rng.uniform(-40, 30, shape),
+    ):
+        values = values.astype(np.float32)
+        covered = rng.random(shape[:2]) < 0.7
+        covered[0, 0] = True
+        expected = np.percentile(np.abs(values[covered]), percentile)
+        found = size_at_percentile(values, covered, percentile)
+        # An interpolated value has the rounding error of a float32 of the greater neighbor.
+        assert found == pytest.approx(float(expected), rel=3e-7, abs=1e-44)
+
+
+def test_nothing_covered_has_the_size_0():
+    assert size_at_percentile(np.ones((2, 2), np.float32), np.zeros((2, 2), bool), 99.0) == 0.0
+
+
+def test_vectors_count_only_where_they_are_covered():
+    rng = np.random.default_rng(1)
+    vectors = rng.normal(size=(50, 60, 3)).astype(np.float32)
+    vectors[3, 4] = np.inf
+    covered = rng.random((50, 60)) < 0.5
+    values = vectors[covered]
+    values = values[np.isfinite(values)]
+    assert height_range(vectors, covered, mid=0.5) == (0.5, 2.0 * float(np.abs(values).max()))
+    covered[3, 4] = False
+    clipped = np.count_nonzero(np.abs(vectors[covered]) > 1.0)
+    assert count_clipped(vectors, covered, mid=0.5, scale=2.0) == clipped
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (50, 60), (900, 800, 3)])
+def test_ranges_are_those_of_each_channel_where_texels_are_covered(shape):
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=shape).astype(np.float32)
+    covered = rng.random(shape[:2]) < 0.5
+    covered[0, 0] = True
+    values[~covered] = 9.0
+    rows = values[covered].reshape(np.count_nonzero(covered), -1)
+    expected = np.stack([rows.min(axis=0), rows.max(axis=0)], axis=1)
+    np.testing.assert_array_equal(channel_ranges(values, covered), expected)
+    values[covered] = np.nan
+    nothing = np.tile(np.float32([np.inf, -np.inf]), (rows.shape[1], 1))
+    np.testing.assert_array_equal(channel_ranges(values, covered), nothing)

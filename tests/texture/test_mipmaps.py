@@ -61,18 +61,6 @@ def test_every_level_has_the_mean_of_the_image(height, width):
     np.testing.assert_allclose(means, image.mean(dtype=np.float64), atol=1e-6)
 
 
-@pytest.mark.parametrize("size", [(64, 64), (32, 8)])
-def test_kaiser_keeps_the_mean_of_an_even_image_that_repeats(size):
-    image = random_image(*size)
-    chain = mip_chain(image, filter="kaiser")
-    for index in range(chain.n_levels):
-        np.testing.assert_allclose(
-            chain.level(index).mean(axis=(0, 1), dtype=np.float64),
-            image.mean(axis=(0, 1), dtype=np.float64),
-            atol=2e-6,  # weights are rounded to float32
-        )
-
-
 def test_kaiser_keeps_more_of_what_the_smaller_level_can_show_and_less_of_what_it_cannot():
     x = (np.arange(128) + 0.5) / 128
     shown, beyond = (

@@ -119,15 +119,6 @@ def test_a_linear_ramp_is_reproduced(name):
         assert error.max() < 2e-6
 
 
-@pytest.mark.parametrize("name", ["nearest", "bilinear", "bicubic"])
-def test_at_the_center_of_a_texel_interpolation_gives_the_texel(name):
-    image = random_image(9, 12)
-    u, v = np.meshgrid((np.arange(12) + 0.5) / 12, 1 - (np.arange(9) + 0.5) / 9)
-    for wrap in WRAPS:
-        found = sample_texture(image, np.stack([u, v], axis=-1), filter=name, wrap=wrap)
-        np.testing.assert_allclose(found, image, atol=1e-6)
-
-
 @pytest.mark.parametrize("wrap", WRAPS)
 def test_nearest_reads_the_texel_that_numpy_pads_with(wrap):
     modes = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge", "border": "constant"}
@@ -139,13 +130,6 @@ def test_nearest_reads_the_texel_that_numpy_pads_with(wrap):
     columns, rows = np.floor(texel_coordinates(uvs, 7, 5)).astype(int).T
     found = sample(single_level(image), uvs, filter="nearest", wrap=wrap, border=0.75)
     np.testing.assert_array_equal(found, around[rows + 40, columns + 40])
-
-
-def test_nearest_gives_borders_between_texels_to_the_right_and_upper_one():
-    image = np.arange(12, dtype=np.float32).reshape(3, 4, 1)
-    corners = np.array([[0.0, 0.0], [0.25, 0.0], [0.5, 1 / 3], [0.0, 0.5]])
-    found = sample(single_level(image), corners, filter="nearest")[:, 0]
-    assert found.tolist() == [8.0, 9.0, 6.0, 4.0]
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
@@ -234,3 +218,10 @@ def test_filters_and_wraps_are_those_of_scenes():
     assert FILTERS == textures.FILTERS
     assert FILTERS_WITH_FOOTPRINT == textures.FILTERS_WITH_FOOTPRINT
     assert set(WRAPS) == set(textures.WRAPS)
+
+
+def test_nearest_gives_borders_between_texels_to_the_right_and_upper_one():
+    image = np.arange(12, dtype=np.float32).reshape(3, 4, 1)
+    corners = np.array([[0.0, 0.0], [0.25, 0.0], [0.5, 1 / 3], [0.0, 0.5]])
+    found = sample(single_level(image), corners, filter="nearest")[:, 0]
+    assert found.tolist() == [8.0, 9.0, 6.0, 4.0]

@@ -5,7 +5,7 @@ that are marked EXPORT are methods of `core`:
 
     from texbake.core import core
 
-    core.solve_blocks(row_starts, columns, blocks, target, uvs, regions, solution, 1e-9, 1000)
+    n_components = core.number_components(n_vertices, faces, components)
 
 Every array is checked against the C declaration first, so that a wrong call raises an error instead
 of reading foreign memory. The functions run without the GIL, so that `run_bands` can run them on

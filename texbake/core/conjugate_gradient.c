@@ -268,17 +268,3 @@ int64_t solve_block_system(
     }
     return n_iterations;
 }
-
-EXPORT int64_t solve_blocks(
-    int64_t n, int64_t n_entries,
-    const int64_t row_starts[n + 1], const int32_t columns[n_entries],
-    const double blocks[n_entries][4], const double target[n][2], const double uvs[n][2],
-    const int32_t regions[n], double solution[n][2], double tolerance, int64_t n_iterations)
-{
-    OPEN_ARENA(arena);
-    const struct block_matrix matrix = {n, row_starts, columns, blocks};
-    const int64_t n_done = solve_block_system(
-        arena, &matrix, target, uvs, regions, solution, tolerance, n_iterations);
-    close_arena(arena);
-    return n_done;
-}

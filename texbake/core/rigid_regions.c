@@ -94,11 +94,3 @@ void divide_regions(
             regions[order[i]] = (int32_t)region;
     reset_arena(arena, mark);
 }
-
-EXPORT int64_t find_regions(int64_t n, const double uvs[n][2], int32_t regions[n])
-{
-    OPEN_ARENA(arena);
-    divide_regions(arena, n, uvs, regions);
-    close_arena(arena);
-    return 0;
-}
