@@ -1,4 +1,4 @@
-"""Cylindrical and spherical mapping against closed forms; heights, arcs, caps, poles and the axis."""
+"""Cylindrical and spherical mapping: closed forms, heights, arcs, caps, poles and the axis."""
 
 import math
 
