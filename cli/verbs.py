@@ -22,6 +22,7 @@ from .options import (
     WRITABLE_MESH_SUFFIXES,
     Decorator,
     options_of,
+    output_folder,
     output_option,
 )
 from .sections import SectionedCommand
@@ -129,6 +130,8 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
     if part.name != "output":
         flag = f"--{part.name.replace('_', '-')}"
         return click.option(flag, part.name, type=kind, metavar=metavar, help=part.help)
+    if part.default is not None:
+        return output_folder(part.help, default=part.default, show_default=True)
     many = [item.name for item in verb.of_kind(Reads) if item.many and item.required]
     after = many[0] if many else None
     return output_option(kind, metavar, part.help, after=after, required=part.required)

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import texbake
-from texbake.jobs.demo import demo
+from texbake.verbs.whole_jobs import demo_files
 
 OUT = Path(__file__).parent / "orange.png"
 
@@ -16,7 +16,7 @@ OUT = Path(__file__).parent / "orange.png"
 def main(out: Path) -> None:
     """Run the demo and put its preview in place."""
     with tempfile.TemporaryDirectory() as folder:
-        files = demo(folder).files
+        files = demo_files(folder).files
         picture = texbake.read_image(files["preview"], color=True).pixels
     height, width = (length // 2 * 2 for length in picture.shape[:2])
     halves = picture[:height, :width].reshape(height // 2, 2, width // 2, 2, -1)

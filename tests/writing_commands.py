@@ -48,7 +48,7 @@ LINES = {
     "convert": ("unwrap low.obj -o two.glb --set 1 --size 64", "convert two.glb two.obj"),
     "convert usd": ("convert low.obj low.usda", "convert low.usda read.obj"),
     "cubemap": ("cubemap sky.png -o faces --size 8",),
-    "demo": ("demo --triangles 2000 --faces 60 --size 64",),
+    "demo": ("demo --triangles 2000 --faces 60 --size 64 -o orange",),
     "export": (BAKED, "export low.obj --to unreal --map normal=maps/normal.png -o asset"),
     "height-to-normal": ("height-to-normal gray.png -o slopes.png",),
     "lighten": ("lighten high.ply -o light.glb --faces 400 --size 64 --views 1 --report r.json",),

@@ -109,7 +109,7 @@ def lighten(*models, out="lightened", runs=5, faces=0, size=0):
     unless `--faces` is given; their rows have the bytes and the PSNR before and after.
     """
     from texbake.jobs.options import LightenOptions
-    from texbake.verbs.lighten import lighten_file
+    from texbake.verbs.whole_jobs import lighten_file
 
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,8 +9,7 @@ from click.testing import Result
 
 from texbake import OptionError
 from texbake.texture.image import read_image, write_image
-from texbake.verbs.pack_channels import pack_channel_files
-from texbake.verbs.split_channels import split_channel_files
+from texbake.verbs.channels import pack_channels_file, split_channels_files
 
 Invoke = Callable[..., Result]
 
@@ -75,14 +74,14 @@ def test_floats_beyond_one_are_kept(workplace: Path, invoke: Invoke) -> None:
 
 def test_the_files_are_those_of_the_python_functions(codes: np.ndarray, invoke: Invoke) -> None:
     invoke("pack-channels --red ao.png --green rough.png --blue 0 -o a.png")
-    done = pack_channel_files("b.png", "ao.png", Path("rough.png"), 0)
+    done = pack_channels_file("b.png", "ao.png", Path("rough.png"), 0)
     assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
     assert done.files == (Path("b.png"),)
-    split_channel_files("b.png", ["r.png", "g.png"], names=["x", "y"])
+    split_channels_files("b.png", ["r.png", "g.png"], names=["x", "y"])
     assert np.array_equal(stored("g.png")[..., 0], codes[..., 1])
     with pytest.raises(OptionError, match="1 file is given for 3 channels"):
-        split_channel_files("b.png", ["r.png"])
-    split_channel_files("ao.png", "gray")
+        split_channels_files("b.png", ["r.png"])
+    split_channels_files("ao.png", "gray")
     assert [path.name for path in Path("gray").iterdir()] == ["ao_gray.png"]
     with pytest.raises(OptionError, match="names: 4 are given"):
-        split_channel_files("b.png", ["r.png"], names=["x", "", "", "y"])
+        split_channels_files("b.png", ["r.png"], names=["x", "", "", "y"])

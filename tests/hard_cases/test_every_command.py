@@ -36,7 +36,7 @@ import texbake
 from texbake import Mesh
 from texbake.jobs.options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.verbs.lighten import lighten_file
+from texbake.verbs.whole_jobs import lighten_file
 
 MESHES = GEOMETRY + TEXTURE_SPACE
 COMMANDS = PLAIN | TEXTURED

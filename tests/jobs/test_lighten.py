@@ -23,8 +23,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
-from texbake.verbs.lighten import lighten_file
-from texbake.verbs.run import run_files
+from texbake.verbs.whole_jobs import lighten_file, run_files
 
 OPTIONS = LightenOptions(n_faces=600, size=256, images="png", views=0)
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.jobs.demo import demo
 from texbake.jobs.options import DemoOptions
 from texbake.jobs.orange_turns import METHODS, TRUTH, TURNS, measure_turns, turns_svg
 from texbake.mesh.shapes import uv_sphere
@@ -18,6 +17,7 @@ from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
+from texbake.verbs.whole_jobs import demo_files
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 ANGLES = (0, 45, 90)
@@ -131,7 +131,7 @@ def test_the_page_of_the_demo_shows_the_plots(tmp_path, monkeypatch, turns):
     monkeypatch.setattr("texbake.jobs.orange_turns.measure_turns", lambda **options: turns)
     options = DemoOptions(triangles=5_000, faces=100, size=64)
     page = tmp_path / "new" / "orange.html"
-    result = demo(tmp_path / "new", options, html=page, command="texbake demo")
+    result = demo_files(tmp_path / "new", options, html=page, command="texbake demo")
     assert result.files["html"] == page
     text = page.read_text()
     assert "The light and the viewer turn" in text

@@ -20,7 +20,6 @@ from texbake import (
     run,
 )
 from texbake.errors import UvError
-from texbake.jobs.demo import demo
 from texbake.jobs.options import DemoOptions
 from texbake.jobs.run import RunResult
 from texbake.mapping.options.atlas import fitting_padding
@@ -29,6 +28,7 @@ from texbake.mesh.normals import angles_between, face_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere, orange
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
+from texbake.verbs.whole_jobs import demo_files
 
 FILES = {
     "ball_low.obj",
@@ -188,7 +188,7 @@ def test_an_impossible_folder_is_refused_before_the_work(
 
 
 def test_the_demo_is_the_whole_job_on_an_orange(tmp_path: Path) -> None:
-    result = demo(tmp_path, DemoOptions(triangles=20_000, faces=200, size=128))
+    result = demo_files(tmp_path, DemoOptions(triangles=20_000, faces=200, size=128))
     assert result.files["high"] == tmp_path / "orange_high.ply"
     np.testing.assert_array_equal(read_mesh(result.files["high"]).faces, orange(20_000).faces)
     assert result.files["mesh"] == tmp_path / "orange_low.obj"

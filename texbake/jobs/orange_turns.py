@@ -42,11 +42,20 @@ from texbake.rendering.scene.textures import ImageTexture
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+    from texbake.pages.asset_page import Plot
+
 METHODS = ("photograph", "bump map", "normal map", "displacement map")
 TURNS = ("light", "viewer")
 ANGLES = tuple(range(0, 91, 15))
 
 TRUTH = "high-poly mesh"
+
+_ABOUT = (
+    "A photograph, a bump map, a normal map and a displacement map of an orange, each on the same "
+    "smooth sphere, against pictures of the high-poly orange. The photograph was taken at 0° and "
+    "keeps the light of that moment. The bump map and the normal map follow the light and keep the "
+    "silhouette of the sphere, which is most of their error. The displacement map follows both."
+)
 
 _TRIANGLES = 200_000
 _RINGS, _SECTORS = 48, 96  # of the sphere
@@ -129,6 +138,14 @@ def measure_turns(
                 for angle, frame, true in zip(angles, shown, truth, strict=True)
             ]
     return OrangeTurns(tuple(errors), pictures)
+
+
+def turns_plot(threads: int | None, progress: ProgressSink | None) -> Plot:
+    """Measure the turns, and return their plot for a page."""
+    from texbake.pages.asset_page import Plot
+
+    turns = measure_turns(threads=threads, progress=progress)
+    return Plot("The light and the viewer turn", _ABOUT, turns_svg(turns))
 
 
 def turns_svg(turns: OrangeTurns) -> Markup:

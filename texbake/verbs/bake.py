@@ -13,7 +13,7 @@ from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder
 from texbake.jobs.outputs import JobResult, write_report
-from texbake.verbs.rays import FORMAT, HEIGHTS, RAYS, SOURCES
+from texbake.verbs.map_bakes import FORMAT, HEIGHTS, RAYS, SOURCES
 from texbake.verbs.step import (
     IMAGE_FORMATS,
     Job,

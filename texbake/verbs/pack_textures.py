@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PackedFiles(JobResult["PackedTextures"]):
-    """What `pack_texture_files` wrote; `images` are the names of the packed files."""
+    """What `pack_textures_file` wrote; `images` are the names of the packed files."""
 
     images: tuple[str, ...]
 
@@ -79,7 +79,7 @@ def _table(done: PackedFiles) -> Rows:
     """,
     table=_table,
 )
-def pack_texture_files(
+def pack_textures_file(
     images: Sequence[PathLike],
     output: PathLike,
     options: PackOptions | None = None,
@@ -172,7 +172,7 @@ class PackTexturesStep(PackOptions):
 def _step(job: Job) -> dict[str, Any]:
     options: PackTexturesStep = STEP.made(job.settings)
     meshes = job.inputs.get("mesh", ())
-    packed = pack_texture_files(
+    packed = pack_textures_file(
         job.inputs["images"],
         job.outputs["texture"],
         options,
@@ -201,7 +201,7 @@ def _memory(settings: Settings, sizes: Sizes) -> int:
 
 
 STEP = step_of(
-    pack_texture_files,
+    pack_textures_file,
     does="packs several images into one, and moves their meshes' texture coordinates",
     options=PackTexturesStep,
     outputs=_packed_files,

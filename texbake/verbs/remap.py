@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from texbake.baking.file_names import DEFAULT_PATTERN
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
-from texbake.verbs.rays import FORMAT, NAME_PATTERN
+from texbake.verbs.map_bakes import FORMAT, NAME_PATTERN
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, make_dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 from texbake.progress import StageRecord
 from texbake.schema import Option
-from texbake.verbs.verb import Options, Reads, Verb
+from texbake.verbs.verb import Options, Reads, Verb, declarations
 
 Settings = dict[str, Any]
 Sizes = Mapping[str, tuple["InputSize", ...]]
@@ -160,8 +159,8 @@ def step_of(
 
 def find_step(name: str) -> StepKind:
     """Return a kind of step by its name, importing only the module of its verb."""
-    step: StepKind = import_module(f"texbake.verbs.{name.replace('-', '_')}").STEP
-    return step
+    found = (each for each in declarations(name) if isinstance(each, StepKind))
+    return next(kind for kind in found if kind.name == name)
 
 
 def n_faces(sizes: Sizes, *roles: str) -> int:

@@ -1,4 +1,4 @@
-"""`transform`: scale, turn and move a mesh."""
+"""`transform` and `convert`: scale, turn and move a mesh, or change the format of its file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from texbake.progress import ProgressSink
 
 
-def size_table(done: JobResult[Mesh]) -> Rows:
+def _size_table(done: JobResult[Mesh]) -> Rows:
     """Return rows about the size of a mesh."""
     mesh, (low, high) = done.report, done.report.bounds
     bounds = " to ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (low, high))
@@ -37,7 +37,7 @@ def size_table(done: JobResult[Mesh]) -> Rows:
       texbake transform scan.ply -o scan.ply --up z --move 0,0.5,0
       texbake transform inside_out.stl -o turned.stl --flip
     """,
-    table=size_table,
+    table=_size_table,
 )
 def transform_file(
     mesh: PathLike,
@@ -67,7 +67,7 @@ def _figures(done: JobResult[Mesh]) -> dict[str, Any]:
     return {"faces": done.report.n_polygons, "notes": list(done.warnings)}
 
 
-STEP = step_of(
+TRANSFORM = step_of(
     transform_file,
     does="scales, turns and moves a mesh, or changes its format",
     format=(FORMAT_OF_MESH, "ply"),
@@ -76,3 +76,26 @@ STEP = step_of(
     memory=lambda settings, sizes: PROCESS + 600 * n_faces(sizes, "mesh"),
     figures=_figures,
 )
+
+
+@verb(
+    Reads("mesh", metavar="SOURCE"),
+    Writes("output", "mesh", "The file to write; its suffix sets the format.", over="mesh"),
+    Options(TransformOptions, "scale", "units", "up", "subdivide", "normals", "angle"),
+    examples="""
+      texbake convert statue.fbx statue.glb
+      texbake convert part.stl -o part.obj --units mm --up z
+    """,
+    table=_size_table,
+)
+def convert_file(
+    mesh: PathLike, output: PathLike, options: TransformOptions, *, progress: ProgressSink | None
+) -> JobResult[Mesh]:
+    """Write the mesh in SOURCE in the format of OUTPUT.
+
+    Keeps texture coordinates, normals, groups and vertex colors where the format has them. A GLB
+    file keeps the materials of a glTF, OBJ, FBX or USD file with their images. An OBJ file keeps
+    those channels that .mtl files have; that file and the images stand beside it. A warning names
+    what is lost.
+    """
+    return transform_file(mesh, output, options, progress=progress)

@@ -9,6 +9,7 @@ heavy: what a verb needs is imported when it runs.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import wraps
@@ -19,13 +20,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from texbake.baking.options import BakeOptions
-from texbake.files import appearing_together, check_folder
+from texbake.files import appearing_together, check_folder, make_folder
 
 if TYPE_CHECKING:
     from texbake.jobs.outputs import JobResult
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Rows = list[tuple[str, str]]
+
+# Modules of several verbs; each of the others stands in the module of its own name.
+_MODULES = {
+    "map_bakes": ("bake-normals", "bake-displacement"),
+    "channels": ("pack-channels", "split-channels"),
+    "conversions": ("height-to-normal", "normal-to-height", "mipmap", "cubemap"),
+    "transform": ("transform", "convert"),
+    "whole_jobs": ("run", "lighten", "demo"),
+}
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class Reads:
 
 @dataclass(frozen=True)
 class Writes:
-    """A file that a verb writes; the one called `output` is required, unless that is False."""
+    """A file that a verb writes; `output` is required, unless that is False or it has a default."""
 
     name: str  # parameter of the function
     # A key of `OUTPUT_CHECKS`. The function checks the format of an `image`, and all of `images`,
@@ -57,6 +67,7 @@ class Writes:
     help: str
     _: KW_ONLY
     required: bool = True
+    default: str | None = None
     over: str = ""  # the input that it may replace
     like: str = ""  # the inputs whose names it takes where they are several; then it is a folder
     suffixes: tuple[str, ...] = ()
@@ -143,8 +154,9 @@ def verb(
 ) -> Callable[[Function], Function]:
     """Declare a verb around its function, whose docstring is the help of the command.
 
-    The function keeps its signature. Its outputs are checked before it runs and appear together;
-    its report is written where it is asked for. The other parameters are those of `Verb`.
+    The function keeps its signature. It has the name of the verb, with `_file` or `_files` at the
+    end. Its outputs are checked before it runs and appear together; its report is written where it
+    is asked for. The other parameters are those of `Verb`.
     """
 
     def declare(run: Function) -> Function:
@@ -153,12 +165,12 @@ def verb(
         @wraps(run)
         def whole(*args: Any, **more: Any) -> Any:
             given = {**names.bind(*args, **more).arguments, **more}
-            _check_files(made, given)
             with appearing_together():
+                _check_files(made, given)
                 return _reported(run(*args, **more), given.get("report"))
 
         made = Verb(
-            name=run.__module__.rpartition(".")[2].replace("_", "-"), run=whole, parts=parts,
+            name=re.sub("_files?$", "", run.__name__).replace("_", "-"), run=whole, parts=parts,
             examples=examples, sections=sections or {}, common=common, table=table,
             prepare=prepare,
         )  # fmt: skip
@@ -168,13 +180,16 @@ def verb(
     return declare
 
 
+def declarations(name: str) -> list[Any]:
+    """Return all values in the module of a verb, importing only that; none where there is none."""
+    stem = next((stem for stem, verbs in _MODULES.items() if name in verbs), name.replace("-", "_"))
+    module = f"texbake.verbs.{stem}"
+    return [] if find_spec(module) is None else list(vars(import_module(module)).values())
+
+
 def find_verb(name: str) -> Verb | None:
-    """Return a verb by its name, importing only its module; None where there is none."""
-    module = f"texbake.verbs.{name.replace('-', '_')}"
-    if find_spec(module) is None:
-        return None
-    values = vars(import_module(module)).values()
-    found = (value.verb for value in values if hasattr(value, "verb"))
+    """Return a verb by its name; None where there is none."""
+    found = (value.verb for value in declarations(name) if hasattr(value, "verb"))
     return next((each for each in found if each.name == name), None)
 
 
@@ -210,6 +225,7 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
         output = given.get(part.name)
         outputs[part] = outputs_like(given[part.like], output) if part.like else paths_of(output)
     check_distinct([path for paths in outputs.values() for path in paths])
+    folders = {path for part, paths in outputs.items() if part.kind == "folder" for path in paths}
     for part, paths in outputs.items():
         kept = [path for name, read in inputs.items() if name != part.over for path in read]
         check_distinct(paths, kept)
@@ -220,6 +236,8 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
         # Files may be given in place of a folder for them.
         elif part.kind != "folder" or isinstance(given.get(part.name), str | os.PathLike):
             for path in paths:
+                if path.parent in folders:
+                    make_folder(path.parent)
                 OUTPUT_CHECKS[part.kind](path)
 
 

@@ -1,4 +1,4 @@
-"""`pack-channels`: pack gray maps as the channels of one image.
+"""`pack-channels` and `split-channels`: gray maps as the channels of one image, and back.
 
 Values are data: codes are copied, and nothing is converted between sRGB and linear. glTF packs
 occlusion, roughness and metallic as red, green and blue.
@@ -6,18 +6,20 @@ occlusion, roughness and metallic as red, green and blue.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import MB, PROCESS
 from texbake.baking.options import BITS_OPTION
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted, quoted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import DECODED, FORMAT_OF_IMAGE, Job, Settings, Sizes, n_bytes, step_of
-from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, verb
+from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, paths_of, verb
 
 if TYPE_CHECKING:
     from texbake.texture.image import FloatImage, Image
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PackChannelsOptions(CheckedOptions):
-    """How `pack_channel_files` writes its image."""
+    """How `pack_channels_file` writes its image."""
 
     bits: Annotated[int | None, replace(BITS_OPTION, default="those of the images")] = None
 
@@ -36,7 +38,7 @@ _LETTERS = "rgba"
 
 @dataclass(frozen=True)
 class ChannelsReport:
-    """The image that `pack_channel_files` made, or that `split_channel_files` read."""
+    """The image that `pack_channels_file` made, or that `split_channels_files` read."""
 
     width: int  # texels
     height: int
@@ -67,7 +69,7 @@ class ChannelsReport:
       texbake pack-channels --red rock.exr:g --green 0.5 --blue 0 -o orm.png --bits 8
     """,
 )
-def pack_channel_files(
+def pack_channels_file(
     output: PathLike,
     red: PathLike | float,
     green: PathLike | float,
@@ -102,13 +104,13 @@ def pack_channel_files(
         pixels[..., i] = _channel(images[file], letter) if isinstance(file, Path) else file
     if bits is None:
         deepest = max(images.values(), key=lambda image: (image.is_float, image.bits))
-        bits = bits_like(deepest, output, pixels)
+        bits = _bits_like(deepest, output, pixels)
     write_image(pixels, output, bits=bits, threads=threads)
     report = ChannelsReport(width, height, tuple(str(value) for value in given_channels))
     return JobResult(files=present_paths(output), report=report)
 
 
-def bits_like(image: Image, path: PathLike, pixels: FloatImage) -> int | None:
+def _bits_like(image: Image, path: PathLike, pixels: FloatImage) -> int | None:
     """Return the bits that keep an image's codes, or None for the most that the format has."""
     from texbake.texture.image_files import bits_for
     from texbake.texture.image_formats import format_of
@@ -182,13 +184,13 @@ class PackChannelsStep(CheckedOptions):
     format: Annotated[str, FORMAT_OF_IMAGE] = "png"
 
 
-def _step(job: Job) -> dict[str, Any]:
-    options: PackChannelsStep = STEP.made(job.settings)
+def _pack(job: Job) -> dict[str, Any]:
+    options: PackChannelsStep = PACK.made(job.settings)
     values = (options.red_value, options.green_value, options.blue_value)
     red, green, blue = (
         job.input(color) or value for color, value in zip(COLORS, values, strict=False)
     )
-    packed = pack_channel_files(
+    packed = pack_channels_file(
         job.outputs["texture"], red, green, blue, job.input("alpha"), threads=job.threads
     ).report
     return {"width": packed.width, "height": packed.height}
@@ -199,18 +201,133 @@ def _check_maps(settings: Settings, roles: frozenset[str]) -> None:
         raise OptionError("red, green, blue: give a map for at least one channel")
 
 
-def channels_memory(settings: Settings, sizes: Sizes) -> int:
+def _memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for packing channels into one image, or splitting one."""
     return PROCESS + 64 * MB + 2 * DECODED * n_bytes(sizes, "image", *COLORS)
 
 
-STEP = step_of(
-    pack_channel_files,
+PACK = step_of(
+    pack_channels_file,
     does="packs gray maps as the channels of one image",
     options=PackChannelsStep,
     inputs=tuple(Reads(color, required=False) for color in COLORS),
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
-    run=_step,
-    memory=channels_memory,
+    run=_pack,
+    memory=_memory,
     check=_check_maps,
+)
+
+
+def _split_names(values: dict[str, Any]) -> dict[str, Any]:
+    names = values["names"]
+    return {**values, "names": None if names is None else names.split(",")}
+
+
+@verb(
+    Reads("image", "image"),
+    Writes("output", "folder", "Folder for the maps; made if it is missing."),
+    Extra(
+        "--names",
+        "What each channel is, for the names of the files; an empty name leaves a channel out.  "
+        "[default: red,green,blue,alpha]",
+        metavar="NAME,...",
+    ),
+    THREADS,
+    examples="""
+      texbake split-channels orm.png -o maps --names occlusion,roughness,metallic
+      texbake split-channels orm.png -o maps --names ,roughness
+    """,
+    prepare=_split_names,
+)
+def split_channels_files(
+    image: PathLike,
+    output: PathLike | Sequence[PathLike],
+    *,
+    names: Sequence[str] | None = None,
+    threads: int | None = None,
+) -> JobResult[ChannelsReport]:
+    """Split IMAGE into a gray map for each channel.
+
+    The maps are data: their codes are copied, with the bits of IMAGE and no conversion between
+    sRGB and linear.
+    """
+    from texbake.texture.image import read_image
+    from texbake.texture.image_files import suffix_like, write_images
+
+    read = read_image(image, color=False, threads=threads)
+    height, width, n_channels = read.pixels.shape
+    gray = ("gray", "alpha")[:n_channels]
+    usual = gray if n_channels < 3 else COLORS[:n_channels]
+    chosen = tuple(usual if names is None else names)
+    _check_names(image, chosen, n_channels)
+    used = [i for i, name in enumerate(chosen) if name]
+    if isinstance(output, str | os.PathLike):
+        stem, suffix = Path(image).stem, suffix_like(read)
+        files = [Path(output) / f"{stem}_{chosen[i]}{suffix}" for i in used]
+    elif len(files := paths_of(output)) != len(used):
+        raise OptionError(
+            f"output: {counted(len(files), 'file is', 'files are')} given for "
+            + counted(len(used), "channel")
+        )
+    maps = {file: read.pixels[..., i : i + 1] for file, i in zip(files, used, strict=True)}
+    check_distinct(list(maps), [image])
+    bits = _bits_like(read, files[0], read.pixels)
+    write_images(maps, color=False, bits=bits, threads=threads)
+    return JobResult(files=tuple(maps), report=ChannelsReport(width, height, chosen))
+
+
+def _check_names(image: PathLike, names: Sequence[str], n_channels: int) -> None:
+    if len(names) > n_channels:
+        raise OptionError(
+            f"names: {counted(len(names), 'is', 'are')} given, but {image} has "
+            + counted(n_channels, "channel")
+        )
+    used = [name for name in names if name]
+    if not used:
+        raise OptionError("names: all are empty, so there is nothing to write")
+    for name in used:
+        if used.count(name) > 1:
+            raise OptionError(f"names: {name} is given twice")
+        if Path(name).name != name or name in (".", ".."):
+            raise OptionError(f"names: {quoted(name)} cannot be a part of a file name")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitChannelsStep(CheckedOptions):
+    """What the channels are, and the format of their maps."""
+
+    names: Annotated[
+        tuple[str, ...],
+        Option(
+            "What each channel is, in their order: the names of the outputs. An empty name leaves "
+            "a channel out.",
+            metavar="NAME,...",
+        ),
+    ] = COLORS[:3]
+    format: Annotated[str, FORMAT_OF_IMAGE] = "png"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not any(self.names):
+            raise OptionError("names: all are empty")
+
+
+def _split(job: Job) -> dict[str, Any]:
+    options: SplitChannelsStep = SPLIT.made(job.settings)
+    files = [job.outputs[name] for name in options.names if name]
+    split = split_channels_files(
+        job.file("image"), files, names=options.names, threads=job.threads
+    ).report
+    return {"width": split.width, "height": split.height}
+
+
+SPLIT = step_of(
+    split_channels_files,
+    does="splits an image into a gray map for each channel",
+    options=SplitChannelsStep,
+    outputs=lambda settings: {
+        name: f"{name}.{settings['format']}" for name in settings["names"] if name
+    },
+    run=_split,
+    memory=_memory,
 )

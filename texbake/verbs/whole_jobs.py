@@ -1,0 +1,150 @@
+"""`run`, `lighten` and `demo`: from a high-poly mesh or a model to a finished asset in one command.
+
+The work itself is in `texbake.jobs`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from texbake.files import PathLike
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions
+from texbake.verbs.verb import PAGE, REPORT, Options, Reads, Writes, verb
+
+if TYPE_CHECKING:
+    from texbake.jobs.lighten import LightenReport
+    from texbake.jobs.outputs import JobResult
+    from texbake.jobs.run import RunResult
+    from texbake.progress import ProgressSink
+
+_FOLDER = "Folder for the files, which is made if it is missing."
+
+
+@verb(
+    Reads("high"),
+    Writes("output", "folder", _FOLDER),
+    Options(RunOptions, without=("base_color",), defaults={"n_faces": None}),
+    PAGE,
+    examples="""
+      texbake run scan.ply -o asset --faces 500 --size 2048
+      texbake run scan.ply -o asset --faces 2000 --quality best --convention directx
+      texbake run scan.ply -o asset --error 0.5%
+      texbake run scan.ply -o asset --faces 500 --max-error 0.5deg,0.01%
+    """,
+    table=lambda done: done.table(),
+)
+def run_files(
+    high: PathLike,
+    output: PathLike,
+    options: RunOptions | None = None,
+    *,
+    html: PathLike | None = None,
+    command: str = "",
+    progress: ProgressSink | None = None,
+) -> RunResult:
+    """Do the whole job: from HIGH to a finished asset.
+
+    Simplifies, unwraps, bakes and compares: the asset is a low-poly mesh with maps. A mesh
+    scan.ply gives scan_low.obj, scan_low.glb, scan_normal.png, scan_displacement.exr,
+    scan_preview.png, scan_compare.png and scan_report.json.
+
+    By default, maps have 2048 x 2048 texels with four rays each, as a finished asset needs.
+    texbake bake casts a sixteenth as many by default, which is enough to try options.
+    """
+    from texbake.jobs.material_transfer import compared_without, left_out
+    from texbake.jobs.run import run, with_page
+    from texbake.mesh.files import read_mesh
+    from texbake.mesh.files.source import parsed_once
+    from texbake.texture.model_materials import model_materials
+
+    options = options or RunOptions()
+    with parsed_once():
+        mesh = read_mesh(high, progress=progress)
+        materials = model_materials(high, mesh)
+        without = left_out(high)
+    result = run(mesh, output, options, materials=materials, progress=progress)
+    result = replace(result, missing=(*without, *compared_without(high, materials)))
+    return result if html is None else with_page(result, html, options, command=command)
+
+
+@verb(
+    Reads("model"),
+    Writes("output", "image", "The lightened model.", suffixes=(".glb",)),
+    Options(LightenOptions),
+    REPORT,
+    PAGE,
+    examples="""
+      texbake lighten model.glb -o light.glb --html light.html
+      texbake lighten model.fbx -o light.glb --faces 5000 --size 1024
+    """,
+)
+def lighten_file(
+    model: PathLike,
+    output: PathLike,
+    options: LightenOptions | None = None,
+    *,
+    report: PathLike | None = None,
+    html: PathLike | None = None,
+    command: str = "",
+    progress: ProgressSink | None = None,
+) -> JobResult[LightenReport]:
+    """Make MODEL smaller, with all of its materials.
+
+    MODEL is simplified, unwrapped once, and every channel of its materials is baked into one set of
+    images: base color and alpha, metallic, roughness, occlusion, emissive, normal, clearcoat,
+    transmission, sheen and specular. Its own normal maps are part of the new one.
+    """
+    from texbake.jobs.lighten import lighten
+
+    return lighten(model, output, options or LightenOptions(), html, command, progress)
+
+
+@verb(
+    Writes("output", "folder", _FOLDER, default=DEMO_FOLDER),
+    Options(DemoOptions),
+    PAGE,
+    examples="""
+      texbake demo
+      texbake demo -o orange --triangles 4000000
+      texbake demo --html orange.html
+    """,
+    table=lambda done: done.table(),
+)
+def demo_files(
+    output: PathLike = DEMO_FOLDER,
+    options: DemoOptions | None = None,
+    *,
+    html: PathLike | None = None,
+    command: str = "",
+    progress: ProgressSink | None = None,
+) -> RunResult:
+    """Do the whole job on an orange that is made by code.
+
+    Also writes the high-poly mesh, orange_high.ply, to try other commands on. The page of --html
+    also has plots of how right a photograph, a bump map, a normal map and a displacement map stay
+    while the light and the viewer turn.
+    """
+    from texbake.files import make_folder
+    from texbake.jobs.orange_turns import turns_plot
+    from texbake.jobs.run import run, with_page
+    from texbake.mesh.files import write_mesh
+    from texbake.mesh.shapes import orange
+    from texbake.progress import Stages
+
+    options = options or DemoOptions()
+    high_file = make_folder(output) / "orange_high.ply"
+    stages = Stages(progress)
+    with stages.stage("make the orange"):
+        high = orange(options.triangles)
+        write_mesh(high, high_file)
+    result = run(high, output, options.run_options(), progress=progress)
+    result = replace(
+        result,
+        files={"high": high_file, **result.files},
+        stages=[*stages.records, *result.stages],
+    )
+    if html is None:
+        return result
+    plot = turns_plot(options.threads, progress)
+    return with_page(result, html, options.run_options(), command=command, plots=[plot])
