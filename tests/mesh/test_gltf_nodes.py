@@ -12,8 +12,8 @@ from texbake_cli.main import texbake
 
 from texbake.errors import FileFormatError
 from texbake.mesh.files import read_mesh
+from texbake.mesh.files.gltf import MAX_TRIANGLES
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_nodes import MAX_TRIANGLES
 from texbake.rendering.scene.read import read_scene
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")

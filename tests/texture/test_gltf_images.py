@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.mesh.files.gltf_materials import SLOTS
+from texbake.mesh.files.channels import SLOTS
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.texture.image import decode_image, write_image
 from texbake.texture.material_images import gltf_images

@@ -16,9 +16,8 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError
-from texbake.mesh.files.channels import FileChannel
+from texbake.mesh.files.channels import SLOTS, FileChannel, Slot, is_scale, same_place
 from texbake.mesh.files.conversion import media_type
-from texbake.mesh.files.gltf_materials import SLOTS, Slot, is_scale, same_place
 from texbake.mesh.files.mtl import MTL_CHANNELS
 from texbake.mesh.materials import (
     CHANNELS,

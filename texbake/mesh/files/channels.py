@@ -2,7 +2,7 @@
 
 `CHANNELS` in `texbake.mesh.materials` has their defaults and color spaces, which hold for all
 formats. An FBX material is read by `fbx_materials`, a USD one by `usd_materials`, one of OBJ by
-`mtl`, and one of glTF by `gltf_material_read`.
+`mtl`, and one of glTF by `gltf_materials`.
 
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and its
 extensions KHR_materials_clearcoat, KHR_materials_sheen, KHR_materials_specular and
@@ -13,9 +13,13 @@ rendering", Clara.io, 2015.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import groupby
 from types import MappingProxyType
+
+from texbake.mesh.files.conversion import media_type
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, MeshMaterial
 
 _RGB = (0, 1, 2)
 _RED, _GREEN, _BLUE, _ALPHA = (0,), (1,), (2,), (3,)
@@ -117,3 +121,70 @@ CHANNEL_OF_FBX: Mapping[str, str] = MappingProxyType(
     {name: where.name for where in _ALL for name in where.fbx}
 )
 """Channels by the properties that textures are connected to."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A texture of glTF materials, and the channels that it holds."""
+
+    owner: str
+    texture: str
+    channels: tuple[FileChannel, ...]
+
+    def sources(self, material: MeshMaterial) -> Iterator[tuple[FileChannel, ChannelSource]]:
+        """Yield where each channel of it comes from; the default, where the material is silent."""
+        for where in self.channels:
+            if where.name == "alpha" and material.alpha_mode == "opaque":
+                continue
+            default = ChannelSource(CHANNELS[where.name].default)
+            yield where, material.channels.get(where.name, default)
+
+    def image(self, material: MeshMaterial) -> ChannelImage | None:
+        """Return the first image of its channels."""
+        images = (source.image for _, source in self.sources(material))
+        return next((image for image in images if image is not None), None)
+
+    def holds(self, material: MeshMaterial) -> bool:
+        """Whether glTF has the images of a material's channels, all in one and where it reads."""
+        first = self.image(material)
+        return first is None or (
+            media_type(first.data) is not None
+            and all(_is_read(where, source, first) for where, source in self.sources(material))
+        )
+
+    def fits(self, material: MeshMaterial) -> bool:
+        """Whether glTF also shows the channels that have no image as the material does.
+
+        It would multiply them by what the image holds.
+        """
+        alone = (source for _, source in self.sources(material) if source.image is None)
+        has_image = self.image(material) is not None
+        return self.holds(material) and not (has_image and any(any(s.factor) for s in alone))
+
+
+def _is_read(where: FileChannel, source: ChannelSource, first: ChannelImage) -> bool:
+    """Whether glTF reads the image of a channel, if it has one, as the material does."""
+    if source.image is None:
+        return True
+    if source.image.components != where.components or not same_place(source.image, first):
+        return False
+    return where.name != "normal" or is_scale(source.factor)
+
+
+def is_scale(factor: tuple[float, ...]) -> bool:
+    """Whether a factor of normals is a scale of glTF, which acts on x and y alike."""
+    return factor == (factor[0], factor[0], 1.0)
+
+
+def same_place(a: ChannelImage, b: ChannelImage) -> bool:
+    """Whether two channels read an image file at the same places."""
+    common = {"components": (), "name": ""}
+    return replace(a, **common) == replace(b, **common)  # type: ignore[arg-type]
+
+
+SLOTS = tuple(
+    Slot(owner, texture, tuple(channels))
+    for (owner, texture), channels in groupby(
+        FILE_CHANNELS.values(), key=lambda channel: (channel.owner, channel.texture)
+    )
+)

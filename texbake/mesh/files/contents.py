@@ -20,7 +20,7 @@ from texbake.mesh.files.channels import CHANNEL_OF_FBX, FILE_CHANNELS
 from texbake.mesh.files.fbx_materials import base_layer, first_image
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_material_read import (
+from texbake.mesh.files.gltf_materials import (
     image_bytes,
     image_source,
     read_texture,

@@ -7,31 +7,46 @@ of vertices.
 Skinned meshes come in the pose they are stored in, without their node's transform, and morph
 targets at rest. Where only some primitives have texture coordinates or normals, the others get
 zeros.
+
+Files of CAD programs have 100,000 nodes and more, so that numbers are checked and matrices made for
+all nodes at once, and multiplied level by level.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from texbake.errors import MeshError
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
+from texbake.limits import most_triangles
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_nodes import (
+from texbake.mesh.files.gltf_primitives import (
     INDICES,
     TRIANGLES,
-    SceneNodes,
-    check_instance_count,
+    PrimitiveRequest,
     further_sets,
-    scene_nodes,
+    read_primitives,
+    triangle_count,
 )
-from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.files.unread_parts import warn_of_gltf
 from texbake.mesh.join import MeshPart, join_parts
-from texbake.mesh.mesh import Mesh, check_corner_count, require_few_sets
+from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count, require_few_sets
+
+MAX_TRIANGLES = 20_000_000
+"""Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
+
+They take some 1 GB, and 2 GB where no two triangles share a vertex.
+"""
 
 
 def read_gltf(path: PathLike) -> Mesh:
@@ -122,3 +137,177 @@ def _uv_set_names(mesh: dict[str, Any], numbers: Collection[int]) -> dict[str, s
         is_sound = isinstance(name, str) and name.strip() and name.isprintable()
         names[str(name) if is_sound and name not in names else attribute] = attribute
     return names
+
+
+@dataclass(frozen=True, eq=False)
+class SceneNodes:
+    """Nodes of a scene, depth first."""
+
+    document: Document
+    nodes: list[dict[str, Any]]  # the objects of the file
+    # (n,) int64; place of each node's parent in the list; -1 for a root.
+    parents: npt.NDArray[np.int64]
+    levels: npt.NDArray[np.int64]  # (n,) int64; how many nodes stand above each
+
+    def matrices(self) -> FloatArray:
+        """(n, 4, 4) float64: the matrix of each node to the world."""
+        order = np.argsort(self.levels, kind="stable")
+        # Nodes in the order of their levels; the world is the parent of the roots.
+        numbers = np.empty(len(order) + 1, np.int64)
+        numbers[order] = np.arange(len(order))
+        numbers[-1] = len(order)
+        parents = numbers[self.parents[order]]
+        local = _local_matrices(self.document, self.nodes)[order]
+        placed = np.empty((len(order) + 1, 4, 4))
+        placed[-1] = np.eye(4)
+        stops = np.cumsum(np.bincount(self.levels)).tolist()
+        # Huge factors may multiply to infinity, which a mesh refuses.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for start, stop in zip([0, *stops], stops, strict=False):
+                of_parents = placed[parents[start:stop]]
+                placed[start:stop] = pm.matmul(of_parents, local[start:stop])
+        return np.asarray(placed[numbers[:-1]])
+
+    def mesh_matrices(self, matrices: FloatArray) -> FloatArray:
+        """(n, 4, 4) float64: the matrices of the meshes of nodes, from those of the nodes.
+
+        A mesh with a skin stands where its joints are, not at the node.
+        """
+        matrices = matrices.copy()
+        matrices[[i for i, node in enumerate(self.nodes) if "skin" in node]] = np.eye(4)
+        return matrices
+
+
+def check_instance_count(placed: SceneNodes) -> None:
+    """Raise `FileFormatError` if a file repeats its triangles too often.
+
+    Nodes can share a mesh, and primitives an accessor, so a small file can ask for more triangles
+    than fit into memory. This reads no triangle.
+    """
+    document = placed.document
+    counts: dict[int, int] = {}
+    n_placed = 0
+    for node in placed.nodes:
+        index = node.get("mesh")
+        if index is None:
+            continue
+        mesh = document.item("meshes", index)
+        if index not in counts:
+            primitives = document.objects(mesh, "primitives")
+            counts[index] = sum(_size(document, primitive) for primitive in primitives)
+        n_placed += counts[index]
+    # A triangle takes more than a byte, unless it is there several times.
+    most = most_triangles(MAX_TRIANGLES)
+    if n_placed > most and n_placed > document.n_bytes:
+        raise FileFormatError(
+            f"{document.path}: its nodes repeat {sum(counts.values()):,} triangles up to "
+            f"{n_placed:,}, more than {most:,} with their vertices and UV sets; "
+            f"if you trust the file, read it with texbake --max-triangles {n_placed}"
+        )
+
+
+def _size(document: Document, primitive: dict[str, Any]) -> int:
+    """Triangles of a primitive, or a third of its vertices, once for each of its UV sets."""
+    n_triangles = triangle_count(document, primitive)
+    if n_triangles == 0:
+        return 0
+    position = document.mapping(primitive, "attributes")["POSITION"]
+    n_vertices = document.integer(document.item("accessors", position), "count", 0)
+    return max(n_triangles, n_vertices // 3) * (1 + len(further_sets(document, primitive)))
+
+
+def scene_nodes(document: Document) -> SceneNodes:
+    """Return the nodes of the scene.
+
+    A file without nodes has each of its meshes once, where it is.
+    """
+    nodes = document.items("nodes")
+    if not nodes:
+        meshes: list[dict[str, Any]] = [{"mesh": i} for i in range(len(document.items("meshes")))]
+        n = len(meshes)
+        return SceneNodes(document, meshes, np.full(n, -1), np.zeros(n, np.int64))
+    found: list[dict[str, Any]] = []
+    parents: list[int] = []
+    levels: list[int] = []
+    pending = [(root, -1, 0) for root in reversed(_roots(document, nodes))]
+    seen = bytearray(len(nodes))
+    while pending:
+        index, parent, level = pending.pop()
+        if not 0 <= index < len(nodes):
+            document.fail(f"it has no nodes[{quoted(index)}]")
+        node = nodes[index]
+        if seen[index]:
+            document.fail(f"nodes[{index}] stands twice in the scene")
+        seen[index] = 1
+        if "children" in node:
+            children = _indices(document, node, "children")
+            pending += [(child, len(found), level + 1) for child in reversed(children)]
+        found.append(node)
+        parents.append(parent)
+        levels.append(level)
+    return SceneNodes(document, found, np.array(parents, np.int64), np.array(levels, np.int64))
+
+
+def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
+    """Indices of the nodes at the top: of the scene, else of the first, else of the whole file."""
+    if document.items("scenes"):
+        return _indices(
+            document, document.item("scenes", document.content.get("scene", 0)), "nodes"
+        )
+    children = {child for node in nodes for child in _indices(document, node, "children")}
+    return [i for i in range(len(nodes)) if i not in children]
+
+
+def _indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
+    indices = owner.get(key, [])
+    if not isinstance(indices, list) or not set(map(type, indices)) <= {int, bool}:
+        document.fail(f"{quoted(key)} is not a list of indices")
+    return indices
+
+
+def _local_matrices(document: Document, nodes: list[dict[str, Any]]) -> FloatArray:
+    """(n, 4, 4) matrices of nodes, from their columns or translations, rotations and scales."""
+    matrices = np.tile(np.eye(4), (len(nodes), 1, 1))
+    others: Sequence[int] = range(len(nodes))
+    placed, columns = _rows(document, nodes, others, "matrix", 16)
+    matrices[placed] = columns.reshape(-1, 4, 4).swapaxes(1, 2)
+    if placed:
+        others = sorted(set(others).difference(placed))
+    turned, rotations = _rows(document, nodes, others, "rotation", 4)
+    matrices[turned, :3, :3] = _rotation_matrices(rotations)
+    scaled, scales = _rows(document, nodes, others, "scale", 3)
+    matrices[scaled, :3, :3] *= scales[:, None]
+    moved, translations = _rows(document, nodes, others, "translation", 3)
+    matrices[moved, :3, 3] = translations
+    return matrices
+
+
+def _rows(
+    document: Document, nodes: list[dict[str, Any]], among: Sequence[int], key: str, width: int
+) -> tuple[list[int], FloatArray]:
+    """Places of the nodes, among some, that hold numbers, and the (n, width) numbers."""
+    places = [i for i in among if nodes[i].get(key) is not None]
+    values = [nodes[i][key] for i in places]
+    is_sound = set(map(type, values)) <= {list} and set(map(len, values)) <= {width}
+    if is_sound and set(map(type, chain.from_iterable(values))) <= {int, float}:
+        with suppress(OverflowError):  # integers of JSON have any length
+            rows = np.array(values, np.float64).reshape(-1, width)
+            if (np.abs(rows) < 1e300).all():
+                return places, rows
+    for i in places:  # the first that is wrong is named
+        document.numbers(nodes[i], key, width)
+    return places, np.array(values, np.float64).reshape(-1, width)
+
+
+def _rotation_matrices(quaternions: FloatArray) -> FloatArray:
+    """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
+    lengths = np.sqrt(pm.matmul(quaternions[:, None], quaternions[:, :, None]))[:, :, 0]
+    units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
+    np.divide(quaternions, lengths, out=units, where=lengths > 0.0)
+    x, y, z, w = units.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).reshape(3, 3, -1).transpose(2, 0, 1)

@@ -174,25 +174,21 @@ class Document:
     def view_bytes(self, index: Any) -> ByteArray:
         """Bytes of a buffer view, such as an image's file."""
         view = self.item("bufferViews", index)
-        packing = self._packing(view)
+        packing = self.mapping(self.mapping(view, "extensions"), EXTENSION)
         if not packing:
             return self._stored(view)
         if index not in self._decoded:  # many accessors may share one
-            self._decoded[index] = self._decompressed(packing)
+            decoded = decode_view(
+                self._stored(packing),
+                mode=str(packing.get("mode")),
+                filter_name=str(packing.get("filter", "NONE")),
+                count=self.integer(packing, "count"),
+                stride=self.integer(packing, "byteStride"),
+            )
+            if isinstance(decoded, str):
+                self.fail(decoded)
+            self._decoded[index] = decoded
         return self._decoded[index]
-
-    def _decompressed(self, view: dict[str, Any]) -> ByteArray:
-        """Bytes that meshoptimizer has coded."""
-        decoded = decode_view(
-            self._stored(view),
-            mode=str(view.get("mode")),
-            filter_name=str(view.get("filter", "NONE")),
-            count=self.integer(view, "count"),
-            stride=self.integer(view, "byteStride"),
-        )
-        if isinstance(decoded, str):
-            self.fail(decoded)
-        return decoded
 
     def _stored(self, view: dict[str, Any]) -> ByteArray:
         """Bytes of a place in a buffer."""
@@ -221,10 +217,6 @@ class Document:
     def n_bytes(self) -> int:
         """Bytes of all buffers together."""
         return sum(map(len, self.buffers))
-
-    def _packing(self, view: dict[str, Any]) -> dict[str, Any]:
-        """Return what says how a view is compressed; empty where it is not."""
-        return self.mapping(self.mapping(view, "extensions"), EXTENSION)
 
     def _buffer(self, index: int, buffer: dict[str, Any], files: dict[str, ByteArray]) -> ByteArray:
         """Bytes of a buffer; `files` has those that were read, by their real paths."""

@@ -1,61 +1,262 @@
-"""Materials of a mesh from glTF files and to them, with all channels of `gltf_material_read`.
+"""Materials of glTF files, with those of all channels that `channels` says where to find.
 
-The factor of an occlusion is its strength: 1 + strength (texel - 1). That of a normal map is its
-scale, which acts on x and y. A texture that cannot be read is noted, and the channel keeps its
-factor.
+`read_material` reads a material as the file has it, which those of a mesh and those of a scene are
+made from: images are named by their index, and read by `image_bytes` only when something asks for
+them; what a texture's `KHR_texture_transform` says is for coordinates with v down.
 
-glTF reads roughness from the green and metallic from the blue of one image, alpha from the image of
-the base color. Other formats have an image for each channel; `texbake.texture.material_images` puts
-these where glTF reads them. A channel without an image whose texture has one keeps its factor: the
-image is taken to be 1 there, as that module makes it.
+`read_gltf_materials` makes those of a mesh. The factor of an occlusion is its strength:
+1 + strength (texel - 1). That of a normal map is its scale, which acts on x and y. A texture that
+cannot be read is noted, and the channel keeps its factor.
+
+Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021, section 3.9, and the
+extensions KHR_materials_clearcoat, KHR_materials_emissive_strength, KHR_materials_ior,
+KHR_materials_sheen, KHR_materials_specular, KHR_materials_transmission, KHR_materials_unlit,
+KHR_texture_transform and EXT_texture_webp.
 """
 
 from __future__ import annotations
 
+import base64
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import groupby
+from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import OptionError, shortened
-from texbake.files import PathLike
+from texbake.errors import FileError, FileFormatError, quoted, shortened
+from texbake.files import PathLike, read_bytes
+from texbake.limits import file_beside, real_path
 from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
-from texbake.mesh.files.conversion import as_text, media_type
-from texbake.mesh.files.gltf_asset import GltfAsset
+from texbake.mesh.files.gltf import scene_nodes
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_material_read import (
-    EMISSIVE_STRENGTH,
-    GltfSource,
-    GltfTexture,
-    image_or_reason,
-    image_source,
-    material_index,
-    read_material,
-    unread_extensions,
-)
-from texbake.mesh.files.gltf_nodes import scene_nodes, triangle_count
-from texbake.mesh.files.gltf_primitives import primitive_uvs
+from texbake.mesh.files.gltf_primitives import primitive_uvs, triangle_count
 from texbake.mesh.materials import (
-    CHANNELS,
-    UNPLACED,
     ChannelImage,
     ChannelSource,
     Materials,
     MeshMaterial,
     MissingParts,
     Placing,
-    is_sheared,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 
-_TRANSFORM = "KHR_texture_transform"
+EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 # v down to v up, and back.
 FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST = 9728
+_FILTERS_WITHOUT_MIPS = (9728, 9729)
+_NO_IMAGE = "a texture has no image in a supported format"
+# Material extensions that are read, and their parts that are not.
+_EXTENSIONS = {
+    EMISSIVE_STRENGTH,
+    "KHR_materials_unlit",
+    *(where.owner for where in FILE_CHANNELS.values() if where.is_extension),
+}
+_LEFT_OUT = {("KHR_materials_clearcoat", "clearcoatNormalTexture")}
+# Channels whose textureInfo holds a number of their own, and its name.
+_OF_TEXTURE = {"normal": "scale", "occlusion": "strength"}
+
+
+@dataclass(frozen=True)
+class GltfTexture:
+    """What a textureInfo object says, with its texture and its sampler."""
+
+    # Index into `images`; None where the texture has none in a format that is read.
+    image: int | None
+    # What lies outside the unit square along u and v: `repeat`, `mirror` or `clamp`. A number that
+    # is none of glTF's counts as `repeat`, its default.
+    wraps: tuple[str, str] = ("repeat", "repeat")
+    is_nearest: bool = False  # whether a texel is one color up to its edges where it is magnified
+    has_mip_levels: bool = True  # whether mip levels may be used where it is minified
+    uv_set: int = 0  # number of the set of texture coordinates
+    # The texture coordinates, v down, are scaled, then rotated, then moved.
+    scale: tuple[float, float] = (1.0, 1.0)
+    rotation: float = 0.0  # in radians
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GltfSource:
+    """Where the values of a channel come from."""
+
+    # Linear. That of `normal` is its scale, and that of `occlusion` its strength, 1 at most; that
+    # of `emissive` includes the emissive strength.
+    factor: tuple[float, ...]
+    texture: GltfTexture | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GltfMaterial:
+    """A material."""
+
+    name: str  # `material` and its index, where it has no name of its own
+    # All of `FILE_CHANNELS` but those of extensions that the material does not use.
+    channels: Mapping[str, GltfSource]
+    alpha_mode: str = "opaque"  # `opaque`, `mask` or `blend`
+    alpha_cutoff: float = 0.5
+    is_double_sided: bool = False
+    is_unlit: bool = False
+    ior: float = 1.5  # index of refraction
+
+
+def material_index(document: Document, primitive: dict[str, Any]) -> int | None:
+    """Index of a primitive's material, checked; None where it has glTF's default material."""
+    index: int | None = primitive.get("material")
+    if index is not None:
+        document.item("materials", index)
+    return index
+
+
+def read_material(document: Document, index: int | None) -> GltfMaterial:
+    """Read the material with an index; None means glTF's default material."""
+    source = {} if index is None else document.item("materials", index)
+    name = str(source.get("name") or ("material" if index is None else f"material {index}"))
+    mode = source.get("alphaMode", "OPAQUE")
+    if mode not in ("OPAQUE", "MASK", "BLEND"):
+        document.fail(f"the alphaMode {quoted(mode)} of {quoted(name)} is not known")
+    extensions = document.mapping(source, "extensions")
+    ior = document.mapping(extensions, "KHR_materials_ior")
+    return GltfMaterial(
+        name=name,
+        channels={
+            where.name: _source(document, where, source, extensions)
+            for where in FILE_CHANNELS.values()
+            if not where.is_extension or where.owner in extensions
+        },
+        alpha_mode=mode.lower(),
+        alpha_cutoff=document.number(source, "alphaCutoff", 0.5),
+        is_double_sided=bool(source.get("doubleSided", False)),
+        is_unlit="KHR_materials_unlit" in extensions,
+        ior=document.number(ior, "ior", 1.5),
+    )
+
+
+def unread_extensions(document: Document, index: int | None) -> tuple[str, ...]:
+    """Name the extensions of a material that are not read, and such textures of the others."""
+    source = {} if index is None else document.item("materials", index)
+    extensions = document.mapping(source, "extensions")
+    return tuple(
+        part
+        for name in extensions
+        for part in (
+            [key for key in document.mapping(extensions, name) if (name, key) in _LEFT_OUT]
+            if name in _EXTENSIONS
+            else [name]
+        )
+    )
+
+
+def _source(
+    document: Document, where: FileChannel, source: dict[str, Any], extensions: dict[str, Any]
+) -> GltfSource:
+    """Read the factor and the texture of a channel."""
+    owner = extensions if where.is_extension else source
+    holder = document.mapping(owner, where.owner) if where.owner else owner
+    info = document.mapping(holder, where.texture)
+    texture = read_texture(document, info) if where.texture in holder else None
+    if where.name in _OF_TEXTURE:
+        is_signed = where.name == "normal"
+        number = document.number(info, _OF_TEXTURE[where.name], 1.0, is_signed=is_signed)
+        return GltfSource((number if is_signed else min(number, 1.0),), texture)
+    factor = _factor(document, where, holder)
+    if where.name == "emissive":
+        owner = document.mapping(extensions, EMISSIVE_STRENGTH)
+        strength = document.number(owner, "emissiveStrength", 1.0)
+        factor = tuple(value * strength for value in factor)
+    return GltfSource(factor, texture)
+
+
+def _factor(document: Document, where: FileChannel, holder: dict[str, Any]) -> tuple[float, ...]:
+    """Those numbers of a factor that are the channel's."""
+    if len(where.defaults) == 1:
+        return (document.number(holder, where.factor, where.defaults[0]),)
+    numbers = document.numbers(holder, where.factor, len(where.defaults))
+    values = where.defaults if numbers is None else tuple(numbers.tolist())
+    if min(values) < 0.0:
+        document.fail(f"{quoted(where.factor)} is below 0")
+    return tuple(values[i] for i in where.factor_components)
+
+
+def read_texture(document: Document, info: dict[str, Any]) -> GltfTexture:
+    """Read the texture of a textureInfo object."""
+    texture = document.item("textures", info.get("index"))
+    sampler = {}
+    if "sampler" in texture:
+        sampler = document.item("samplers", texture["sampler"])
+    webp = document.mapping(document.mapping(texture, "extensions"), "EXT_texture_webp")
+    image = webp.get("source", texture.get("source"))
+    if image is not None:
+        document.item("images", image)
+    moved = document.mapping(document.mapping(info, "extensions"), "KHR_texture_transform")
+    scale, offset = (document.numbers(moved, key, 2) for key in ("scale", "offset"))
+    return GltfTexture(
+        image=image,
+        wraps=(_wrap(sampler.get("wrapS")), _wrap(sampler.get("wrapT"))),
+        is_nearest=sampler.get("magFilter") == _NEAREST,
+        has_mip_levels=sampler.get("minFilter") not in _FILTERS_WITHOUT_MIPS,
+        uv_set=document.integer(moved if "texCoord" in moved else info, "texCoord", 0),
+        scale=(1.0, 1.0) if scale is None else (float(scale[0]), float(scale[1])),
+        rotation=document.number(moved, "rotation", 0.0, is_signed=True),
+        offset=(0.0, 0.0) if offset is None else (float(offset[0]), float(offset[1])),
+    )
+
+
+def _wrap(code: Any) -> str:
+    return _WRAPS.get(code, "repeat") if isinstance(code, int) else "repeat"
+
+
+def image_path(document: Document, index: int) -> Path | None:
+    """Path of an image beside the file; None for one in it."""
+    uri = document.item("images", index).get("uri")
+    if not isinstance(uri, str) or uri.startswith("data:"):
+        return None
+    if "://" in uri:
+        raise FileError(f"images[{index}] is at {quoted(uri)}; only local files are read")
+    return file_beside(document.path, unquote(uri))
+
+
+def image_source(document: Document, index: int) -> str | int | None:
+    """Return what an image is read from, its file or its view: equal for images that are the same.
+
+    A small file could list one large image many times.
+    """
+    image = document.item("images", index)
+    source = image.get("uri", image.get("bufferView"))
+    if isinstance(source, str) and not source.startswith("data:"):
+        return real_path(document.path, unquote(source))
+    return source if isinstance(source, str | int) else None
+
+
+def image_bytes(document: Document, index: int) -> bytes:
+    """Content of an image file of a document, or in it."""
+    path = image_path(document, index)
+    if path is not None:
+        return read_bytes(path)
+    image = document.item("images", index)
+    uri = image.get("uri")
+    if not isinstance(uri, str):
+        return document.view_bytes(image.get("bufferView")).tobytes()
+    try:
+        return base64.b64decode(uri.partition(",")[2])
+    except ValueError:
+        document.fail(f"the data of images[{index}] is not base64")
+
+
+def image_or_reason(document: Document, index: int | None) -> bytes | str:
+    """Content of an image, or why there is none: it is missing, empty or outside the folder."""
+    if index is None:
+        return _NO_IMAGE
+    try:
+        return image_bytes(document, index)
+    except FileError as error:
+        if isinstance(error, FileFormatError) and image_path(document, index) is None:
+            raise
+        return str(error)
 
 
 def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
@@ -80,18 +281,17 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     numbers = {index: i for i, index in enumerate(order)}
     of_groups = np.array([numbers[index] for index in used], dtype=np.int32)
     reader = _MaterialReader(document)
-    materials = tuple(reader.material(index) for index in order)
+    on_all_sets = Materials(
+        face_materials=of_groups[mesh.face_groups],
+        materials=tuple(reader.material(index) for index in order),
+        has_vertex_colors=mesh.colors is not None,
+    )
     unread = Counter(part for index in order for part in unread_extensions(document, index))
     for part, n in unread.items():
         reader.missing.add("", f"{shortened(part)} of {n} material{'s' * (n > 1)} is not read")
-    uv_sets = reader.uv_sets(materials, primitives, mesh)
-    return Materials(
-        face_materials=of_groups[mesh.face_groups],
-        materials=tuple(material.on_uv_sets({0, *uv_sets}) for material in materials),
-        uv_sets=uv_sets,
-        has_vertex_colors=mesh.colors is not None,
-        **reader.missing.fields(),
-    )
+    uv_sets = reader.uv_sets(on_all_sets.image_uv_sets - {0}, primitives, mesh)
+    materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in on_all_sets.materials)
+    return replace(on_all_sets, materials=materials, uv_sets=uv_sets, **reader.missing.fields())
 
 
 @dataclass(eq=False)
@@ -107,13 +307,12 @@ class _MaterialReader:
         """Read the material with an index; None means glTF's default material."""
         material = read_material(self.document, index)
         channels = {}
-        for where in FILE_CHANNELS.values():
-            if where.name == "alpha" and material.alpha_mode == "opaque":
+        for name, part in material.channels.items():
+            if name == "alpha" and material.alpha_mode == "opaque":
                 continue
-            if where.name in material.channels:
-                source = self._source(where, material.channels[where.name], material.name)
-                if source is not None:
-                    channels[where.name] = source
+            source = self._source(FILE_CHANNELS[name], part, material.name)
+            if source is not None:
+                channels[name] = source
         return MeshMaterial(
             name=material.name,
             channels=channels,
@@ -124,15 +323,9 @@ class _MaterialReader:
         )
 
     def uv_sets(
-        self, materials: tuple[MeshMaterial, ...], primitives: list[dict[str, Any]], mesh: Mesh
+        self, numbers: set[int], primitives: list[dict[str, Any]], mesh: Mesh
     ) -> dict[int, FloatArray]:
-        """Read the sets of texture coordinates after the first that images lie on."""
-        numbers = {
-            source.image.uv_set
-            for material in materials
-            for source in material.channels.values()
-            if source.image is not None
-        } - {0}
+        """Read sets of texture coordinates after the first."""
         require_few_sets(len(numbers), str(self.document.path))
         if not numbers:
             return {}
@@ -158,19 +351,17 @@ class _MaterialReader:
         self, where: FileChannel, source: GltfSource, material: str
     ) -> ChannelSource | None:
         """Return where a channel comes from; None where it changes nothing."""
-        image = None
-        if source.texture is not None:
-            image = self._image(where, source.texture, material)
-        if where.name in ("normal", "occlusion"):
-            if image is None:
-                return None
-            (factor,) = source.factor
-            if where.name == "normal":
-                return ChannelSource((factor, factor, 1.0), image)
-            return ChannelSource((factor,), image, 1.0 - factor)
-        if where.name == "emissive" and not any(source.factor):
+        texture, factor = source.texture, source.factor
+        image = None if texture is None else self._image(where, texture, material)
+        if image is None and where.name in _OF_TEXTURE:
             return None
-        return ChannelSource(source.factor, image)
+        if where.name == "normal":
+            return ChannelSource((*factor, *factor, 1.0), image)
+        if where.name == "occlusion":
+            return ChannelSource(factor, image, 1.0 - factor[0])
+        return (
+            None if where.name == "emissive" and not any(factor) else ChannelSource(factor, image)
+        )
 
     def _image(
         self, where: FileChannel, texture: GltfTexture, material: str
@@ -183,7 +374,9 @@ class _MaterialReader:
         data, first = self._images[source]
         if isinstance(data, str):
             line = f"{shortened(material)}: {data}; the material keeps its factors"
-            self.missing.add(where.name, line, image=self._image_name(index))
+            uri = None if index is None else self.document.items("images")[index].get("uri")
+            named = unquote(uri) if isinstance(uri, str) and not uri.startswith("data:") else None
+            self.missing.add(where.name, line, image=named)
             return None
         return ChannelImage(
             data=data,
@@ -195,11 +388,6 @@ class _MaterialReader:
             is_nearest=texture.is_nearest,
         )
 
-    def _image_name(self, index: int | None) -> str | None:
-        """Name of the file of an image; None where it has none of its own."""
-        uri = None if index is None else self.document.items("images")[index].get("uri")
-        return unquote(uri) if isinstance(uri, str) and not uri.startswith("data:") else None
-
 
 def _placing(texture: GltfTexture) -> Placing:
     """Rows of the matrix of a texture's transform, for coordinates with v up."""
@@ -209,187 +397,3 @@ def _placing(texture: GltfTexture) -> Placing:
     matrix[:2, 2] = texture.offset
     (a, b, c), (d, e, f), _ = (pm.matmul(pm.matmul(FLIP, matrix), FLIP)).tolist()
     return (a, b, c), (d, e, f)
-
-
-def uv_numbers(materials: Materials) -> dict[int, int]:
-    """Numbers that the file gives to sets of texture coordinates: 0, 1, 2 without a gap."""
-    used = materials.image_uv_sets | {0}
-    return {uv_set: number for number, uv_set in enumerate(sorted(used))}
-
-
-def add_material(
-    asset: GltfAsset,
-    material: MeshMaterial,
-    numbers: Mapping[int, int],
-    uv_matrices: Mapping[int, FloatArray],
-) -> int:
-    """Add a material with its textures, and return its index."""
-    extensions: dict[str, Any] = {}
-    content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
-    for slot in SLOTS:
-        is_extension = slot.channels[0].is_extension
-        if is_extension and not any(where.name in material.channels for where in slot.channels):
-            continue
-        owner = content
-        if slot.owner:
-            owner = (extensions if is_extension else content).setdefault(slot.owner, {})
-        if not slot.holds(material):
-            raise OptionError(
-                f"{material.name}: glTF has no place for the image of its "
-                f"{' and '.join(where.name for where, _ in slot.sources(material))}; "
-                "rearrange it with texbake.gltf_images"
-            )
-        image = slot.image(material)
-        if image is not None:
-            owner[slot.texture] = _texture_info(asset, material, slot, image, numbers, uv_matrices)
-    _add_factors(content, extensions, material)
-    if material.alpha_mode != "opaque":
-        content["alphaMode"] = material.alpha_mode.upper()
-    if material.alpha_mode == "mask":
-        content["alphaCutoff"] = material.alpha_cutoff
-    if material.is_double_sided:
-        content["doubleSided"] = True
-    if material.is_unlit:
-        extensions["KHR_materials_unlit"] = {}
-    if extensions:
-        content["extensions"] = extensions
-        for extension in extensions:
-            asset.use(extension)
-    return asset.append_material(content)
-
-
-def _add_factors(
-    content: dict[str, Any], extensions: dict[str, Any], material: MeshMaterial
-) -> None:
-    """Set the factors that differ from those that glTF assumes."""
-    for where in FILE_CHANNELS.values():
-        owners = extensions if where.is_extension else content
-        if not where.factor or (where.is_extension and where.owner not in extensions):
-            continue
-        owner = owners[where.owner] if where.owner else content
-        source = material.channels.get(where.name)
-        factor = CHANNELS[where.name].default if source is None else source.factor
-        if where.name == "alpha" and material.alpha_mode == "opaque":
-            factor = (1.0,)
-        if where.name == "emissive" and max(factor) > 1.0:
-            extensions[EMISSIVE_STRENGTH] = {"emissiveStrength": max(factor)}
-            factor = tuple(value / max(factor) for value in factor)
-        if CHANNELS[where.name].is_bounded:
-            factor = tuple(min(max(value, 0.0), 1.0) for value in factor)
-        if len(where.defaults) == 1:
-            if factor != where.defaults:
-                owner[where.factor] = factor[0]
-            continue
-        values = list(owner.get(where.factor, where.defaults))
-        for component, value in zip(where.factor_components, factor, strict=True):
-            values[component] = value
-        if tuple(values) != where.defaults:
-            owner[where.factor] = values
-
-
-def _texture_info(
-    asset: GltfAsset,
-    material: MeshMaterial,
-    slot: Slot,
-    image: ChannelImage,
-    numbers: Mapping[int, int],
-    uv_matrices: Mapping[int, FloatArray],
-) -> dict[str, Any]:
-    texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
-    info: dict[str, Any] = {"index": texture}
-    if numbers[image.uv_set]:
-        info["texCoord"] = numbers[image.uv_set]
-    for where, source in slot.sources(material):
-        if where.name == "normal" and source.factor[0] != 1.0:
-            info["scale"] = source.factor[0]
-        if where.name == "occlusion" and source.factor[0] != 1.0:
-            info["strength"] = source.factor[0]
-    if image.placing != UNPLACED or image.uv_set in uv_matrices:
-        asset.use(_TRANSFORM)
-        stored = uv_matrices.get(image.uv_set, np.eye(3))
-        info["extensions"] = {_TRANSFORM: _transform(material, image.placing, stored)}
-    return info
-
-
-def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> dict[str, Any]:
-    """KHR_texture_transform object of a matrix for coordinates with v up, after another one."""
-    matrix = pm.matmul(
-        pm.matmul(pm.matmul(FLIP, np.array([*placing, (0.0, 0.0, 1.0)])), FLIP), stored
-    )
-    (a, b, x), (c, d, y), _ = matrix.tolist()
-    # [a b; c d] = [cos sin; -sin cos] diag(scale)
-    angle = pm.arctan2(-c, a) if (a, c) != (0.0, 0.0) else pm.arctan2(b, d)
-    if is_sheared(((a, b, x), (c, d, y))):
-        raise OptionError(f"{material.name}: an image is sheared, which glTF cannot do")
-    cos, sin = pm.cos(angle), pm.sin(angle)
-    found: dict[str, Any] = {"offset": [x, y], "scale": [a * cos - c * sin, b * sin + d * cos]}
-    if angle:
-        found["rotation"] = angle
-    return found
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A texture of glTF materials, and the channels that it holds."""
-
-    owner: str
-    texture: str
-    channels: tuple[FileChannel, ...]
-
-    def sources(self, material: MeshMaterial) -> Iterator[tuple[FileChannel, ChannelSource]]:
-        """Yield where each channel of it comes from; the default, where the material is silent."""
-        for where in self.channels:
-            if where.name == "alpha" and material.alpha_mode == "opaque":
-                continue
-            default = ChannelSource(CHANNELS[where.name].default)
-            yield where, material.channels.get(where.name, default)
-
-    def image(self, material: MeshMaterial) -> ChannelImage | None:
-        """Return the first image of its channels."""
-        images = (source.image for _, source in self.sources(material))
-        return next((image for image in images if image is not None), None)
-
-    def holds(self, material: MeshMaterial) -> bool:
-        """Whether glTF has the images of a material's channels, all in one and where it reads."""
-        first = self.image(material)
-        return first is None or (
-            media_type(first.data) is not None
-            and all(_is_read(where, source, first) for where, source in self.sources(material))
-        )
-
-    def fits(self, material: MeshMaterial) -> bool:
-        """Whether glTF also shows the channels that have no image as the material does.
-
-        It would multiply them by what the image holds.
-        """
-        alone = (source for _, source in self.sources(material) if source.image is None)
-        has_image = self.image(material) is not None
-        return self.holds(material) and not (has_image and any(any(s.factor) for s in alone))
-
-
-def _is_read(where: FileChannel, source: ChannelSource, first: ChannelImage) -> bool:
-    """Whether glTF reads the image of a channel, if it has one, as the material does."""
-    if source.image is None:
-        return True
-    if source.image.components != where.components or not same_place(source.image, first):
-        return False
-    return where.name != "normal" or is_scale(source.factor)
-
-
-def is_scale(factor: tuple[float, ...]) -> bool:
-    """Whether a factor of normals is a scale of glTF, which acts on x and y alike."""
-    return factor == (factor[0], factor[0], 1.0)
-
-
-def same_place(a: ChannelImage, b: ChannelImage) -> bool:
-    """Whether two channels read an image file at the same places."""
-    common = {"components": (), "name": ""}
-    return replace(a, **common) == replace(b, **common)  # type: ignore[arg-type]
-
-
-SLOTS = tuple(
-    Slot(owner, texture, tuple(channels))
-    for (owner, texture), channels in groupby(
-        FILE_CHANNELS.values(), key=lambda channel: (channel.owner, channel.texture)
-    )
-)

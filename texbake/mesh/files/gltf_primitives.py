@@ -8,6 +8,7 @@ compressed by Draco are decoded in a process of its own.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,12 +22,15 @@ from texbake.errors import MeshError, quoted, warn_of
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
-from texbake.mesh.files.gltf_nodes import FAN, INDICES, STRIP, TRIANGLES
 from texbake.mesh.join import MeshPart
-from texbake.mesh.mesh import FloatArray, IntArray, UvSet
+from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
 
+TRIANGLES, STRIP, FAN = 4, 5, 6
+"""Modes of primitives."""
+INDICES = "indices"
 _UVS = "TEXCOORD"
+_UV_SET = re.compile("TEXCOORD_(0|[1-9][0-9]{0,8})")
 _FIELDS = {"NORMAL": "normals", _UVS: "uvs", "COLOR": "colors"}
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 _ROWS_AT_ONCE = 1 << 18  # of joined primitives; more rows take more memory and time
@@ -157,6 +161,25 @@ def _weld(
 def _bounds(counts: list[int]) -> IntArray:
     """(n + 1,) where each of some runs of rows begins, and where the last ends."""
     return np.cumsum([0, *counts], dtype=np.int32)
+
+
+def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
+    """Number of triangles that `read_primitives` finds, without reading them."""
+    mode = primitive.get("mode", TRIANGLES)
+    attributes = document.mapping(primitive, "attributes")
+    if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
+        return 0
+    counted = primitive.get(INDICES, attributes["POSITION"])
+    count = document.integer(document.item("accessors", counted), "count", 0)
+    return count // 3 if mode == TRIANGLES else max(count - 2, 0)
+
+
+def further_sets(document: Document, primitive: dict[str, Any]) -> list[int]:
+    """Numbers of the sets of texture coordinates of a primitive after the first."""
+    matches = map(_UV_SET.fullmatch, document.mapping(primitive, "attributes"))
+    numbers = sorted({int(match[1]) for match in filter(None, matches)} - {0})
+    require_few_sets(len(numbers), str(document.path))
+    return numbers
 
 
 def primitive_uvs(document: Document, primitive: dict[str, Any], uv_set: int) -> FloatArray | None:

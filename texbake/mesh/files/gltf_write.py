@@ -31,7 +31,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import as_text, far_origin, float32_positions, require_uvs
-from texbake.mesh.files.gltf_asset import GltfAsset
+from texbake.mesh.files.gltf_asset import GltfAsset, add_material, uv_numbers
 from texbake.mesh.files.gltf_compression import (
     QUANTIZATION,
     Quantization,
@@ -39,7 +39,6 @@ from texbake.mesh.files.gltf_compression import (
     ordered_triangles,
     unit_codes,
 )
-from texbake.mesh.files.gltf_materials import add_material, uv_numbers
 from texbake.mesh.materials import UNPLACED, Materials, Placing
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
@@ -222,16 +221,21 @@ class CornerVertices:
 
     def _columns(self, faces: npt.NDArray[np.intp], material: int) -> Columns:
         """(3 F, width) values of each attribute at each corner of some faces."""
-        mesh = self.mesh
+        mesh, quantization = self.mesh, self.quantization
         normals, normal_faces = self._normals
         vertices = mesh.faces[faces].ravel()
-        columns: Columns = {"POSITION": self._stored_positions(mesh.positions[vertices])}
+        points = mesh.positions[vertices]
+        columns: Columns = {"POSITION": (points - self.origin).astype(np.float32)}
         columns["NORMAL"] = normals[normal_faces[faces].ravel()].astype(np.float32)
         if mesh.uvs is not None and mesh.uv_faces is not None:
             rows = mesh.uv_faces[faces].ravel()
             for number, (uv_set, uvs) in enumerate(self._uv_sets.items()):
                 turned = np.stack([uvs[rows, 0], 1.0 - uvs[rows, 1]], axis=1)
-                columns[f"TEXCOORD_{number}"] = self._stored_uvs(uv_set, turned)
+                columns[f"TEXCOORD_{number}"] = (
+                    turned.astype(np.float32)
+                    if quantization is None
+                    else quantization.uvs(uv_set, turned)
+                )
             for number, name in self._further_sets.items():
                 item = mesh.uv_sets[name]
                 u, v = item.uvs[item.faces[faces].ravel()].T
@@ -245,21 +249,12 @@ class CornerVertices:
         has_colors = self.materials is None or self.materials.has_vertex_colors
         if mesh.colors is not None and mesh.colors.shape[1] in (3, 4) and has_colors:
             columns["COLOR_0"] = np.clip(mesh.colors[vertices], 0.0, 1.0)
-        if self.quantization is not None:
+        if quantization is not None:
+            columns["POSITION"] = quantization.positions.codes(points)
             for name, codes in _CODES.items():
                 if name in columns:
                     columns[name] = codes(columns[name])
         return columns
-
-    def _stored_positions(self, positions: FloatArray) -> npt.NDArray[Any]:
-        if self.quantization is not None:
-            return self.quantization.positions.codes(positions)
-        return (positions - self.origin).astype(np.float32)
-
-    def _stored_uvs(self, uv_set: int, turned: FloatArray) -> npt.NDArray[Any]:
-        if self.quantization is not None:
-            return self.quantization.uvs(uv_set, turned)
-        return turned.astype(np.float32)
 
     @cached_property
     def _normals(self) -> tuple[FloatArray, IntArray]:

@@ -21,9 +21,9 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileError, MeshError, OptionError, first_few, quoted, shortened, warn_of
 from texbake.files import PathLike, is_file
 from texbake.limits import file_beside
+from texbake.mesh.files.gltf import SceneNodes, check_instance_count, scene_nodes
 from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_material_read import material_index
-from texbake.mesh.files.gltf_nodes import SceneNodes, check_instance_count, scene_nodes
+from texbake.mesh.files.gltf_materials import material_index
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_gltf

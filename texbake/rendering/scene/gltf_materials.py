@@ -18,7 +18,7 @@ from typing import Any
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, shortened
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.gltf_material_read import (
+from texbake.mesh.files.gltf_materials import (
     GltfMaterial,
     GltfSource,
     GltfTexture,
