@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from texbake.mapping.classical.cylindrical import cylindrical, spherical
+from texbake.mapping.classical.cylindrical import center_about_axis, cylindrical, spherical
+from texbake.mapping.classical.frames import center_of, frame_about
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.shapes import icosphere, uv_sphere
+from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 FRONTS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}  # coordinates along e1, e2 and the axis
 
@@ -132,16 +133,8 @@ def test_caps_are_folded_out_from_the_front():
     corners = mapped(mesh, caps=True).corners
     places = {}
     for name, faces in (("above", slice(12, 16)), ("below", slice(8, 12))):
-        by_vertex = dict(
-            zip(mesh.faces[faces].ravel() % 4, corners[faces].reshape(-1, 2), strict=True)
-        )
-        rim = {
-            v: p
-            for v, p in zip(mesh.faces[faces].ravel(), corners[faces].reshape(-1, 2), strict=True)
-            if v < 8
-        }
-        places[name] = {v % 4: p for v, p in rim.items()}
-        assert len(by_vertex) == 4
+        vertices, shown = mesh.faces[faces].ravel(), corners[faces].reshape(-1, 2)
+        places[name] = {v % 4: p for v, p in zip(vertices, shown, strict=True) if v < 8}
     front, right, back, left = range(4)
     above, below = places["above"], places["below"]
     assert above[front][1] < above[right][1] < above[back][1]
@@ -258,3 +251,25 @@ def test_points_near_a_pole_keep_their_latitude(height):
     )
     from_pole = 0.5 - np.abs(on_sphere(mesh, center=(0, 0, 0)).corners[0, :, 1] - 0.5)
     assert from_pole * math.pi == pytest.approx([1e-9] * 3, rel=1e-6)
+
+
+@pytest.mark.parametrize("axis", ["y", (1.0, 2.0, -0.5)])
+@pytest.mark.parametrize("sides", [3, 4, 7, 101])
+def test_the_axis_of_a_prism_runs_through_its_middle(sides, axis):
+    frame = frame_about(axis)
+    upright = prism(sides)
+    # From the axes (z, x, y), which the prism was made in, to those of the frame.
+    place = np.array([1e3, -2e3, 5e2])
+    mesh = upright.replace(positions=upright.positions[:, [2, 0, 1]] @ frame * 4.0 + place)
+    center = frame @ (center_about_axis(mesh, None, frame) - place)
+    np.testing.assert_allclose(center[:2], 0.0, atol=1e-8)
+
+
+def test_without_a_circle_around_it_the_axis_is_that_of_the_bounding_box_to_the_last_bit():
+    bent = prism(5)
+    positions = bent.positions.copy()
+    positions[[0, 5]] *= (0.9, 1.0, 0.9)  # a corner inside the circle
+    part = bent.replace(faces=bent.faces[:1])
+    for mesh in (icosphere(2), plane(3, 2), prism(4), bent.replace(positions=positions), part):
+        found = center_about_axis(mesh, None, frame_about("y"))
+        np.testing.assert_array_equal(found, center_of(mesh, None))

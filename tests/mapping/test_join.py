@@ -1,4 +1,4 @@
-"""Charts joined: developable surfaces become one chart, and bounds and borders are kept."""
+"""Charts joined, and charts cut until none is stretched beyond a bound: bounds and borders hold."""
 
 from __future__ import annotations
 
@@ -10,42 +10,46 @@ import pytest
 
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten
+from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.distortion import distortion
+from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.overlap import overlapping_faces
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
-def surface(points: FloatArray, faces: IntArray) -> ChartSurface:
-    return ChartSurface(points=points, faces=faces)
+def surface(mesh: Mesh, regions: IntArray | None = None) -> ChartSurface:
+    return ChartSurface(points=mesh.positions, faces=mesh.faces, regions=regions)
 
 
-def charts_by(labels: IntArray, points: FloatArray, faces: IntArray) -> Charts:
+def one_chart(mesh: Mesh, uvs: FloatArray, **more: object) -> Charts:
+    charts = {"uvs": uvs, "faces": mesh.faces, "chart_ids": np.zeros(len(uvs), dtype=np.int32)}
+    return Charts(**charts | more)
+
+
+def charts_by(labels: IntArray, mesh: Mesh) -> Charts:
     """Flatten each group of faces alone, with the vertices that they share by index."""
     uvs, chart_ids = [np.empty((0, 2))], [np.empty(0, dtype=np.int32)]
-    uv_faces = np.empty_like(faces)
+    uv_faces = np.empty_like(mesh.faces)
     for chart, label in enumerate(np.unique(labels)):
         own = labels == label
-        vertices, flat_faces = np.unique(faces[own], return_inverse=True)
+        vertices, flat_faces = np.unique(mesh.faces[own], return_inverse=True)
         local = flat_faces.reshape(-1, 3).astype(np.int32)
-        flat = flatten(points[vertices], local)
-        assert flat is not None
-        assert flat.injective
+        flat = flatten(mesh.positions[vertices], local)
+        assert flat is not None and flat.injective
         uv_faces[own] = local + sum(map(len, uvs))
         uvs.append(flat.uvs)
         chart_ids.append(np.full(len(vertices), chart, dtype=np.int32))
-    return Charts(
-        uvs=np.concatenate(uvs),
-        faces=uv_faces,
-        chart_ids=np.concatenate(chart_ids),
-    )
+    return Charts(uvs=np.concatenate(uvs), faces=uv_faces, chart_ids=np.concatenate(chart_ids))
 
 
-def check(points: FloatArray, faces: IntArray, charts: Charts) -> None:
-    """Every face lies in one chart, upright, on nothing of its chart, which has its area."""
+def checked(mesh: Mesh, charts: Charts) -> Distortion:
+    """Measure charts, after making sure that they are sound.
+
+    Every face lies in one chart, upright, on nothing of its chart, which has its area in space.
+    """
     corners = charts.uvs[charts.faces]
     ids = charts.chart_ids[charts.faces]
     assert (ids == ids[:, :1]).all()
@@ -53,20 +57,29 @@ def check(points: FloatArray, faces: IntArray, charts: Charts) -> None:
     for chart in range(charts.n_charts):
         own = ids[:, 0] == chart
         assert not overlapping_faces(corners[own]).any()
-        area = surface_areas(points[faces[own]]).sum()
+        area = surface_areas(mesh.positions[mesh.faces[own]]).sum()
         assert signed_areas(corners[own]).sum() == pytest.approx(area, rel=1e-12)
     # What shares coordinates is what hangs together: nothing else counts as a chart.
     apart = charts.uvs + 10.0 * charts.chart_ids[:, None]
-    mesh = Mesh(positions=points, faces=faces, uvs=apart, uv_faces=charts.faces)
-    assert distortion(mesh).n_charts == charts.n_charts
+    measured = distortion(mesh.replace(uvs=apart, uv_faces=charts.faces))
+    assert measured.n_charts == charts.n_charts
+    return measured
 
 
-def l2_of(points: FloatArray, faces: IntArray, charts: Charts) -> float:
-    mesh = Mesh(positions=points, faces=faces, uvs=charts.uvs, uv_faces=charts.faces)
-    return distortion(mesh).stretch.l2
+def worst(measured: Distortion) -> float:
+    return max(chart.stretch.l2 for chart in measured.charts)
 
 
-def tube(n_around: int, n_along: int) -> tuple[FloatArray, IntArray]:
+def joined(
+    mesh: Mesh, charts: Charts, regions: IntArray | None = None, **bounds: float
+) -> tuple[Charts, Distortion]:
+    """Join charts of any size and shape, within bounds, and check the result."""
+    anything = {"most_l2": 1.01, "most_share": 1.0, "most_waste": math.inf}
+    found = join_charts(surface(mesh, regions), charts, **anything | bounds)
+    return found, checked(mesh, found)
+
+
+def tube(n_around: int, n_along: int) -> Mesh:
     """Closed ring of quads, each cut in two: a prism, developable along any of its edges."""
     angles = 2.0 * math.pi * np.arange(n_around) / n_around
     heights = np.linspace(0.0, 2.0, n_along + 1)
@@ -74,7 +87,7 @@ def tube(n_around: int, n_along: int) -> tuple[FloatArray, IntArray]:
     ids = np.arange(len(points)).reshape(n_along + 1, n_around)
     low, high = ids[:-1], ids[1:]
     quads = np.stack([low, np.roll(low, -1, 1), np.roll(high, -1, 1), high], axis=-1)
-    return points, quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3).astype(np.int32)
+    return Mesh(positions=points, faces=quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
 
 
 def octants(mesh: Mesh) -> IntArray:
@@ -83,31 +96,19 @@ def octants(mesh: Mesh) -> IntArray:
     return ((centers > 0.0) @ [1, 2, 4]).astype(np.int32)
 
 
-def test_the_sides_of_a_cube_unfold_into_one_chart() -> None:
-    mesh = cube()
-    for labels in (np.repeat(np.arange(6), 2), np.arange(12)):
-        charts = charts_by(labels, mesh.positions, mesh.faces)
-        joined = join_charts(
-            surface(mesh.positions, mesh.faces),
-            charts,
-            most_l2=1.0001,
-            most_share=1.0,
-            most_waste=math.inf,
-        )
-        check(mesh.positions, mesh.faces, joined)
-        assert joined.n_charts == 1
-        assert l2_of(mesh.positions, mesh.faces, joined) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_the_strips_of_a_tube_unroll_once() -> None:
-    points, faces = tube(32, 4)
-    labels = (np.arange(len(faces)) // 2 % 32 // 4).astype(np.int32)
-    charts = charts_by(labels, points, faces)
-    assert charts.n_charts == 8
-    joined = join_charts(surface(points, faces), charts, most_l2=1.0001, most_share=1.0)
-    check(points, faces, joined)
-    assert joined.n_charts == 1
-    assert l2_of(points, faces, joined) == pytest.approx(1.0, abs=1e-6)
+@pytest.mark.parametrize(
+    ("mesh", "labels"),
+    [
+        (cube(), np.repeat(np.arange(6), 2)),
+        (cube(), np.arange(12)),
+        (tube(32, 4), np.arange(256) // 2 % 32 // 4),
+    ],
+    ids=["sides", "faces", "strips"],
+)
+def test_developable_charts_unfold_into_one(mesh: Mesh, labels: IntArray) -> None:
+    found, measured = joined(mesh, charts_by(labels, mesh), most_l2=1.0001)
+    assert found.n_charts == 1
+    assert measured.stretch.l2 == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("most_length", "n_charts"), [(math.inf, 1), (1.15, 3), (0.8, 4)])
@@ -115,60 +116,40 @@ def test_a_strip_is_joined_up_to_the_length_that_is_allowed(
     most_length: float, n_charts: int
 ) -> None:
     # 8 squares in a row: as long as 2.83 sides of a square with their area.
-    flat = plane(8, 1)
-    points = flat.positions * [8.0, 1.0, 0.0]
-    charts = charts_by(np.arange(16, dtype=np.int32) // 2, points, flat.faces)
-    joined = join_charts(
-        surface(points, flat.faces), charts, most_l2=1.0001, most_share=1.0, most_length=most_length
-    )
-    check(points, flat.faces, joined)
-    longest = max(
-        np.ptp(joined.uvs[joined.chart_ids == k], axis=0).max() for k in range(joined.n_charts)
-    )
+    strip = plane(8, 1).replace(positions=plane(8, 1).positions * [8.0, 1.0, 0.0])
+    charts = charts_by(np.arange(16, dtype=np.int32) // 2, strip)
+    found, _ = joined(strip, charts, most_l2=1.0001, most_length=most_length)
+    ids = range(found.n_charts)
+    longest = max(np.ptp(found.uvs[found.chart_ids == k], axis=0).max() for k in ids)
     assert longest <= most_length * math.sqrt(8.0)
-    assert joined.n_charts >= n_charts
-    assert (joined.n_charts == 1) == (n_charts == 1)
+    assert found.n_charts >= n_charts
+    assert (found.n_charts == 1) == (n_charts == 1)
 
 
 @pytest.mark.parametrize("most_l2", [1.0, 1.01, 1.03, 1.1])
 def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     mesh = icosphere(3)
-    charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
-    before = l2_of(mesh.positions, mesh.faces, charts)
-    joined = join_charts(
-        surface(mesh.positions, mesh.faces), charts, most_l2=most_l2, most_share=0.3
-    )
-    check(mesh.positions, mesh.faces, joined)
+    charts = charts_by(octants(mesh), mesh)
+    before = checked(mesh, charts).stretch.l2
+    found, measured = joined(mesh, charts, most_l2=most_l2, most_share=0.3, most_waste=0.25)
     # Rounding of sums over 1,280 faces.
-    assert l2_of(mesh.positions, mesh.faces, joined) <= max(before, most_l2) + 1e-12
+    assert measured.stretch.l2 <= max(before, most_l2) + 1e-12
     # Nothing with a vertex of the sphere inside lies flat without any stretch.
-    assert (joined.n_charts < 8) == (most_l2 > 1.0)
-
-
-def joined_in_any_shape(mesh: Mesh, charts: Charts, **bounds: float) -> Charts:
-    return join_charts(
-        surface(mesh.positions, mesh.faces), charts, most_share=1.0, most_waste=math.inf, **bounds
-    )
+    assert (found.n_charts < 8) == (most_l2 > 1.0)
 
 
 def test_a_chart_keeps_its_own_bound() -> None:
     mesh = icosphere(3)
-    charts = charts_by(octants(mesh), mesh.positions, mesh.faces)
-    joined = joined_in_any_shape(mesh, charts, most_l2=1.5, most_chart_l2=1.05)
-    packed = Mesh(positions=mesh.positions, faces=mesh.faces, uvs=joined.uvs, uv_faces=joined.faces)
-    assert max(chart.stretch.l2 for chart in distortion(packed).charts) <= 1.05 + 1e-9
+    charts = charts_by(octants(mesh), mesh)
+    _, measured = joined(mesh, charts, most_l2=1.5, most_chart_l2=1.05)
+    assert worst(measured) <= 1.05 + 1e-9
 
 
 def test_no_chart_takes_more_than_its_share() -> None:
     mesh = plane(8, 8)
-    charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = join_charts(surface(mesh.positions, mesh.faces), charts, most_l2=1.01, most_share=0.25)
-    check(mesh.positions, mesh.faces, joined)
-    areas = np.bincount(
-        joined.chart_ids[joined.faces[:, 0]], surface_areas(mesh.positions[mesh.faces])
-    )
-    assert areas.max() <= 0.25 + 1e-12
-    assert joined.n_charts < 16
+    found, measured = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), most_share=0.25)
+    assert max(chart.area for chart in measured.charts) <= 0.25 + 1e-12
+    assert found.n_charts < 16
 
 
 def test_a_snake_is_cut_into_compact_charts() -> None:
@@ -178,33 +159,22 @@ def test_a_snake_is_cut_into_compact_charts() -> None:
     centers = grid.positions[grid.faces].mean(axis=1)
     outside = (np.abs(centers[:, :2] - 0.5) > 0.5 - 2.0 / n).any(axis=1)
     outside &= ~((centers[:, 0] > 1.0 - 2.0 / n) & (np.abs(centers[:, 1] - 0.5) < 1.0 / n))
-    faces = grid.faces[outside]
-    charts = charts_by(np.zeros(len(faces), dtype=np.int32), grid.positions, faces)
-    joined = join_charts(
-        surface(grid.positions, faces), charts, most_l2=1.01, most_share=1.0, most_waste=0.3
-    )
-    check(grid.positions, faces, joined)
-    assert 1 < joined.n_charts <= 8
-    ids = range(joined.n_charts)
-    hulls = sum(hull_area(joined.uvs[joined.chart_ids == chart]) for chart in ids)
-    assert hulls <= 1.3 * surface_areas(grid.positions[faces]).sum()
+    ring = Mesh(positions=grid.positions, faces=grid.faces[outside])
+    charts = charts_by(np.zeros(ring.n_faces, dtype=np.int32), ring)
+    found, _ = joined(ring, charts, most_waste=0.3)
+    assert 1 < found.n_charts <= 8
+    ids = range(found.n_charts)
+    hulls = sum(hull_area(found.uvs[found.chart_ids == chart]) for chart in ids)
+    assert hulls <= 1.3 * surface_areas(ring.positions[ring.faces]).sum()
 
 
 def test_no_chart_crosses_regions() -> None:
     mesh = plane(8, 8)
-    centers = mesh.positions[mesh.faces].mean(axis=1)
-    regions = (centers[:, 0] > 0.5).astype(np.int32)
-    charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = join_charts(
-        ChartSurface(points=mesh.positions, faces=mesh.faces, regions=regions),
-        charts,
-        most_l2=1.01,
-        most_share=1.0,
-    )
-    check(mesh.positions, mesh.faces, joined)
-    assert joined.n_charts == 2
-    ids = joined.chart_ids[joined.faces[:, 0]]
-    assert len(set(ids[regions == 0]) & set(ids[regions == 1])) == 0
+    regions = (mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
+    found, _ = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), regions)
+    ids = found.chart_ids[found.faces[:, 0]]
+    assert found.n_charts == 2
+    assert not set(ids[regions == 0]) & set(ids[regions == 1])
 
 
 def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
@@ -218,41 +188,80 @@ def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
 @pytest.mark.parametrize(
     ("mesh", "n_charts"),
     [
-        (fan(5), 5),
         (fan(5, lambda i: i % 2 == 0), 5),
         (fan(2), 2),  # both walk the edge in one direction: opposite windings
         (fan(2, lambda i: i == 0), 1),
     ],
 )
 def test_only_two_faces_of_one_winding_are_joined(mesh: Mesh, n_charts: int) -> None:
-    charts = charts_by(np.arange(mesh.n_faces), mesh.positions, mesh.faces)
-    joined = join_charts(
-        surface(mesh.positions, mesh.faces),
-        charts,
-        most_l2=1.5,
-        most_share=1.0,
-        most_waste=math.inf,
-    )
-    check(mesh.positions, mesh.faces, joined)
-    assert joined.n_charts == n_charts
+    found, _ = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), most_l2=1.5)
+    assert found.n_charts == n_charts
 
 
-def test_faces_without_a_chart_stay_without() -> None:
-    mesh = plane(2, 1)
-    charts = charts_by(np.arange(4), mesh.positions, mesh.faces)
-    faces = charts.faces.copy()
-    faces[3] = faces[0, 1]  # a point of the first chart
-    kept = charts.faces[:3].ravel()
-    thinned = Charts(
-        uvs=charts.uvs[kept],
-        faces=np.concatenate([np.arange(9, dtype=np.int32).reshape(3, 3), [[1, 1, 1]]]).astype(
-            np.int32
-        ),
-        chart_ids=charts.chart_ids[kept],
-        n_ignored=1,
-    )
-    joined = join_charts(surface(mesh.positions, mesh.faces), thinned, most_l2=1.1, most_share=1.0)
-    assert len(set(joined.faces[3].tolist())) == 1
-    assert joined.faces[3, 0] == joined.faces[0, 1]
-    assert joined.n_ignored == 1
-    assert joined.n_charts == 2 - int((joined.chart_ids[joined.faces[:3, 0]] == 0).all())
+def cap(height: float) -> Mesh:
+    """Part of the unit sphere above a height, in one chart."""
+    sphere = icosphere(3)
+    faces = sphere.faces[(sphere.positions[sphere.faces, 2] > height).all(axis=1)]
+    used, flat = np.unique(faces, return_inverse=True)
+    return Mesh(positions=sphere.positions[used], faces=flat.reshape(-1, 3).astype(np.int32))
+
+
+@pytest.mark.parametrize("max_stretch", [1.2, 1.02, 1.005, 1.001])
+def test_every_chart_of_a_cap_holds_the_bound(max_stretch: float) -> None:
+    mesh = cap(-0.4)
+    flat = flatten(mesh.positions, mesh.faces)
+    assert flat is not None
+    assert flat.l2 > 1.02
+    charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=max_stretch)
+    # Rounding of sums over 900 faces.
+    assert worst(checked(mesh, charts)) <= max_stretch + 1e-12
+    assert charts.notes == ()
+    assert (charts.n_charts > 1) == (max_stretch < flat.l2)
+
+
+def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart() -> None:
+    mesh = cap(0.8)
+    flat = flatten(mesh.positions, mesh.faces)
+    assert flat is not None
+    charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=1.0 + 1e-7)
+    assert worst(checked(mesh, charts)) <= 1.0 + 1.1e-7
+    # Faces about a vertex of the sphere lack 0.03 rad or more of a full turn, but a polygon that
+    # is cut in m triangles, without a vertex inside, has m + 2 vertices and lies flat.
+    assert len(charts.uvs) == mesh.n_faces + 2 * charts.n_charts
+
+
+def test_a_bad_layout_is_relaxed_and_not_cut_and_a_good_one_kept() -> None:
+    mesh = plane(6, 6)
+    assert mesh.uvs is not None
+    good, squeezed = one_chart(mesh, np.array(mesh.uvs)), one_chart(mesh, np.array(mesh.uvs) ** 2)
+    assert bound_charts(surface(mesh), good, max_stretch=1.01) is good
+    charts = bound_charts(surface(mesh), squeezed, max_stretch=1.0001)
+    assert charts.n_charts == 1
+    assert worst(checked(mesh, charts)) <= 1.0001
+
+
+def test_a_face_too_thin_to_flatten_is_kept() -> None:
+    square = plane()
+    positions = np.concatenate([square.positions, [[0.5, -1e-300, 0.0]]])
+    mesh = Mesh(positions=positions, faces=np.concatenate([square.faces, [[0, 4, 1]]]))
+    uvs = np.concatenate([positions[:4, :2] * [1.0, 3.0], [[0.5, -0.5]]])
+    charts = bound_charts(surface(mesh), one_chart(mesh, uvs), max_stretch=1.01)
+    assert all("too thin" in note for note in charts.notes)
+    assert np.isfinite(charts.uvs).all()
+    assert charts.solid.all()
+
+
+@pytest.mark.parametrize("change", ["join", "bound"])
+def test_faces_without_a_chart_stay_at_a_point_of_their_vertex(change: str) -> None:
+    mesh = plane(4, 4)
+    assert mesh.uvs is not None
+    faces = mesh.faces.copy()
+    faces[5] = faces[5, 0]
+    charts = one_chart(mesh, np.array(mesh.uvs) ** 2, faces=faces, n_ignored=1)
+    if change == "join":
+        found = join_charts(surface(mesh), charts, most_l2=1.1, most_share=1.0)
+    else:
+        found = bound_charts(surface(mesh), charts, max_stretch=1.001)
+    point = found.faces[5, 0]
+    assert (found.faces[5] == point).all() and found.n_ignored == 1
+    assert point in found.faces[found.solid][(mesh.faces == mesh.faces[5, 0])[found.solid]]

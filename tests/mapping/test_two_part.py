@@ -41,43 +41,29 @@ def soup(seed: int, n_faces: int = 40) -> Mesh:
     return Mesh(positions=corners.reshape(-1, 3), faces=faces)
 
 
-@given(st.integers(0, 1000), directions, centers)
-@settings(max_examples=25)
-def test_a_sphere_from_its_center_is_the_spherical_mapping(
-    seed: int, axis: tuple[float, ...], center: tuple[float, ...]
-) -> None:
-    mesh = soup(seed)
-    options = UnwrapOptions(method="spherical", axis=axis, center=center)  # type: ignore[arg-type]
-    expected = spherical(mesh, options)
-    for via in "centroid", "surface-normal":
-        found = mapped(mesh, "sphere", via, axis=axis, center=center)
-        assert np.array_equal(found.corners, expected.corners)
-        assert found.tallies == expected.tallies
+SAME = [
+    ("sphere", "centroid", spherical, 0.0),
+    ("sphere", "surface-normal", spherical, 0.0),
+    ("cylinder", "surface-normal", cylindrical, 0.0),
+    ("plane", "surface-normal", planar, 1e-9),
+]
 
 
+@pytest.mark.parametrize(("surface", "via", "method", "apart"), SAME)
 @given(st.integers(0, 1000), directions, centers, st.sampled_from([None, (-2.0, 1.0)]))
 @settings(max_examples=25)
-def test_a_cylinder_by_its_normals_is_the_cylindrical_mapping(
-    seed: int,
-    axis: tuple[float, ...],
-    center: tuple[float, ...],
-    height: tuple[float, float] | None,
-) -> None:
-    mesh = soup(seed)
-    where = {"axis": axis, "center": center, "theta": (10.0, 250.0), "height": height}
-    expected = cylindrical(mesh, UnwrapOptions(method="cylindrical", **where))  # type: ignore[arg-type]
-    found = mapped(mesh, "cylinder", "surface-normal", **where)
-    assert np.array_equal(found.corners, expected.corners)
-    assert found.tallies == expected.tallies
-
-
-@given(st.integers(0, 1000), directions)
-@settings(max_examples=25)
-def test_a_plane_by_its_normal_is_the_planar_mapping(seed: int, axis: tuple[float, ...]) -> None:
-    mesh = soup(seed)
-    expected = planar(mesh, UnwrapOptions(method="planar", axis=axis))  # type: ignore[arg-type]
-    found = mapped(mesh, "plane", "surface-normal", axis=axis)
-    np.testing.assert_allclose(found.corners, expected.corners, atol=1e-9)
+def test_pairs_that_are_one_of_the_other_mappings(
+    surface, via, method, apart, seed, axis, center, height
+):
+    mesh, where = soup(seed), {"axis": axis}
+    if surface != "plane":
+        where |= {"center": center, "theta": (10.0, 250.0)}
+    if surface == "cylinder":
+        where["height"] = height
+    expected = method(mesh, UnwrapOptions(method=method.__name__, **where))
+    found = mapped(mesh, surface, via, **where)
+    np.testing.assert_allclose(found.corners, expected.corners, rtol=0.0, atol=apart)
+    assert surface == "plane" or found.tallies == expected.tallies
 
 
 def ray_directions(mesh: Mesh, via: str, corners: np.ndarray) -> np.ndarray:
@@ -180,31 +166,20 @@ def test_smooth_normals_lead_the_rays_even_where_a_mesh_has_its_own() -> None:
     )
 
 
-def options_of(surface: str, **options: object) -> UnwrapOptions:
-    return UnwrapOptions(method="two-part", surface=surface, **options)
+def box_options() -> UnwrapOptions:
+    return UnwrapOptions(method="two-part", surface="box")
 
 
-def rays(seed: int, n: int = 300) -> tuple[LocalPoints, np.ndarray, np.ndarray]:
-    """Points with directions of unit length, and faces that use each once."""
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(n, 3)) * rng.uniform(0.2, 2.0, 3) + rng.normal(size=3)
-    directions = rng.normal(size=(n, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    faces = np.arange(n, dtype=np.int32).reshape(-1, 3)
-    return LocalPoints(points, 1.0, 1e-15), directions, faces
-
-
-def around(
-    surface: str, local: LocalPoints, faces: np.ndarray, **options: object
-) -> IntermediateSurface:
-    return surface_around(local, faces, options_of(surface, **options))
+def around(surface: str, points: np.ndarray, faces: np.ndarray) -> IntermediateSurface:
+    options = UnwrapOptions(method="two-part", surface=surface)
+    return surface_around(LocalPoints(points, 1.0, 1e-15), faces, options)
 
 
 def test_rays_that_miss_a_plane() -> None:
     # Corners of the unit square at height 0, and one point at height 1: the plane is z = 1.
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2], [1, 2, 3], [0, 1, 4]])
-    plane = around("plane", LocalPoints(points, 1.0, 1e-15), faces)
+    plane = around("plane", points, faces)
     directions = np.array(
         [
             [0.0, 0, 1],  # straight
@@ -226,7 +201,7 @@ def test_rays_that_miss_a_plane() -> None:
 def test_rays_that_miss_a_cylinder() -> None:
     points = np.array([[1.0, 0, -1], [0, 1, 1], [0, 0, 0], [0, 0, 0.5]])
     faces = np.array([[0, 1, 2], [1, 2, 3]])
-    cylinder = around("cylinder", LocalPoints(points, 1.0, 1e-15), faces)
+    cylinder = around("cylinder", points, faces)
     directions = np.array([[0.0, 0, 1], [0, 0, 0], [1, 0, 8.9], [1, 0, 9.1]])
     lengths = np.linalg.norm(directions, axis=1, keepdims=True)
     hits, missed = cylinder.hits(points, directions / np.where(lengths, lengths, 1.0))
@@ -237,7 +212,7 @@ def test_rays_that_miss_a_cylinder() -> None:
 
 def test_rays_to_a_pole_end_on_it() -> None:
     points = np.array([[0.3, 0.4, 0.1], [1.0, 0.0, 0.0], [0.0, 0.9, 0.0]])
-    sphere = around("sphere", LocalPoints(points, 1.0, 1e-16), np.array([[0, 1, 2]]))
+    sphere = around("sphere", points, np.array([[0, 1, 2]]))
     to_pole = np.array([0.0, 0.0, 1.0]) - points
     to_pole /= np.linalg.norm(to_pole, axis=1, keepdims=True)
     hits, missed = sphere.hits(points, to_pole)
@@ -251,9 +226,13 @@ def test_rays_to_a_pole_end_on_it() -> None:
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=30)
 def test_rays_leave_a_box_through_the_first_of_its_planes(seed: int) -> None:
-    local, directions, _ = rays(seed)
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(300, 3)) * rng.uniform(0.2, 2.0, 3) + rng.normal(size=3)
+    directions = rng.normal(size=(300, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    local = LocalPoints(points, 1.0, 1e-15)
     faces = np.repeat(np.arange(len(local.points), dtype=np.int32)[:, None], 3, axis=1)
-    options = options_of("box")
+    options = box_options()
     mapped = Box.around(local, faces, options).mapped_by_rays(local.points, directions, faces)
     assert mapped.tallies == {}
     upright, along = local.points[:, [1, 2, 0]], directions[:, [1, 2, 0]]
@@ -272,11 +251,11 @@ def test_a_face_across_an_edge_of_the_box_stays_in_one_cell() -> None:
     faces = np.array([[0, 1, 2], [3, 4, 3]])
     local = LocalPoints(points, 1.0, 1e-16)
     directions = points / np.linalg.norm(points, axis=1, keepdims=True)
-    box = Box.around(local, faces, options_of("box"))
+    box = Box.around(local, faces, box_options())
     mapped = box.mapped_by_rays(points, directions, faces[:1])
     assert mapped.tallies == {"faces across an edge of the box": 1}
     # Angle 0 is the front: e1 is +z of the pictures. The second corner's ray would meet the plane
     # e1 = 1 at e2 = 1 / 0.3, beyond the edge, so it lies on the edge at e2 = 1.
     upright = np.array([[0.3, 0.0, 1.0], [1.0, 0.0, 1.0], [0.2 / 0.9, 0.1 / 0.9, 1.0]])
-    expected = side_pictures(upright[None], np.array([4]), np.ones(3), options_of("box"))
+    expected = side_pictures(upright[None], np.array([4]), np.ones(3), box_options())
     np.testing.assert_allclose(mapped.corners, expected, atol=1e-14)
