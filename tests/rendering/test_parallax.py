@@ -34,7 +34,7 @@ def moved_to(wall, holder, **fields):
     wall.frame(Material(shading="unlit", parallax=holder), effects=(*EFFECTS, probe), **fields)
     uvs = np.empty((16 * 24, 2))
     for fragments in kept:
-        uvs[fragments.pixels] = fragments.uvs
+        uvs[fragments.pixels], _ = fragments.coordinates[None]
     assert sum(map(len, kept)) == 16 * 24
     return uvs.reshape(16, 24, 2)
 

@@ -175,30 +175,28 @@ class Mesh:
 
         Raises `UvError` where the mesh has none, or no further set of that name.
         """
-        if uv_set is not None:
-            found = self.uv_set(uv_set)
-            return found.uvs[found.faces]
-        if self.uvs is None or self.uv_faces is None:
+        found = self.uv_set(uv_set)
+        return found.uvs[found.faces]
+
+    def uv_set(self, name: str | None) -> UvSet:
+        """Return a set of texture coordinates; raise `UvError` if there is none.
+
+        None is the first set, and so is `TEXCOORD_0` unless a further set has that name.
+        """
+        if name is not None and name in self.uv_sets:
+            return self.uv_sets[name]
+        if name in (None, FIRST_UV_SET) and self.uvs is not None and self.uv_faces is not None:
+            return UvSet(self.uvs, self.uv_faces)
+        if name is None:
             raise UvError(
                 f"{self.name}: it has no texture coordinates; "
                 f"make some with: texbake unwrap {self.name} -o OUT"
             )
-        return self.uvs[self.uv_faces]
-
-    def uv_set(self, name: str) -> UvSet:
-        """Return a further set of texture coordinates; raise `UvError` if there is none.
-
-        `TEXCOORD_0` is the first set, unless a further set has that name.
-        """
-        if name == FIRST_UV_SET and self.uvs is not None and self.uv_faces is not None:
-            return self.uv_sets.get(name) or UvSet(self.uvs, self.uv_faces)
-        if name not in self.uv_sets:
-            others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
-            raise UvError(
-                f"{self.name}: it has no UV set {quoted(name)}; {others}"
-                f"make it with: texbake unwrap {self.name} --set {name} -o OUT"
-            )
-        return self.uv_sets[name]
+        others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
+        raise UvError(
+            f"{self.name}: it has no UV set {quoted(name)}; {others}"
+            f"make it with: texbake unwrap {self.name} --set {name} -o OUT"
+        )
 
     def on_uv_set(self, name: str | None) -> Mesh:
         """Return a mesh whose texture coordinates are those of a further set; itself for None.

@@ -14,7 +14,6 @@ Kernels: `core/multisampling.c`, `core/perspective_weights.c`, `core/interpolati
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -213,11 +212,10 @@ class Fragments:
     positions: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     # (n, 3): unit vectors; empty until "view directions" sets them
     to_eye: Floats = field(default_factory=_none_yet)
-    uvs: FloatArray | None = None  # (n, 2): set by "texture coordinates"; moved by "parallax"
-    # (n, 4): du, dv for one pixel to the right, then for one pixel down; set by "derivatives"
-    uv_changes: Floats | None = None
-    # The same on further sets; set by "further texture coordinates", moved by "parallax"
-    further_uvs: Mapping[str, tuple[FloatArray, Floats | None]] = field(default_factory=dict)
+    # By the name of the set, None for the first: texture coordinates (n, 2), and du, dv for one
+    # pixel to the right, then for one pixel down (n, 4), empty if the plan has no derivatives. Set
+    # by "texture coordinates" and "further texture coordinates", moved by "parallax"
+    coordinates: dict[str | None, tuple[FloatArray, Floats]] = field(default_factory=dict)
     # (n, 3): unit shading normals in world space, on the visible side; empty until "normals" or the
     # normal map sets them, changed by the bump map
     normals: Floats = field(default_factory=_none_yet)
@@ -260,13 +258,6 @@ class Fragments:
 
     def __len__(self) -> int:
         return len(self.faces)
-
-    def coordinates(self, uv_set: str | None) -> tuple[FloatArray, Floats | None]:
-        """Texture coordinates in a set, and their derivatives."""
-        if uv_set is not None:
-            return self.further_uvs[uv_set]
-        assert self.uvs is not None
-        return self.uvs, self.uv_changes
 
     @property
     def values(self) -> SlotValues:

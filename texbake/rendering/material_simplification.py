@@ -117,9 +117,8 @@ def without_zeros(effects: Sequence[Effect], material: Material) -> Iterator[Ste
         if _is_texture(value) and _is_black(value):
             if _holds_opacity(material, slot) and has_opacity(value.image):
                 continue
-            kind = "images" if isinstance(value, ImageTexture) else "procedures"
             material = _replace(material, {slot: zero})
-            yield kind, f"the factor of {slot} is 0", material
+            yield value.effect, f"the factor of {slot} is 0", material
     for part in "reflection", "refraction":
         mirror = getattr(material, part)
         if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
@@ -171,9 +170,9 @@ def _without_unlit_parts(around: Surroundings, material: Material) -> Iterator[S
     ):  # fmt: skip
         unneeded = [s for s in slots if not needed and _is_texture(getattr(material, s))]
         for slot in unneeded:
-            kind = "images" if isinstance(getattr(material, slot), ImageTexture) else "procedures"
+            effect = getattr(material, slot).effect
             material = _replace(material, {slot: _ZEROS.get(slot)})
-            yield kind, f"{slot} shows nowhere, as {why}", material
+            yield effect, f"{slot} shows nowhere, as {why}", material
     bump_map, embosses = material.bump_map, lamps and scatters(material)
     if bump_map is not None and bump_map.form in EMBOSS_FORMS and not embosses:
         material = replace(material, bump_map=None)

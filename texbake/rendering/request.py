@@ -28,7 +28,6 @@ from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
     Texture,
-    uv_set_of,
 )
 from texbake.rendering.scene_simplification import SkippedEffect, lights_object
 
@@ -212,14 +211,14 @@ class RenderRequest:
             self.shows_buffer
             or self.keeps_materials
             or any(
-                isinstance(texture, ImageTexture) or texture.space == "uv"
-                for name, texture in self._looked_up(index, _features(self.material(index)))
+                texture.is_over_uvs
+                for _, texture in self._looked_up(index, _features(self.material(index)))
             )
         )
 
     def uv_sets(self, index: int) -> tuple[str, ...]:
         """Further sets of texture coordinates that shading an object looks up."""
-        named = (uv_set_of(texture) for _, texture in self.textures(index))
+        named = (texture.uv_set for _, texture in self.textures(index) if texture.is_over_uvs)
         return tuple(dict.fromkeys(name for name in named if name is not None))
 
     def image_opacity(self, index: int) -> ImageTexture | None:

@@ -94,9 +94,9 @@ def _normals(fragments: Fragments, state: RenderState) -> Floats:
 
 def _uv(fragments: Fragments, state: RenderState) -> Floats:
     """Texture coordinates: u as red, v as green, each within its tile."""
-    assert fragments.uvs is not None
+    uvs, _ = fragments.coordinates[None]
     shown = np.zeros((len(fragments), 3))
-    shown[:, :2] = fragments.uvs - np.floor(fragments.uvs)
+    shown[:, :2] = uvs - np.floor(uvs)
     return decode_srgb(shown).astype(np.float32)
 
 
@@ -105,12 +105,10 @@ def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Float
     width = height = _TEXELS
     has_image = _has_image(state.request, fragments.target)
     image = image_of(state, fragments.target, "base_color") if has_image else None
-    at, changes = fragments.coordinates(None if image is None else image.uv_set)
-    assert changes is not None
+    at, changes = fragments.coordinates[None if image is None else image.uv_set]
     if image is not None:
         at, changes = image.place(at), image.change(changes)
         width, height = image.chain.width, image.chain.height
-    assert changes is not None
     return at * (width, height), mip_levels(changes, width, height, threads=1)
 
 

@@ -71,7 +71,7 @@ from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap, Material
-from texbake.rendering.scene.textures import ImageTexture, uv_set_of
+from texbake.rendering.scene.textures import ImageTexture
 
 _NAME = "bump_map.texture"
 # Step at a corner, as a share of the triangle's first edge.
@@ -100,11 +100,6 @@ class BumpSurface:
         return self.steps.nbytes
 
 
-def is_over_uvs(holder: BumpMap) -> bool:
-    """Whether d depends on texture coordinates rather than on the point in space."""
-    return isinstance(holder.texture, ImageTexture) or holder.texture.space == "uv"
-
-
 def bump_of(request: RenderRequest, target: int) -> BumpMap:
     """Return the bump map of an object that has one."""
     holder = request.material(target).bump_map
@@ -124,9 +119,10 @@ def bump_surface(state: RenderState, target: int) -> BumpSurface:
         lengths = pm.norm(normals, axis=1, keepdims=True)
         normals = normals / np.where(lengths > 0.0, lengths, 1.0)
     points = item.mesh.positions
+    texture = bump_of(state.request, target).texture
     steps = (
-        steps_along_texture(mesh.corner_uvs(uv_set_of(bump_of(state.request, target).texture)))
-        if is_over_uvs(bump_of(state.request, target))
+        steps_along_texture(mesh.corner_uvs(texture.uv_set))
+        if texture.is_over_uvs
         else steps_along_surface(points[mesh.faces])
     )
     return BumpSurface(
@@ -144,7 +140,7 @@ def bump_surface(state: RenderState, target: int) -> BumpSurface:
 def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface) -> FloatArray:
     """(n, 2) float64: step of the central differences of d along u and v."""
     holder = bump_of(state.request, fragments.target)
-    if not is_over_uvs(holder):
+    if not holder.texture.is_over_uvs:
         steps = np.empty((len(fragments), 2))
         core.measure_pixel_steps(
             surface.positions, surface.faces, fragments.faces, fragments.changes, steps
@@ -153,8 +149,7 @@ def lookup_steps(fragments: Fragments, state: RenderState, surface: BumpSurface)
         first, second = surface.positions[surface.faces[fragments.faces, :2].T]
         edges = _OF_EDGE * np.sqrt(((second - first) ** 2).sum(axis=1))
         return np.where(steps > 0.0, steps, edges[:, None])
-    _, changes = fragments.coordinates(uv_set_of(holder.texture))
-    assert changes is not None
+    _, changes = fragments.coordinates[holder.texture.uv_set]
     pixels = np.abs(changes.reshape(-1, 2, 2)).max(axis=1).astype(np.float64)
     if not isinstance(holder.texture, ImageTexture):
         return np.asarray(pixels)
@@ -172,8 +167,9 @@ def heights_at(
     """(n,) float64: d at fragments shifted by (n or 1, 2) in (u, v), in units of the object."""
     holder = bump_of(state.request, fragments.target)
     texture = holder.texture
-    if is_over_uvs(holder):
-        moved = _shift_on(fragments, uv_set_of(texture), shifts)
+    if texture.is_over_uvs:
+        uvs, changes = fragments.coordinates[texture.uv_set]
+        moved = replace(fragments, coordinates={texture.uv_set: (uvs + shifts, changes)})
     else:
         along = pm.vecmat(shifts, surface.steps[fragments.faces].reshape(-1, 2, 2))
         moved = replace(fragments, weights=fragments.weights + along)
@@ -183,15 +179,6 @@ def heights_at(
         else procedure_values(moved, texture, 1)
     )
     return np.asarray(values[:, 0] * np.float64(holder.height))
-
-
-def _shift_on(fragments: Fragments, uv_set: str | None, shifts: FloatArray) -> Fragments:
-    """Return fragments shifted on a set of texture coordinates."""
-    uvs, changes = fragments.coordinates(uv_set)
-    if uv_set is None:
-        return replace(fragments, uvs=uvs + shifts)
-    further = {**fragments.further_uvs, uv_set: (uvs + shifts, changes)}
-    return replace(fragments, further_uvs=further)
 
 
 def kernel_arrays(fragments: Fragments, surface: BumpSurface) -> tuple[Any, ...]:
@@ -217,10 +204,10 @@ def _emboss_reasons(request: RenderRequest, index: int) -> Iterator[str]:
 
 
 def _texture_needs(request: RenderRequest, target: int) -> Iterator[str]:
-    holder = bump_of(request, target)
-    yield "images" if isinstance(holder.texture, ImageTexture) else "procedures"
-    if is_over_uvs(holder):
-        yield coordinates_effect(uv_set_of(holder.texture))
+    texture = bump_of(request, target).texture
+    yield texture.effect
+    if texture.is_over_uvs:
+        yield coordinates_effect(texture.uv_set)
 
 
 def _without_bumps(material: Material, *, embossed: bool) -> Material:

@@ -294,7 +294,7 @@ def look_up(
 ) -> Floats:
     """(n, C) float32: values of an image at fragments, or at other coordinates `uvs`."""
     image = image_of(state, fragments.target, name)
-    at, changes = fragments.coordinates(image.uv_set)
+    at, changes = fragments.coordinates[image.uv_set]
     wanted = image.filter in FILTERS_WITH_FOOTPRINT
     return image_values(image, at if uvs is None else uvs, changes if wanted else None)
 

@@ -58,10 +58,8 @@ def _needs(name: str, request: RenderRequest, target: int) -> Iterator[str]:
     is_rendered = mirror.environment == "rendered" and not _why_not_rendered(request)
     if request.scene.lighting.environment is not None and not is_rendered:
         yield "environment"
-    if isinstance(mirror.strength, ImageTexture):
-        yield "images"
-    elif isinstance(mirror.strength, ProcedureTexture):
-        yield "procedures"
+    if isinstance(mirror.strength, ImageTexture | ProcedureTexture):
+        yield mirror.strength.effect
 
 
 def _rendered_reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:

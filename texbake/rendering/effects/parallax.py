@@ -92,7 +92,7 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     holder = fragments.drawn.material.parallax
     assert holder is not None
     uv_set = holder.texture.uv_set
-    uvs, uv_changes = fragments.coordinates(uv_set)
+    uvs, uv_changes = fragments.coordinates[uv_set]
     ways = _view_offsets(fragments, state, holder.depth)
     image = image_of(state, fragments.target, _NAME)
     starts, steps = image.place(uvs), image.direct(ways)
@@ -102,25 +102,16 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
 
 def _move(fragments: Fragments, mesh: Mesh, uv_set: str | None, shifts: FloatArray) -> None:
     """Shift coordinates on one set, and those of all other sets to the same place of the face."""
-    further = dict(fragments.further_uvs)
-    others: list[str | None] = [name for name in further if name != uv_set]
-    if uv_set is not None and fragments.uvs is not None:
-        others.append(None)
-    moved: dict[str | None, FloatArray] = {uv_set: fragments.coordinates(uv_set)[0] + shifts}
-    if others:
-        steps = steps_along_texture(mesh.corner_uvs(uv_set)[fragments.faces])
-        weights = pm.vecmat(shifts, steps.reshape(-1, 2, 2))
-        for name in others:
+    weights = None
+    for name, (uvs, changes) in fragments.coordinates.items():
+        shift = shifts
+        if name != uv_set:
+            if weights is None:
+                steps = steps_along_texture(mesh.corner_uvs(uv_set)[fragments.faces])
+                weights = pm.vecmat(shifts, steps.reshape(-1, 2, 2))
             corners = mesh.corner_uvs(name)[fragments.faces]
-            edges = corners[:, 1:] - corners[:, :1]
-            uvs, _ = fragments.coordinates(name)
-            moved[name] = uvs + pm.vecmat(weights, edges)
-    for name, uvs in moved.items():
-        if name is None:
-            fragments.uvs = uvs
-        else:
-            further[name] = uvs, further[name][1]
-    fragments.further_uvs = further
+            shift = pm.vecmat(weights, corners[:, 1:] - corners[:, :1])
+        fragments.coordinates[name] = uvs + shift, changes
 
 
 def _uv_set(request: RenderRequest, target: int) -> str | None:
@@ -130,13 +121,12 @@ def _uv_set(request: RenderRequest, target: int) -> str | None:
 
 
 def _hit_positions(
-    image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Floats | None, layers: int
+    image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Floats, layers: int
 ) -> FloatArray:
     """(n,) float64: position of each hit along its ray, from 0 (surface) to 1 (deepest)."""
     chain = image.chain
     levels = np.zeros(len(starts), np.int64)
     if image.filter in FILTERS_WITH_FOOTPRINT:
-        assert changes is not None
         found = mip_levels(image.change(changes), chain.width, chain.height, threads=1)
         levels = np.clip(np.nan_to_num(found, nan=0.0), 0, chain.n_levels - 1).astype(np.int64)
     shares = np.empty(len(starts))

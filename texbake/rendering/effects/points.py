@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.effect import Effect, RenderState
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.scene import apply_mapping, place_mesh
@@ -108,35 +108,24 @@ def _find_view(fragments: Fragments, state: RenderState) -> None:
 
 
 def _find_uvs(fragments: Fragments, state: RenderState) -> None:
-    mesh = textured_mesh(state, fragments.target)
-    assert mesh.uvs is not None and mesh.uv_faces is not None
-    found = _interpolate_uvs(fragments, state, mesh.uvs, mesh.uv_faces)
-    fragments.uvs, fragments.uv_changes = found
+    _interpolate_uvs(fragments, state, None)
 
 
 def _find_further_uvs(fragments: Fragments, state: RenderState) -> None:
-    mesh = textured_mesh(state, fragments.target)
-    sets = {name: mesh.uv_set(name) for name in _further(state, fragments.target)}
-    fragments.further_uvs = {
-        name: _interpolate_uvs(fragments, state, item.uvs, item.faces)
-        for name, item in sets.items()
-    }
+    for name in state.request.uv_sets(fragments.target):
+        _interpolate_uvs(fragments, state, name)
 
 
-def _interpolate_uvs(
-    fragments: Fragments, state: RenderState, uvs: FloatArray, corners: IntArray
-) -> tuple[FloatArray, Floats]:
+def _interpolate_uvs(fragments: Fragments, state: RenderState, name: str | None) -> None:
+    uv_set = textured_mesh(state, fragments.target).uv_set(name)
     wanted = state.plan.has("derivatives", fragments.target)
     found = np.empty((len(fragments), 2))
     changes = np.empty((len(fragments) if wanted else 0, 4), np.float32)
     core.interpolate_uvs(
-        uvs, corners, fragments.faces, fragments.weights, fragments.changes, found, changes
-    )
-    return found, changes
-
-
-def _further(state: RenderState, target: int) -> tuple[str, ...]:
-    return state.request.uv_sets(target)
+        uv_set.uvs, uv_set.faces, fragments.faces, fragments.weights, fragments.changes, found,
+        changes,
+    )  # fmt: skip
+    fragments.coordinates[name] = found, changes
 
 
 def coordinates_effect(uv_set: str | None) -> str:
@@ -149,7 +138,7 @@ def _require_uvs(state: RenderState, target: int) -> None:
 
 
 def _require_further_uvs(state: RenderState, target: int) -> None:
-    for name in _further(state, target):
+    for name in state.request.uv_sets(target):
         textured_mesh(state, target).uv_set(name)  # raises if there is none
 
 

@@ -34,7 +34,7 @@ def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
 
 def _needs(request: RenderRequest, target: int) -> Iterator[str]:
     for _, texture in request.textures(target):
-        yield "images" if isinstance(texture, ImageTexture) else "procedures"
+        yield texture.effect
 
 
 def _look_up_all(fragments: Fragments, state: RenderState) -> None:
@@ -97,9 +97,9 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
     scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
     wanted = texture.filtered and len(fragments.changes) > 0
     if texture.space == "uv":
-        uvs, changes = fragments.coordinates(texture.uv_set)
+        uvs, changes = fragments.coordinates[texture.uv_set]
         points = uvs * scale[:2]
-        if not wanted or changes is None:
+        if not wanted:
             return points, None
         steps = np.abs(changes.reshape(-1, 2, 2)) * np.abs(scale[:2])
         return points, np.ascontiguousarray(steps.max(axis=1), np.float32)

@@ -33,13 +33,12 @@ from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
-from texbake.rendering.scene.material import Displacement, Material
+from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.scene import place_mesh
 from texbake.rendering.scene.textures import (
     FILTERS_WITH_FOOTPRINT,
     ImageTexture,
     ProcedureTexture,
-    uv_set_of,
 )
 
 
@@ -108,11 +107,11 @@ def _load_relief(state: RenderState, target: int) -> ObjectRelief | DrawnObject:
 def _relief(state: RenderState, target: int) -> ObjectRelief:
     item = state.scene.objects[target]
     drawn, mesh = state.of(PLACED_OBJECTS, target), item.mesh
-    known = state.get(MAPPED_MESHES, target) if _is_over_uvs(item.material) else None
-    if known is not None:
-        drawn, mesh = replace(drawn, mesh=known.placed), known.mesh
     holder = item.material.displacement
     assert holder is not None
+    known = state.get(MAPPED_MESHES, target) if holder.texture.is_over_uvs else None
+    if known is not None:
+        drawn, mesh = replace(drawn, mesh=known.placed), known.mesh
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
     image = texels = frames = None
     if isinstance(holder.texture, ImageTexture):
@@ -249,34 +248,27 @@ def _values_at(
 ) -> FloatArray:
     """(n, 1) heights or (n, 3) vectors in object space, at positions on the faces."""
     faces, weights = places.base_faces[rows], places.weights[rows].astype(np.float64)
-    uv_set = uv_set_of(relief.holder.texture)
-    mesh = relief.drawn.mesh
+    texture = relief.holder.texture
     changes = np.empty((0, 4), np.float32)
     if relief.steps is not None:
         changes = (relief.steps[faces] * widths[:, None]).astype(np.float32)
-    uvs = uv_changes = None
-    known = (mesh.uvs, mesh.uv_faces)
-    if uv_set is not None:
-        known = mesh.uv_set(uv_set).uvs, mesh.uv_set(uv_set).faces
-    if known[0] is not None and known[1] is not None:
-        corners = known[0][known[1][faces]]
+    fragments = Fragments.on(target, relief.drawn, faces, weights, changes)
+    if texture.is_over_uvs:
+        uv_set = relief.drawn.mesh.uv_set(texture.uv_set)
+        corners = uv_set.uvs[uv_set.faces[faces]]
         edges = corners[:, 1:] - corners[:, :1]
         uvs = corners[:, 0] + weights[:, :1] * edges[:, 0] + weights[:, 1:] * edges[:, 1]
+        uv_changes = changes
         if relief.steps is not None:
             steps = changes.reshape(-1, 2, 2).astype(np.float64)
             uv_changes = (pm.matmul(steps, edges)).reshape(-1, 4).astype(np.float32)
-    texture = relief.holder.texture
+        fragments.coordinates[texture.uv_set] = uvs, uv_changes
     if relief.image is not None:
-        assert uvs is not None
-        values = image_values(relief.image, uvs, uv_changes)
+        values = image_values(relief.image, uvs, None if relief.steps is None else uv_changes)
         if relief.frames is not None:
             return _from_tangent_space(relief.frames, faces, weights, values)
         return values.astype(np.float64)
     assert isinstance(texture, ProcedureTexture)
-    fragments = Fragments.on(target, relief.drawn, faces, weights, changes)
-    fragments.uvs, fragments.uv_changes = uvs, uv_changes
-    if uv_set is not None and uvs is not None:
-        fragments.further_uvs = {uv_set: (uvs, uv_changes)}
     return _heights(relief.holder, procedure_values(fragments, texture, 1).astype(np.float64))
 
 
@@ -297,14 +289,9 @@ RELIEFS = Result(_load_relief)
 DISPLACED_OBJECTS = Result(_displace)
 
 
-def _is_over_uvs(material: Material) -> bool:
-    assert material.displacement is not None
-    texture = material.displacement.texture
-    return isinstance(texture, ImageTexture) or texture.space == "uv"
-
-
 def _displacement_needs(request: RenderRequest, target: int) -> tuple[str, ...]:
-    return mapping_effect(request, target) if _is_over_uvs(request.material(target)) else ()
+    holder = request.material(target).displacement
+    return mapping_effect(request, target) if holder and holder.texture.is_over_uvs else ()
 
 
 DISPLACEMENT = Effect(

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
@@ -43,6 +43,9 @@ Constant = float | Rgb
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageTexture:
     """An image, looked up at texture coordinates."""
+
+    effect: ClassVar[str] = "images"  # effect that reads it
+    is_over_uvs: ClassVar[bool] = True  # whether it depends on texture coordinates
 
     image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
     filter: str = option("trilinear", "Filter between texels.", choices=FILTERS)
@@ -95,6 +98,8 @@ class ImageTexture:
 class ProcedureTexture:
     """Values computed at a point: a pattern over (u, v) or a solid one over (x, y, z)."""
 
+    effect: ClassVar[str] = "procedures"
+
     procedure: Annotated[str, Option("Name of the procedure.")]
     parameters: Annotated[Mapping[str, Any], Option("Parameters of the procedure.")] = field(
         default_factory=dict
@@ -119,6 +124,11 @@ class ProcedureTexture:
         for name in "scale", "factor":
             check_finite(name, getattr(self, name))
         check_ramp(self.colors)
+
+    @property
+    def is_over_uvs(self) -> bool:
+        """Whether it depends on texture coordinates, rather than on the point in space."""
+        return self.space == "uv"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,12 +180,6 @@ def check_finite(name: str, value: float | Iterable[float]) -> None:
     numbers = value if isinstance(value, Iterable) else (value,)
     if not all(map(math.isfinite, numbers)):
         raise OptionError(f"{name}: {value} is not finite")
-
-
-def uv_set_of(texture: Texture) -> str | None:
-    """Return the further set of coordinates of a texture; None for the first, or for none."""
-    is_over_uvs = isinstance(texture, ImageTexture) or texture.space == "uv"
-    return texture.uv_set if is_over_uvs else None
 
 
 Texture = ImageTexture | ProcedureTexture
