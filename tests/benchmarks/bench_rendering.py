@@ -106,8 +106,8 @@ def samples(*scenes, rounds=2, width=480):
 def converged(scene, options):
     """Light (H, W, 3) of 394 samples per pixel, and which pixels show a surface."""
     from texbake.progress import Stages
-    from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums
-    from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
+    from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums, Sides
+    from texbake.rendering.adaptive_pixels.sampler import PixelSampler
     from texbake.rendering.draw import lay_out
     from texbake.rendering.request import RenderRequest
 
@@ -191,7 +191,7 @@ def ball(lighting, mapping=None, **material):
 def unneeded_settings(image):
     """Yield the name of each setting, the scene with it and the scene without it."""
     from texbake.mapping.options import UnwrapOptions
-    from texbake.rendering.scene.transforms import projector_matrix
+    from texbake.rendering.scene.material import projector_matrix
 
     lit, unlit, lambert = Lighting(lights=(SUN,)), {"shading": "unlit"}, {"shading": "lambert"}
     normals = NormalMap(texture=image, space="tangent", convention="opengl")

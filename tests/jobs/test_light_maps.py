@@ -20,9 +20,8 @@ from texbake.rendering.scene.lights import (
     Shadow,
 )
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
+from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import read_image
 
 SIZE = 128

@@ -44,6 +44,7 @@ from texbake.rendering.scene.material import (
     ProjectedTexture,
     Reflection,
     Refraction,
+    projector_matrix,
 )
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import (
@@ -53,7 +54,6 @@ from texbake.rendering.scene.textures import (
     Slot,
     VolumeTexture,
 )
-from texbake.rendering.scene.transforms import projector_matrix
 from texbake.texture.image import write_image
 
 Rng = np.random.Generator

@@ -19,9 +19,8 @@ from texbake.rendering.scene.lights import (
     Shadow,
 )
 from texbake.rendering.scene.material import Material, NormalMap, Reflection, Refraction
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import FILTERS, WRAPS, ImageTexture, ProcedureTexture
-from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.image import Image
 
 SMALL = RenderOptions(width=32, height=24, supersampling=2)

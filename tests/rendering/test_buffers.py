@@ -11,9 +11,8 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import BUFFERS, RenderOptions
 from texbake.rendering.scene.lights import Environment, Fog, Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.encoding import encode_srgb
 
 # Codes from 0 to 1: float32 light, encoded.

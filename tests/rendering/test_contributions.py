@@ -15,9 +15,8 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Ambient, Light, Lighting, Shadow
 from texbake.rendering.scene.material import BumpMap, Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
-from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.encoding import quantize_srgb
 
 OPTIONS = RenderOptions(width=64, height=48)

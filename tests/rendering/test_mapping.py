@@ -20,9 +20,15 @@ from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, apply_mapping, camera_of
+from texbake.rendering.scene.scene import (
+    CameraView,
+    Scene,
+    SceneObject,
+    apply_mapping,
+    camera_of,
+    transform_matrix,
+)
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import transform_matrix
 
 NOISE = np.random.default_rng(4).random((16, 16, 3)).astype(np.float32)
 IMAGE = ImageTexture(image=NOISE)

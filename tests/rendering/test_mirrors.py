@@ -10,8 +10,7 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Environment, Light, Lighting
 from texbake.rendering.scene.material import Material, Reflection, Refraction
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.transforms import transform_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 
 COLORS = np.array([(1, 0, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (0, 0, 1), (1, 1, 0)], np.float32)
 SIX = Environment(faces=tuple(np.broadcast_to(c, (4, 4, 3)).copy() for c in COLORS))

@@ -10,9 +10,8 @@ from texbake.rendering.effects.points import steps_along_surface, steps_along_te
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material, NormalMap
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import transform_matrix
 
 LIT = Lighting(lights=(Light(direction=(-0.2, -0.3, -1.0)),))
 

@@ -13,10 +13,9 @@ from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects.projectors import load_cookie, project_onto
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, ProjectedTexture
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.material import Material, ProjectedTexture, projector_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import projector_matrix, transform_matrix
 
 OPTIONS = RenderOptions(width=120, height=120, supersampling=1, background=None)
 ABOVE = Camera.looking_at((0, 6, 0), (0, 0, 0), up=(0, 0, -1), fov=math.radians(50), near=0.01)

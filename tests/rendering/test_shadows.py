@@ -15,8 +15,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.transforms import transform_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 
 WHITE = Material(shading="lambert", base_color=(1.0, 1.0, 1.0), double_sided=True)
 ABOVE = Camera.looking_at((0, 8, 0.001), (0, 0, 0), up=(0, 0, -1), fov=math.radians(50), near=0.01)

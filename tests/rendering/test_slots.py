@@ -9,9 +9,8 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
-from texbake.rendering.scene.transforms import transform_matrix
 from texbake.texture.procedures import evaluate
 
 CLOSE = {"rtol": 2e-6, "atol": 1e-6}

@@ -14,9 +14,9 @@ from texbake.rendering.scene.scene import (
     camera_of,
     outline,
     place_mesh,
+    transform_matrix,
     turntable_cameras,
 )
-from texbake.rendering.scene.transforms import transform_matrix
 
 OPTIONS = RenderOptions(width=640, height=360)
 

@@ -11,9 +11,8 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.transparency import MAX_LAYERS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.rendering.scene.transforms import transform_matrix
 
 CAMERA = Camera.looking_at((0.3, 0.2, 4.0), (0.0, 0.1, 0.0), fov=math.radians(40), near=0.1)
 SIZE = 40.0

@@ -10,11 +10,12 @@ from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels import sampler
 from texbake.rendering.adaptive_pixels.pixel_statistics import (
     PixelSums,
+    Sides,
     code_means,
     edge_errors,
     shading_errors,
 )
-from texbake.rendering.adaptive_pixels.sampler import PixelSampler, Sides
+from texbake.rendering.adaptive_pixels.sampler import PixelSampler
 from texbake.rendering.draw import lay_out, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene

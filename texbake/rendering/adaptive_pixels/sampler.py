@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,12 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.adaptive_pixels.pixel_statistics import Float32Array, PixelSums
+from texbake.rendering.adaptive_pixels.pixel_statistics import (
+    BoolArray,
+    Float32Array,
+    PixelSums,
+    Sides,
+)
 from texbake.rendering.draw import find_background
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import PEELED_LAYERS, LayeredSamples
@@ -33,7 +38,6 @@ from texbake.rendering.fragments import FragmentRows, fragment_rows
 from texbake.rendering.passes import find_visible, shade_objects
 from texbake.rendering.rasterize import VisibilityBuffer, Window
 
-BoolArray = npt.NDArray[np.bool_]
 # Cells shaded together by one thread, as in `texbake.rendering.draw`.
 _CELLS = 1 << 15
 # Samples per window. They take eight bytes each, and again as much for each transparent layer.
@@ -42,14 +46,6 @@ _WINDOW = 1 << 23
 _WATCHED_WINDOW = 1 << 21
 # Gap in rows above which a new window is started. Each window projects all vertices again.
 _GAP = 16
-
-
-@dataclass(frozen=True, order=True)
-class Sides:
-    """Samples and shaded cells along one side of a pixel; `shaded` divides `seen`."""
-
-    seen: int
-    shaded: int
 
 
 def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterator[Window]:

@@ -25,14 +25,18 @@ from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.adaptive_pixels.pixel_statistics import (
+    SIDE,
+    BoolArray,
     Float32Array,
     PixelSums,
+    Sides,
+    chosen_pixels,
     code_means,
     edge_errors,
+    recheck,
     shading_errors,
 )
-from texbake.rendering.adaptive_pixels.recheck import SIDE, chosen_pixels, recheck
-from texbake.rendering.adaptive_pixels.sampler import BoolArray, PixelCache, PixelSampler, Sides
+from texbake.rendering.adaptive_pixels.sampler import PixelCache, PixelSampler
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, lay_out, shade_to_sums
 from texbake.rendering.effect import RenderState

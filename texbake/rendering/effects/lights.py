@@ -25,7 +25,7 @@ from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_ro
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light
-from texbake.rendering.scene.transforms import picture_aspect
+from texbake.rendering.scene.material import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9

@@ -48,9 +48,8 @@ from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Deferred, Result
 from texbake.rendering.scene.lights import Light, Shadow
-from texbake.rendering.scene.material import ProjectedTexture
+from texbake.rendering.scene.material import ProjectedTexture, projector_matrix, projector_position
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
-from texbake.rendering.scene.transforms import projector_matrix, projector_position
 from texbake.texture.image import FloatImage
 
 _NO_STEPS = np.empty((0, 2, 3))

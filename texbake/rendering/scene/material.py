@@ -2,6 +2,9 @@
 
 Every slot holds a constant, an image or a procedure (`texbake.rendering.scene.textures`). Nothing
 is computed for a slot that is None.
+
+Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
+texture mapping", SIGGRAPH 1992, for projectors.
 """
 
 from __future__ import annotations
@@ -14,9 +17,12 @@ from typing import Annotated
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mapping.classical.projector import whole_matrix
 from texbake.mesh.mesh import FloatArray, frozen
+from texbake.rendering.camera import Camera
+from texbake.rendering.scene.lights import Vector
 from texbake.rendering.scene.textures import (
     ImageTexture,
     ProcedureTexture,
@@ -24,8 +30,8 @@ from texbake.rendering.scene.textures import (
     Texture,
     check_finite,
 )
-from texbake.rendering.scene.transforms import picture_aspect, projector_position
 from texbake.schema import Option, check_fields, option
+from texbake.texture.image import Image, read_header
 
 SHADINGS = ("unlit", "lambert", "blinn-phong", "metallic-roughness")
 SHADING_RATES = ("pixel", "vertex")
@@ -219,6 +225,62 @@ class Refraction:
     def __post_init__(self) -> None:
         check_fields(self)
         check_constant("strength", self.strength)
+
+
+# Share of the greatest stretch of a matrix below which its rays count as parallel, by rounding.
+_PARALLEL = 1e-12
+
+# Maps clip coordinates from -w to w to s and t from 0 to q; r and q are the depth.
+_PICTURE_FROM_CLIP = np.array(
+    [
+        [0.5, 0.0, 0.0, 0.5],
+        [0.0, 0.5, 0.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
+
+
+def projector_matrix(
+    *,
+    position: Vector,
+    target: Vector,
+    up: Vector = (0.0, 1.0, 0.0),
+    fov: float = 35.0,
+    aspect: float = 1.0,
+) -> FloatArray:
+    """Matrix of a projector at a position that looks at a target.
+
+    `position`, `target`, `up`: as for a camera, in world space; `fov`: vertical field of view in
+    degrees. Returns (4, 4) float64.
+    """
+    if not 0.0 < aspect < math.inf:
+        raise OptionError(f"aspect: {aspect} is not above 0; it is width over height")
+    # The near plane does not affect s, t and q.
+    camera = Camera.looking_at(position, target, up=up, fov=math.radians(fov), near=1.0)
+    return pm.matmul(_PICTURE_FROM_CLIP, camera.clip_from_world(aspect))
+
+
+def projector_position(matrix: FloatArray) -> FloatArray:
+    """(3,): the point where s, t and q of a projector's matrix (4, 4) are all 0."""
+    rows = np.asarray(matrix, np.float64)[[0, 1, 3]]
+    sizes, _ = pm.svd(rows[:, :3])
+    if not sizes[2] > _PARALLEL * sizes[0]:
+        raise OptionError("matrix: its rays are parallel; leave out facing and occlusion")
+    return np.asarray(-pm.solve(rows[:, :3], rows[:, 3]))
+
+
+def picture_aspect(texture: ImageTexture) -> float:
+    """Width over height of a texture's picture; a file's pixels are not read for this."""
+    image = texture.image
+    if isinstance(image, np.ndarray):
+        height, width = image.shape[:2]
+    elif isinstance(image, Image):
+        height, width = image.pixels.shape[:2]
+    else:
+        header = read_header(image)
+        width, height = header.width, header.height
+    return float(width / height)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

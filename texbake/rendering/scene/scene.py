@@ -174,6 +174,43 @@ def check_transform(transform: FloatArray, name: str) -> FloatArray:
     return frozen(matrix)
 
 
+def transform_matrix(
+    *,
+    translate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    scale: float | tuple[float, float, float] = 1.0,
+) -> FloatArray:
+    """(4, 4) float64: matrix that scales, rotates about x, y and z in that order, and translates.
+
+    `translate`, in world units; `rotate`, in degrees, counter-clockwise seen from the tip of the
+    axis.
+
+    Examples
+    --------
+    >>> transform_matrix(rotate=(0, 90, 0), translate=(0, 5, 0)) @ [1, 0, 0, 1]
+    array([ 0.,  5., -1.,  1.])
+    """
+    linear = np.diag(np.broadcast_to(np.asarray(scale, np.float64), 3))
+    for axis, angle in enumerate(rotate):
+        cosine, sine = _cos_sin(angle)
+        turn = np.eye(3)
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        turn[first, first] = turn[second, second] = cosine
+        turn[first, second], turn[second, first] = -sine, sine
+        linear = pm.matmul(turn, linear)
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear
+    matrix[:3, 3] = translate
+    return matrix
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    quarters, rest = divmod(degrees, 90.0)
+    if rest == 0.0:
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarters) % 4]
+    return pm.cos(math.radians(degrees)), pm.sin(math.radians(degrees))
+
+
 def apply_mapping(item: SceneObject, *, threads: int | None = None) -> SceneObject:
     """Return an object whose mesh has the coordinates from its mapping, if it has a mapping."""
     if item.mapping is None:

@@ -51,7 +51,11 @@ from texbake.rendering.scene.file.values import (
     one_or_two,
     validation_error,
 )
-from texbake.rendering.scene.material import Material, ProjectedTexture
+from texbake.rendering.scene.material import (
+    Material,
+    ProjectedTexture,
+    projector_matrix,
+)
 from texbake.rendering.scene.textures import (
     SPACES,
     WRAPS,
@@ -60,7 +64,6 @@ from texbake.rendering.scene.textures import (
     ProcedureTexture,
     VolumeTexture,
 )
-from texbake.rendering.scene.transforms import projector_matrix
 from texbake.schema import JsonSchema
 from texbake.texture.procedures.options import (
     PROCEDURE_DEFAULTS,

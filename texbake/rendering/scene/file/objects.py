@@ -35,8 +35,7 @@ from texbake.rendering.scene.file.values import (
 )
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import SceneObject, check_transform
-from texbake.rendering.scene.transforms import transform_matrix
+from texbake.rendering.scene.scene import SceneObject, check_transform, transform_matrix
 from texbake.texture.image import read_image
 
 # Shapes other than parametric ones, and the keys that they take.
