@@ -102,15 +102,6 @@ class EmbreexScene:
     def build(cls, mesh, frame, **_):
         return cls(mesh, frame)
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
-
-    def close(self):
-        self.scene = self.triangles = None
-
     def cast(self, rays, *, cull_back_faces=True, places=None):
         del places
         hits = RayHits.misses(len(rays))
@@ -123,8 +114,8 @@ class EmbreexScene:
         refine(hits, rays, self.mesh, self.frame)
         return hits
 
-    def cast_band(self, rays, places, *, cull_back_faces):
-        return self.cast(rays, cull_back_faces=cull_back_faces)
+    def cast_in_order(self, n, make, *, cull_back_faces, threads):
+        return self.cast(make(slice(n))[0], cull_back_faces=cull_back_faces)
 
     def _cast_once(self, rays, chosen, starts, hits, cull):
         """Cast the chosen rays from their starts on; return those that must go on."""

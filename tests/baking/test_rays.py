@@ -108,8 +108,7 @@ def test_another_part_of_the_low_poly_mesh_ends_rays_where_it_faces_their_own(
     frame = LocalFrame.around(low)
     samples = samples_on(plane(), 20)[0]
     field = RayField(low, frame, kind="face", front=0.8, back=0.7)
-    with RayScene.build(low, frame) as scene:
-        rays = UnobstructedRays(field, scene).rays(samples)
+    rays = UnobstructedRays(field, RayScene.build(low, frame)).rays(samples)
     np.testing.assert_allclose(rays.directions, [[0, 0, -1]] * 20, atol=1e-15)
     np.testing.assert_allclose(frame.length_to_model(rays.fronts), front, atol=1e-6)
     np.testing.assert_allclose(frame.length_to_model(rays.lengths), front + back, atol=2e-6)

@@ -57,10 +57,8 @@ def assert_same_bake(
     monkeypatch.setattr(
         BakeOptions, "streamed_chunk_faces", lambda *_: -(-high.n_faces // n_chunks)
     )
-    with RayScene.build(
-        high, LocalFrame.around(high), chunk_faces=-(-high.n_faces // n_chunks)
-    ) as scene:
-        assert len(list(scene.trees())) == n_chunks
+    scene = RayScene.build(high, LocalFrame.around(high), chunk_faces=-(-high.n_faces // n_chunks))
+    assert len(list(scene.trees())) == n_chunks
     streamed = bake(high, low, options)
     for kind in options.maps:
         assert streamed.maps[kind].values.tobytes() == whole.maps[kind].values.tobytes(), kind

@@ -45,7 +45,7 @@ def cast(n_triangles, size):
     from texbake.baking.texels import SampleGrid, owned_samples, rasterize_uv, snap_uvs
     from texbake.mesh.frame import LocalFrame
     from texbake.parallel import run_bands
-    from texbake.raycast.scene import RayScene
+    from texbake.raycast.scene import RayScene, rows_of
 
     side = math.isqrt(n_triangles // 2)
     low = uv_sphere(16, 17)
@@ -61,7 +61,8 @@ def cast(n_triangles, size):
     def cast_some(first, stop):
         some = samples.where(slice(first, stop))
         rays = field.rays(some, threads=1)
-        scene.cast_band(rays, field.places(some, grid), cull_back_faces=True)
+        make = rows_of(rays, field.places(some, grid))
+        scene.cast_in_order(len(some), make, cull_back_faces=True, threads=1)
 
     run_bands(cast_some, len(samples), band=1 << 14)
     return high.n_faces, len(samples), tree, time.process_time() - start

@@ -181,14 +181,14 @@ def rays(drawn: Drawn) -> None:
     lengths = drawn.pick((np.full(n, np.inf), np.zeros(n), np.linspace(0.0, 4.0, n)))
     lengths = np.where(directions.any(axis=1), lengths, 0.0)
     chunk = drawn.pick((None, None, 1, 5))
-    with RayScene.build(mesh, frame, chunk_faces=chunk) as scene:
-        scene.cast(Rays(origins, directions, lengths, np.zeros(n)), cull_back_faces=drawn.flag(),
-                   in_bundles=drawn.flag())  # fmt: skip
-        if chunk is None and drawn.flag():
-            axes = directions.astype(np.float32)
-            ids = drawn.indices(200, n).astype(np.uint32)
-            ranges = OcclusionRange(drawn.pick((0.0, 1e-6)), drawn.pick((np.inf, 0.1)), 0.5)
-            scene.cast_hemispheres(Hemispheres(origins, axes, axes, ids), direction_sets(4), ranges)
+    scene = RayScene.build(mesh, frame, chunk_faces=chunk)
+    scene.cast(Rays(origins, directions, lengths, np.zeros(n)), cull_back_faces=drawn.flag(),
+               in_bundles=drawn.flag())  # fmt: skip
+    if chunk is None and drawn.flag():
+        axes = directions.astype(np.float32)
+        ids = drawn.indices(200, n).astype(np.uint32)
+        ranges = OcclusionRange(drawn.pick((0.0, 1e-6)), drawn.pick((np.inf, 0.1)), 0.5)
+        scene.cast_hemispheres(Hemispheres(origins, axes, axes, ids), direction_sets(4), ranges)
 
 
 def bake(drawn: Drawn) -> None:

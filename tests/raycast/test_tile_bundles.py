@@ -106,7 +106,7 @@ def test_hits_depend_on_no_bundle(seed):
     cells = rng.integers(0, 3 * BUNDLE_SIDE, (3000, 2)).astype(np.int32)
     cells = cells[np.lexsort((cells[:, 0] // BUNDLE_SIDE, cells[:, 1] // BUNDLE_SIDE))]
     charts = rng.integers(0, 1 + seed, 3000).astype(np.int32)
-    found = scene.cast(some, places=RayPlaces(np.ascontiguousarray(cells), charts))
+    found = scene.cast(some, places=RayPlaces(charts, np.ascontiguousarray(cells)))
     for mine, theirs in zip(alone.arrays(), found.arrays(), strict=True):
         np.testing.assert_array_equal(mine[order], theirs)
     assert (alone.faces != NO_HIT).any()
@@ -122,7 +122,7 @@ def test_rays_from_one_point_and_equal_rays():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     rays = Rays(np.zeros((500, 3)), directions, np.full(500, np.inf), np.zeros(500))
     cells = np.zeros((500, 2), dtype=np.int32)
-    for places in (None, RayPlaces(cells, np.zeros(500, dtype=np.int32))):
+    for places in (None, RayPlaces(np.zeros(500, dtype=np.int32), cells)):
         found = scene.cast(rays, cull_back_faces=False, places=places)
         assert (found.faces != NO_HIT).all()
         assert (found.faces[250:] == found.faces[0]).all()

@@ -156,17 +156,11 @@ class BakeRun(BakeSetup):
         stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)
         if stacked.n_sharing:
             inputs = inputs.with_low(stacked.baked(inputs.low))
-        one = replace(self, inputs=inputs)
-        if self.scenes is not None:
-            baked = one._cast()
-            return _with_sharing(baked, stacked, baked.report.orientation)
-        scenes = Trace(one).own_scenes()
-        try:
-            inputs, scenes, orientation = face_outwards(inputs, scenes, self.stages)
-            baked = replace(one, inputs=inputs, scenes=scenes)._cast()
-        finally:
-            scenes.close()
-        return _with_sharing(baked, stacked, orientation)
+        run, orientation = replace(self, inputs=inputs), None
+        if self.scenes is None:
+            inputs, scenes, orientation = face_outwards(inputs, run.build_scenes(), self.stages)
+            run = replace(run, inputs=inputs, scenes=scenes)
+        return _with_sharing(run._cast(), stacked, orientation)
 
     def _cast(self) -> BakeResult:
         """Cast all rays, and make maps of the hits."""
@@ -233,7 +227,7 @@ class BakeRun(BakeSetup):
             front=trace.front,
             back=trace.back or 0.0,
             measured=options.back is None or (options.front is None and trace.cage is None),
-            caster=trace.caster,
+            caster=trace.scenes.high.caster,
             texels=options.width_px * options.height_px,
             texels_covered=n_covered,
             texels_missed=n_missed,

@@ -224,10 +224,9 @@ def find_outer_points(
     `normals` (V, 3) float64: smooth normals of the low-poly mesh.
     """
     positions = frame.to_local(low.positions)
-    with RayScene.build(high, frame, threads=threads) as scene:
-        extent = measure_extent(scene, low, "smooth")
-        limit = float(frame.length_to_local(extent.front))
-        over_lattice = _ray_points(high, positions, low.faces, normals, frame, scene, limit)
+    scene = RayScene.build(high, frame, threads=threads)
+    limit = float(frame.length_to_local(measure_extent(scene, low, "smooth").front))
+    over_lattice = _ray_points(high, positions, low.faces, normals, frame, scene, limit)
     points = OuterPoints.joined(
         [over_lattice, _vertex_points(high, positions, low.faces, normals, frame, threads)]
     )

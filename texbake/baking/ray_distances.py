@@ -30,7 +30,6 @@ from texbake.mesh.objects import weld_vertices
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits
 
 # Points between the measured ones may lie a little farther away.
@@ -54,25 +53,6 @@ class RayProbe:
     into: RayHits
 
 
-@dataclass(frozen=True, eq=False)
-class CornerRayDistances:
-    """How far rays start in front of each corner of each face, and how far behind it they end."""
-
-    low: Mesh
-    distances: FloatArray  # (F, 3, 2) float64; front and back, in the local frame
-
-    def at(self, mesh: Mesh) -> FloatArray:
-        """(F, 3, 2) float64: the distances of a mesh with some of its faces, in any order."""
-        if mesh.faces is self.low.faces:
-            return self.distances
-        points = np.concatenate([self.low.positions, mesh.positions])
-        ids = weld_rows(points)
-        known = ids[self.low.faces]
-        asked = ids[mesh.faces + self.low.n_vertices]
-        rows = weld_rows(np.concatenate([known, asked]).astype(np.float64))[len(known) :]
-        return np.asarray(self.distances[np.minimum(rows, len(known) - 1)])
-
-
 def measure_ray_distances(
     high: Mesh | StreamedMesh,
     low: Mesh,
@@ -80,8 +60,12 @@ def measure_ray_distances(
     probe: RayProbe,
     *,
     threads: int | None = None,
-) -> CornerRayDistances:
-    """Measure how far rays must reach at each vertex of a low-poly mesh."""
+) -> FloatArray:
+    """Measure how far rays must reach at each vertex of a low-poly mesh.
+
+    Returns (F, 3, 2) float64: how far they start in front of each corner of each face, and how far
+    behind it they end, in the local frame.
+    """
     of_faces = np.zeros((low.n_faces, 2))
     _add_high(of_faces, high, low, frame, threads)
     _add_low(of_faces, probe)
@@ -93,7 +77,7 @@ def measure_ray_distances(
         of_faces = distances[sides].max(axis=1)
     floor = np.quantile(distances, _FLOOR, axis=0)
     distances = np.maximum(distances, floor) * MARGIN + LEAST_EXTENT
-    return CornerRayDistances(low, distances[sides])
+    return np.asarray(distances[sides])
 
 
 def _sides(low: Mesh) -> npt.NDArray[np.intp]:

@@ -38,7 +38,7 @@ from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.mesh.polygons import outlines
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, Rays
-from texbake.raycast.scene import RayPlaces, RayScene
+from texbake.raycast.scene import RayPlaces, RayScene, rows_of
 from texbake.texture.lookup import lookup
 
 Float32Array = npt.NDArray[np.float32]
@@ -76,14 +76,6 @@ class RayMaps:
                 "or `rays=vertex`"
             )
 
-    def skew_at(self, uvs: FloatArray, threads: int | None) -> Float32Array:
-        """(n,) float32: the blend at (n, 2) texture coordinates; 0 without a mask."""
-        return _look_up(self.skew, uvs, 0.0, threads)
-
-    def offset_at(self, uvs: FloatArray, threads: int | None) -> Float32Array:
-        """(n,) float32: the scale at (n, 2) texture coordinates; 1 without a map."""
-        return _look_up(self.offset, uvs, 1.0, threads)
-
 
 def _first_channel(name: str, image: npt.ArrayLike | None, most: float) -> Float32Array | None:
     if image is None:
@@ -106,24 +98,17 @@ def _first_channel(name: str, image: npt.ArrayLike | None, most: float) -> Float
 def _look_up(
     image: Float32Array | None, uvs: FloatArray, without: float, threads: int | None
 ) -> Float32Array:
+    """(n,) float32: an image at (n, 2) texture coordinates; `without` if there is none."""
     if image is None:
         return np.full(len(uvs), without, dtype=np.float32)
     return lookup(image, uvs, wrap="clamp", threads=threads)[:, 0]
-
-
-def _sample_uvs(corner_uvs: FloatArray, faces: IntArray, barycentrics: FloatArray) -> FloatArray:
-    """(n, 2) texture coordinates of samples, from those (F, 3, 2) of the corners of faces."""
-    corners = corner_uvs[faces]
-    b, c = barycentrics[:, :1], barycentrics[:, 1:]
-    return np.asarray((1.0 - b - c) * corners[:, 0] + b * corners[:, 1] + c * corners[:, 2])
 
 
 class RayField:
     """The rays of a low-poly mesh: everything needed to turn samples into rays.
 
     `kind`: `smooth`, `vertex` or `face`; where that direction is zero, the normal of the face is
-    used; `front`, `back`: in model units; `reaches` (F, 3, 2) float64: front and back at each
-    corner, in the frame.
+    used; `front`, `back`: in model units.
     """
 
     def __init__(
@@ -136,10 +121,9 @@ class RayField:
         back: float,
         cage: Mesh | None = None,
         maps: RayMaps | None = None,
-        reaches: FloatArray | None = None,
         threads: int | None = None,
     ) -> None:
-        self.reaches = None if reaches is None else frozen(reaches)
+        self.reaches: FloatArray | None = None
         self.front = float(frame.length_to_local(front))
         self.back = float(frame.length_to_local(back))
         self.positions = frozen(frame.to_local(low.positions))
@@ -152,7 +136,6 @@ class RayField:
         self._low = low
         self._threads = threads
         self._maps = maps
-        self._corner_uvs = None if maps is None else low.corner_uvs()
         self._straight = None
         if maps is not None and maps.skew is not None:
             self._straight = RayField(
@@ -200,7 +183,8 @@ class RayField:
     def places(self, samples: Samples, grid: SampleGrid) -> RayPlaces:
         """Return where the rays of samples stand in a grid over the texture."""
         corner_uvs, charts = self.layout
-        places = RayPlaces.empty(len(samples))
+        n = len(samples)
+        places = RayPlaces(np.empty(n, dtype=np.int32), np.empty((n, 2), dtype=np.int32))
         core.place_samples(
             samples.faces,
             samples.barycentrics,
@@ -215,9 +199,11 @@ class RayField:
 
     def _reshape(self, rays: Rays, samples: Samples, maps: RayMaps, threads: int | None) -> None:
         """Change rays, in place, according to the images."""
-        assert self._corner_uvs is not None
-        uvs = _sample_uvs(self._corner_uvs, samples.faces, samples.barycentrics)
-        skew, offset = maps.skew_at(uvs, threads), maps.offset_at(uvs, threads)
+        corner_uvs = self.layout[0][samples.faces]
+        b, c = samples.barycentrics[:, :1], samples.barycentrics[:, 1:]
+        uvs = (1.0 - b - c) * corner_uvs[:, 0] + b * corner_uvs[:, 1] + c * corner_uvs[:, 2]
+        skew = _look_up(maps.skew, uvs, 0.0, threads)
+        offset = _look_up(maps.offset, uvs, 1.0, threads)
         straight = rays if self._straight is None else self._straight.rays(samples, threads=threads)
 
         def reshape(start: int, stop: int) -> None:
@@ -338,6 +324,8 @@ class UnobstructedRays:
         starts = points + _LEAVES * directions
         reaches = np.maximum(lengths - _LEAVES, 0.0)
         probes = Rays(starts, directions, reaches, np.zeros(len(points)))
-        met = self.low.cast_alone(probes)
+        alone = RayPlaces(np.arange(len(probes), dtype=np.int32))
+        make = rows_of(probes, alone)
+        met = self.low.cast_in_order(len(probes), make, cull_back_faces=False, threads=1)
         limits = (met.faces != NO_HIT) & (met.passed_back == behind)
         return np.where(limits, met.distances + _LEAVES, np.inf)

@@ -24,7 +24,6 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.ray_distances import (
     LEAST_EXTENT,
     MARGIN,
-    CornerRayDistances,
     RayProbe,
     measure_ray_distances,
 )
@@ -68,15 +67,13 @@ class RayExtent:
 class BakeScenes:
     """What the rays of a bake are cast into, all in one frame, and what is measured with it.
 
-    A trace builds and closes its own scenes unless it is given some that others use as well.
-
-    `low`: the low-poly mesh, though bakes of only some of its faces can use these scenes as well;
-    `n_points`: points of it at which distances are measured.
+    `low`: the low-poly mesh, whatever part of its texture is baked; `n_points`: points of it at
+    which distances are measured.
 
     Attributes
     ----------
     occluders : RayScene, optional
-        What secondary rays hit, if that is not just the high-poly mesh. Closed by its owner.
+        What secondary rays hit, if that is not just the high-poly mesh.
     """
 
     def __init__(
@@ -91,7 +88,7 @@ class BakeScenes:
         self._n_points = n_points
         self._extents: dict[tuple[str, ...], RayExtent] = {}
         self._probes: dict[str, RayProbe] = {}
-        self._reaches: dict[str, CornerRayDistances] = {}
+        self._reaches: dict[str, FloatArray] = {}
 
     @classmethod
     def build(
@@ -116,26 +113,24 @@ class BakeScenes:
         n_points = max(min(_LOW_POINTS, _PARTS_POINTS // n_parts), _PART_POINTS)
         return cls(scene, low, occluders, n_points)
 
-    def extent(self, low: Mesh, kinds: Sequence[str]) -> RayExtent:
+    def extent(self, kinds: Sequence[str]) -> RayExtent:
         """Greatest extent of rays of some kinds; measured once for all that use these scenes."""
         key = tuple(kinds)
         if key not in self._extents:
             measured = []
             for kind in kinds:
-                extent, probe = _measured(self.high, low, kind, self._n_points)
+                extent, self._probes[kind] = _measured(self.high, self.low, kind, self._n_points)
                 measured.append(extent)
-                if low is self.low:
-                    self._probes[kind] = probe
             self._extents[key] = RayExtent(
                 max(extent.front for extent in measured), max(extent.back for extent in measured)
             )
         return self._extents[key]
 
-    def reach(self, kind: str) -> CornerRayDistances:
-        """How far rays of a kind reach at each vertex of the low-poly mesh; measured once."""
+    def reach(self, kind: str) -> FloatArray:
+        """(F, 3, 2) float64: local distances of rays of a kind at each corner; measured once."""
         if kind not in self._reaches:
-            extent = self.extent(self.low, (kind,))
-            probe = self._probes.get(kind)
+            extent = self.extent((kind,))
+            probe = self._probes.get(kind)  # none if the extents are those of a flipped mesh
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
             if probe is None or n_points > len(probe.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
@@ -146,10 +141,9 @@ class BakeScenes:
             )
         return self._reaches[kind]
 
-    def fitted(self, field: RayField, low: Mesh, kind: str) -> RayField:
+    def fitted(self, field: RayField, kind: str) -> RayField:
         """Return rays that reach as far as each vertex needs, and never farther than a field's."""
-        reach = self.reach(kind).at(low)
-        return field.with_reaches(np.minimum(reach, (field.front, field.back)))
+        return field.with_reaches(np.minimum(self.reach(kind), (field.front, field.back)))
 
     @cached_property
     def low_scene(self) -> RayScene:
@@ -163,7 +157,7 @@ class BakeScenes:
         return TriangleTree.build(self.frame.to_local(mesh.positions), mesh.faces, threads=threads)
 
     def with_high(self, turned: Mesh, stages: Stages) -> BakeScenes:
-        """Return scenes with the same high-poly mesh flipped, to be closed like these.
+        """Return scenes with the same high-poly mesh flipped.
 
         Distances do not depend on which way faces look, and are not measured again.
         """
@@ -173,10 +167,6 @@ class BakeScenes:
         others = BakeScenes(scene, self.low, self.occluders, self._n_points)
         others._extents = self._extents
         return others
-
-    def close(self) -> None:
-        """Free the scene of the high-poly mesh."""
-        self.high.close()
 
 
 def _check_size(frame: LocalFrame, low: Mesh) -> None:
@@ -304,8 +294,7 @@ def face_outwards(
 
     A mesh that is traced in chunks is left as it is.
 
-    Returns the inputs and scenes given, or others with the mesh flipped; the given scenes are then
-    closed.
+    Returns the inputs and scenes given, or others with the mesh flipped.
     """
     high, options = inputs.source, inputs.options
     nothing = OrientationReport(mesh=high.name)
@@ -322,9 +311,7 @@ def face_outwards(
     others = scenes.with_high(turned, stages)
     if _share_against(others, inputs.low, options.rays) >= against:
         # A room that is seen from within faces inwards on purpose, as its low-poly mesh does.
-        others.close()
         return inputs, scenes, nothing
-    scenes.close()
     surface = replace(inputs.high_surface, mesh=turned)
     return replace(inputs, high_surface=surface), others, report
 

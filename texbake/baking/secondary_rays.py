@@ -46,30 +46,32 @@ class SecondaryRays:
     """The rays that the maps of a bake need from its hits."""
 
     inputs: BakeInputs
+    scenes: BakeScenes
     needs: frozenset[str]  # `OUTER`, `INNER` or both
 
     @classmethod
-    def for_maps(cls, kinds: Iterable[MapKind], inputs: BakeInputs) -> SecondaryRays | None:
+    def for_maps(
+        cls, kinds: Iterable[MapKind], inputs: BakeInputs, scenes: BakeScenes
+    ) -> SecondaryRays | None:
         """Return the rays for some maps; None if none of them needs any."""
         used = frozenset(kind.needs for kind in kinds) & {OUTER, INNER}
-        return cls(inputs, used) if used else None
+        return cls(inputs, scenes, used) if used else None
 
-    def occlusion_range(self, scenes: BakeScenes) -> OcclusionRange:
+    @property
+    def occlusion_range(self) -> OcclusionRange:
         """How far above the surface the rays start, and how far they go."""
-        options = self.inputs.options
+        options, scale = self.inputs.options, self.scenes.frame.scale
         outer = math.inf if options.occluder_distance is None else options.occluder_distance
         inner = options.thickness_distance or self.inputs.high.diagonal
         return OcclusionRange(
             START_OFFSET,
-            outer * scenes.frame.scale if OUTER in self.needs else 0.0,
-            inner * scenes.frame.scale if INNER in self.needs else 0.0,
+            outer * scale if OUTER in self.needs else 0.0,
+            inner * scale if INNER in self.needs else 0.0,
         )
 
-    def cast(
-        self, hits: Hits, scenes: BakeScenes, occlusion_range: OcclusionRange, n_samples: int
-    ) -> tuple[Hits, int]:
+    def cast(self, hits: Hits, n_samples: int) -> tuple[Hits, int]:
         """Return the hits with what their secondary rays met, and the number of rays cast."""
-        options, frame = self.inputs.options, scenes.frame
+        options, scenes, frame = self.inputs.options, self.scenes, self.scenes.frame
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
         is_hit = hits.is_hit
         found = hits if is_hit.all() else hits.where(is_hit)
@@ -90,11 +92,9 @@ class SecondaryRays:
             met[is_hit, OPEN] = 1.0
             is_hit[is_hit] = has_axis
         if len(hemispheres):
-            scene, sets = (
-                scenes.occluders or scenes.high,
-                direction_sets(n_rays, n_samples * _BLOCK**2),
-            )
-            met[is_hit] = scene.cast_hemispheres(hemispheres, sets, occlusion_range)
+            scene = scenes.occluders or scenes.high
+            sets = direction_sets(n_rays, n_samples * _BLOCK**2)
+            met[is_hit] = scene.cast_hemispheres(hemispheres, sets, self.occlusion_range)
         met[:, DEPTH] /= np.float32(frame.scale)
         return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
 

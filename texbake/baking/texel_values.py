@@ -13,6 +13,7 @@ Kernel: `core/texel_sums.c`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,9 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.texture.padding import nearest_owner, push_pull
+
+if TYPE_CHECKING:
+    from texbake.baking.texture.options import TextureBakeOptions
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -156,7 +160,10 @@ class ChartPadding:
     """
 
     def __init__(
-        self, texel_charts: IntArray, has_data: npt.NDArray[np.bool_], options: BakeOptions
+        self,
+        texel_charts: IntArray,
+        has_data: npt.NDArray[np.bool_],
+        options: BakeOptions | TextureBakeOptions,
     ) -> None:
         missed = (texel_charts >= 0) & ~has_data
         self._missed = np.flatnonzero(missed)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +27,8 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import run_bands
 from texbake.progress import Stages
-from texbake.raycast.hemispheres import OcclusionRange
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
-from texbake.raycast.scene import RayPlaces
+from texbake.raycast.scene import RayPlaces, rows_of
 
 
 @dataclass
@@ -66,25 +64,64 @@ class BakeSetup:
     stages: Stages
     cage: Mesh | None = None
     ray_maps: RayMaps | None = None
-    # Scenes that other bakes use as well; None: this one builds its own and closes them.
+    # Scenes that other bakes use as well; None: the trace builds its own.
     scenes: BakeScenes | None = None
+
+    @property
+    def has_secondary_rays(self) -> bool:
+        """Whether a map needs rays from the hits."""
+        return any(kind.needs != "hits" for kind in self.kinds)
+
+    def build_scenes(self) -> BakeScenes:
+        """Build the scenes that the bake needs alone."""
+        options, low, high = self.inputs.options, self.inputs.low, self.inputs.source
+        n_low = low.n_faces * (1 if self.cage is None else 2)
+        if isinstance(high, StreamedMesh):
+            chunk: int | None = options.streamed_chunk_faces(n_low)
+        else:
+            chunk = options.chunk_faces(high.n_faces, n_low)
+        if chunk is not None and options.on_miss == "closest":
+            raise OptionError(
+                f"max_memory, on_miss: {high.name} would be traced in chunks, and the closest "
+                "point needs all of it at once; bake with on_miss neutral, or without max_memory"
+            )
+        if chunk is not None and self.has_secondary_rays:
+            raise OptionError(
+                f"max_memory: {high.name} would be traced in chunks, and ambient occlusion, "
+                "bent normals and thickness need all of it at once; bake them separately, without "
+                "`max_memory`"
+            )
+        return BakeScenes.build(
+            high,
+            low,
+            self.stages,
+            chunk_faces=chunk,
+            compact=self.has_secondary_rays,
+            threads=options.threads,
+        )
+
+
+# About as many samples are cast before their hits become maps; in chunks more of them, because all
+# trees are built each time.
+_SAMPLES_AT_ONCE = 1 << 20
+_SAMPLES_IN_CHUNKS = 1 << 22
+# Fewer where each sample has many secondary rays, so that progress is seen.
+_SAMPLES_WITH_SECONDARY = 1 << 16
+# Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
+_SAMPLES_PER_BAND = 1 << 14
 
 
 class Trace:
-    """Casts the rays of a bake.
+    """Casts the rays of a bake, with all ray distances measured.
 
     Attributes
     ----------
     counts : TraceCounts
-    secondary : SecondaryRays or None
-        Rays to cast from every hit; None where no map needs any.
     front, back : float or None
-        How far rays go in front of and behind the low-poly surface, in model units; measured once
-        the trace has begun, if not given. The front stays None with a cage.
+        How far rays go in front of and behind the low-poly surface, in model units; measured if not
+        given. The front stays None with a cage.
     median_reach : (float, float) or None
         Front and back at the median vertex, where each vertex has its own.
-    caster : str
-        What casts the rays, once the trace has begun.
     texel_faces : (H, W) int32
         Face of the low-poly mesh that owns the texel (its first owned sample), `NO_FACE` for none.
     """
@@ -93,34 +130,37 @@ class Trace:
         self.setup, self.counts = setup, TraceCounts()
         self.low, self.options = setup.inputs.low, setup.inputs.options
         self.stages, self.cage = setup.stages, setup.cage
-        self.secondary = SecondaryRays.for_maps(setup.kinds, setup.inputs)
+        self.scenes = setup.scenes or setup.build_scenes()
         # A cage has a front distance of its own at each vertex.
         self.front = self.options.front if self.cage is None else None
         self.back = self.options.back
         self.median_reach: tuple[float, float] | None = None
-        self.caster = ""
         self.texel_faces: IntArray = np.full(
             (self.options.height_px, self.options.width_px), NO_FACE, dtype=np.int32
         )
+        # Rays for the samples whose own miss, or meet a surface from behind; None: they are cast
+        # once.
+        self._longest: UnobstructedRays | None = None
+        self._field = self._measured_field()
+        with self.stages.part("prepare low-poly mesh"):
+            _ = self._field.layout  # computed here, before threads ask for it
+        self._secondary = SecondaryRays.for_maps(setup.kinds, setup.inputs, self.scenes)
 
     def hits(self) -> Iterator[Hits]:
         """Yield the hits of one band of texels after another."""
         options = self.options
         grid = SampleGrid(options.width_px, options.height_px, options.samples_per_side)
-        faces = self.snap(grid)
-        with self.casting() as rays:
-            in_chunks = rays.scenes.high.in_chunks
-            at_once = _SAMPLES_IN_CHUNKS if in_chunks else _SAMPLES_AT_ONCE
-            if self.secondary is not None:
-                at_once = _SAMPLES_WITH_SECONDARY
-            for band in owned_bands(
-                faces, grid, self.stages, samples_at_once=at_once, threads=options.threads
-            ):
-                with self.stages.part("rasterize"):
-                    band.note_faces(self.texel_faces)
-                self.counts.samples_overlapping += band.n_overlaps
-                self.counts.samples_covered += len(band.samples)
-                yield rays.cast(band.samples, grid)
+        at_once = _SAMPLES_IN_CHUNKS if self.scenes.high.in_chunks else _SAMPLES_AT_ONCE
+        if self._secondary is not None:
+            at_once = _SAMPLES_WITH_SECONDARY
+        for band in owned_bands(
+            self.snap(grid), grid, self.stages, samples_at_once=at_once, threads=options.threads
+        ):
+            with self.stages.part("rasterize"):
+                band.note_faces(self.texel_faces)
+            self.counts.samples_overlapping += band.n_overlaps
+            self.counts.samples_covered += len(band.samples)
+            yield self.cast(band.samples, grid)
 
     def snap(self, grid: SampleGrid) -> SnappedFaces:
         """Snap the low-poly mesh to a grid, and count the faces that cannot be baked."""
@@ -129,64 +169,26 @@ class Trace:
         self.counts.faces_without_uv_area = faces.n_zero_area
         return faces
 
-    @contextmanager
-    def casting(self) -> Iterator[SampleCaster]:
-        """Yield the caster of the samples' rays, with scenes built and all distances measured."""
-        scenes = self.setup.scenes or self.own_scenes()
-        self.caster = scenes.high.caster
-        try:
-            ray_field, longest = self._fields(scenes)
-            with self.stages.part("prepare low-poly mesh"):
-                _ = ray_field.layout  # made here, before threads ask for it
-            secondary = self.secondary
-            reach = None if secondary is None else secondary.occlusion_range(scenes)
-            yield SampleCaster(self, scenes, ray_field, longest, reach)
-        finally:
-            if self.setup.scenes is None:
-                scenes.close()
-
-    def own_scenes(self) -> BakeScenes:
-        """Build the scenes that the trace needs; the caller closes them."""
-        n_low = self.low.n_faces * (1 if self.cage is None else 2)
-        high = self.setup.inputs.source
-        if isinstance(high, StreamedMesh):
-            chunk: int | None = self.options.streamed_chunk_faces(n_low)
-        else:
-            chunk = self.options.chunk_faces(high.n_faces, n_low)
-        if chunk is not None and self.options.on_miss == "closest":
-            raise OptionError(
-                f"max_memory, on_miss: {high.name} would be traced in chunks, and the closest "
-                "point needs all of it at once; bake with on_miss neutral, or without max_memory"
-            )
-        if chunk is not None and self.secondary is not None:
-            raise OptionError(
-                f"max_memory: {high.name} would be traced in chunks, and ambient occlusion, "
-                "bent normals and thickness need all of it at once; bake them separately, without "
-                "`max_memory`"
-            )
-        return BakeScenes.build(
-            high,
-            self.low,
-            self.stages,
-            chunk_faces=chunk,
-            compact=self.secondary is not None,
-            threads=self.options.threads,
-        )
-
-    def _fields(self, scenes: BakeScenes) -> tuple[RayField, UnobstructedRays | None]:
+    def _measured_field(self) -> RayField:
         """Make the rays, and those for what they do not find, which reach as far as any.
 
         Distances that were not given are measured first: at each vertex, where neither is given.
         """
-        options = self.options
+        options, scenes = self.options, self.scenes
+        fits_vertices = (
+            options.front is None
+            and options.back is None
+            and self.cage is None
+            and self.setup.ray_maps is None
+        )
         if self.back is None or (self.front is None and self.cage is None):
             # Where a mask changes their direction, rays may be those of the faces.
             maps = self.setup.ray_maps
             skewed = maps is not None and maps.skew is not None
             kinds = (options.rays, "face") if skewed else (options.rays,)
             with self.stages.stage("measure distances"):
-                extent = scenes.extent(self.low, kinds)
-                if self.fits_vertices:
+                extent = scenes.extent(kinds)
+                if fits_vertices:
                     scenes.reach(options.rays)
             most = np.inf if options.max_reach is None else options.max_reach
             if self.front is None and self.cage is None:
@@ -203,63 +205,47 @@ class Trace:
                 maps=self.setup.ray_maps,
                 threads=options.threads,
             )
-            if not self.fits_vertices:
-                return longest, None
-            fitted = scenes.fitted(longest, self.low, options.rays)
+            if not fits_vertices:
+                return longest
+            fitted = scenes.fitted(longest, options.rays)
             assert fitted.reaches is not None
             if options.max_reach is not None:
-                wanted = scenes.reach(options.rays).at(self.low)
+                wanted = scenes.reach(options.rays)
                 self.counts.faces_limited = int((wanted > fitted.reaches).any(axis=(1, 2)).sum())
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()
             self.median_reach = front, back
-            return fitted, UnobstructedRays(longest, scenes.low_scene)
+            self._longest = UnobstructedRays(longest, scenes.low_scene)
+            return fitted
 
-    @property
-    def fits_vertices(self) -> bool:
-        """Whether each vertex has ray distances of its own."""
-        options = self.options
-        is_given = options.front is not None or options.back is not None
-        return not is_given and self.cage is None and self.setup.ray_maps is None
+    def cast(self, samples: Samples, grid: SampleGrid, *, with_secondary: bool = True) -> Hits:
+        """Return hits and misses of some samples, in their order, with what rays from them meet."""
+        threads = self.options.threads
+        hits = Hits.empty(samples)
+        counted = [(0, 0, 0)]
 
+        def cast(start: int, stop: int, threads: int | None = 1) -> None:
+            band = slice(start, stop)
+            counted.append(self._cast_again(samples.where(band), grid, hits.where(band), threads))
 
-# About as many samples are cast before their hits become maps; in chunks more of them, because all
-# trees are built each time.
-_SAMPLES_AT_ONCE = 1 << 20
-_SAMPLES_IN_CHUNKS = 1 << 22
-# Fewer where each sample has many secondary rays, so that progress is seen.
-_SAMPLES_WITH_SECONDARY = 1 << 16
-# Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
-_SAMPLES_PER_BAND = 1 << 14
-
-
-@dataclass(frozen=True, eq=False)
-class SampleCaster:
-    """Casts rays of samples while the scenes of a trace are open; the trace counts them."""
-
-    trace: Trace
-    scenes: BakeScenes
-    field: RayField
-    # Rays for the samples whose own miss, or meet a surface from behind; None: they are cast once.
-    longest: UnobstructedRays | None
-    occlusion_range: OcclusionRange | None  # of the secondary rays; None: none are cast
-
-    def cast(self, samples: Samples, grid: SampleGrid) -> Hits:
-        """Return hits and misses of some samples, in their order."""
-        scene = self.scenes.high
-        with self.trace.stages.part("cast rays"):
-            if scene.in_chunks:
-                hits, counted = self._cast_by_chunks(samples, grid)
+        with self.stages.part("cast rays"):
+            if self.scenes.high.in_chunks:
+                cast(0, len(samples), threads)  # all of them into one chunk after another
             else:
-                hits, counted = self._cast_by_bands(samples, grid)
-            counts = self.trace.counts
-            counts.rays_cast += len(samples)
-            counts.rays_missed += sum(n for n, _, _ in counted)
-            counts.rays_past_back_faces += sum(n for _, n, _ in counted)
-            counts.rays_lengthened += sum(n for _, _, n in counted)
-        if self.trace.options.on_miss == "closest":
+                run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
+            n_missed, n_passed, n_lengthened = np.sum(counted, axis=0).tolist()
+            self.counts.rays_cast += len(samples)
+            self.counts.rays_missed += n_missed
+            self.counts.rays_past_back_faces += n_passed
+            self.counts.rays_lengthened += n_lengthened
+        if self.options.on_miss == "closest":
             self._take_closest(samples, hits)
-        return self._cast_secondary(hits, grid.per_side**2)
+        if self._secondary is None or not with_secondary:
+            return hits
+        with self.stages.part("secondary rays"):
+            hits, n_rays = self._secondary.cast(hits, grid.per_side**2)
+        self.counts.secondary_rays += n_rays
+        return hits
 
     def _take_closest(self, samples: Samples, hits: Hits) -> None:
         """Turn misses into hits at the closest point of a face that faces the ray, in place.
@@ -269,10 +255,10 @@ class SampleCaster:
         rows = np.flatnonzero(~hits.is_hit)
         if len(rows) == 0:
             return
-        options, scenes = self.trace.options, self.scenes
-        with self.trace.stages.part("closest points"):
+        options, scenes = self.options, self.scenes
+        with self.stages.part("closest points"):
             tree = scenes.closest_tree
-            rays = self.field.rays(samples.where(rows))
+            rays = self._field.rays(samples.where(rows))
             reached = np.isfinite(rays.fronts)  # not by rays without a direction
             rows, rays = rows[reached], rays.where(reached)
             points = rays.origins + rays.directions * rays.fronts[:, np.newaxis]
@@ -285,66 +271,43 @@ class SampleCaster:
             hits.high_faces[rows] = faces
             hits.high_barycentrics[rows] = weights[:, 1:]
             hits.offsets[rows] = scenes.frame.length_to_model(offsets)
-            self.trace.counts.rays_to_closest += len(rows)
+            self.counts.rays_to_closest += len(rows)
 
-    def _cast_by_chunks(
-        self, samples: Samples, grid: SampleGrid
-    ) -> tuple[Hits, list[tuple[int, int, int]]]:
-        """Cast all samples into one chunk of the high-poly mesh after another."""
-        scene, options = self.scenes.high, self.trace.options
-
-        def cast_all(some: Samples, rays_of: RayField | UnobstructedRays) -> tuple[Hits, RayHits]:
-            def make(band: slice) -> tuple[Rays, RayPlaces]:
-                of_band = some.where(band)
-                return rays_of.rays(of_band, threads=1), self.field.places(of_band, grid)
-
-            found = scene.cast_made(len(some), make, cull_back_faces=options.cull_back_faces)
-            hits = Hits.empty(some)
-
-            def fill(start: int, stop: int) -> None:
-                band = slice(start, stop)
-                rays = rays_of.rays(some.where(band), threads=1)
-                hits.where(band).fill(some.where(band), rays, found.where(band), scene.frame)
-
-            run_bands(fill, len(some), band=_SAMPLES_PER_BAND, threads=options.threads)
-            return hits, found
-
-        hits, found = cast_all(samples, self.field)
-        return hits, [self._lengthen(samples, hits, found, cast_all)]
-
-    def _cast_by_bands(
-        self, samples: Samples, grid: SampleGrid
-    ) -> tuple[Hits, list[tuple[int, int, int]]]:
-        """Cast band by band from samples to hits, so that rays need no memory."""
-        scene, options = self.scenes.high, self.trace.options
-        hits = Hits.empty(samples)
-        counted: list[tuple[int, int, int]] = []
-
-        def cast_some(some: Samples, rays_of: RayField | UnobstructedRays) -> tuple[Hits, RayHits]:
-            rays = rays_of.rays(some, threads=1)
-            places = self.field.places(some, grid)
-            found = scene.cast_band(rays, places, cull_back_faces=options.cull_back_faces)
-            of_some = Hits.empty(some)
-            of_some.fill(some, rays, found, scene.frame)
-            return of_some, found
-
-        def cast(start: int, stop: int) -> None:
-            some = samples.where(slice(start, stop))
-            of_some, found = cast_some(some, self.field)
-            counted.append(self._lengthen(some, of_some, found, cast_some))
-            hits.where(slice(start, stop)).take(of_some)
-
-        run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=options.threads)
-        return hits, counted
-
-    def _lengthen(
+    def _cast(
         self,
+        rays_of: RayField | UnobstructedRays,
         samples: Samples,
+        grid: SampleGrid,
         hits: Hits,
-        found: RayHits,
-        cast: Callable[[Samples, RayField | UnobstructedRays], tuple[Hits, RayHits]],
+        threads: int | None,
+    ) -> RayHits:
+        """Cast the rays of samples, and fill in the rows of their hits.
+
+        In chunks they are made band by band, again for each chunk, so that they need no memory.
+        """
+        scene = self.scenes.high
+
+        def make(band: slice) -> tuple[Rays, RayPlaces]:
+            some = samples.where(band)
+            return rays_of.rays(some, threads=1), self._field.places(some, grid)
+
+        rays_at = make if scene.in_chunks else rows_of(*make(slice(None)))
+        found = scene.cast_in_order(
+            len(samples), rays_at, cull_back_faces=self.options.cull_back_faces, threads=threads
+        )
+
+        def fill(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            rays, _ = rays_at(band)
+            hits.where(band).fill(samples.where(band), rays, found.where(band), scene.frame)
+
+        run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
+        return found
+
+    def _cast_again(
+        self, samples: Samples, grid: SampleGrid, hits: Hits, threads: int | None
     ) -> tuple[int, int, int]:
-        """Cast the longest rays for what was not found, and change the hits in place.
+        """Cast the rays of samples, and the longest ones for what they do not find.
 
         A ray that met a surface from behind may have started inside of a part that stands out; it
         keeps its hit where the longest ray passes a back face as well.
@@ -352,12 +315,15 @@ class SampleCaster:
         Returns the numbers of rays that missed, that passed back faces, and whose hits are those of
         the longest rays.
         """
+        found = self._cast(self._field, samples, grid, hits, threads)
         missed, passed = found.faces == NO_HIT, found.passed_back
         rows = np.flatnonzero(missed | passed)
         n_missed, n_passed = int(np.count_nonzero(missed)), int(np.count_nonzero(passed))
-        if self.longest is None or len(rows) == 0:
+        if self._longest is None or len(rows) == 0:
             return n_missed, n_passed, 0
-        longer, found_again = cast(samples.where(rows), self.longest)
+        some = samples.where(rows)
+        longer = Hits.empty(some)
+        found_again = self._cast(self._longest, some, grid, longer, threads)
         is_hit = found_again.faces != NO_HIT
         better = is_hit & (missed[rows] | ~found_again.passed_back)
         hits.take(longer.where(better), rows[better])
@@ -365,13 +331,3 @@ class SampleCaster:
         n_passed += int(np.count_nonzero(found_again.passed_back[better]))
         n_passed -= int(np.count_nonzero(passed[rows[better]]))
         return n_missed, n_passed, int(np.count_nonzero(better))
-
-    def _cast_secondary(self, hits: Hits, n_samples: int) -> Hits:
-        """Add what rays from the hits meet, where a map needs it."""
-        secondary = self.trace.secondary
-        if secondary is None or self.occlusion_range is None:
-            return hits
-        with self.trace.stages.part("secondary rays"):
-            hits, n_rays = secondary.cast(hits, self.scenes, self.occlusion_range, n_samples)
-        self.trace.counts.secondary_rays += n_rays
-        return hits

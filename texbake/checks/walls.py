@@ -56,27 +56,27 @@ def probe_walls(pair: MeshPair) -> WallProbe:
     faces = faces[low.has_area[faces]]
     middles = np.full((len(faces), 2), 1.0 / 3.0)
     samples = Samples(np.zeros(len(faces), np.int32), faces.astype(np.int32), middles)
-    with RayScene.build(pair.high.mesh, frame, threads=threads) as scene:
-        kind, scenes = BakeOptions.rays, BakeScenes(scene, low.mesh)
-        reach = scenes.extent(low.mesh, (kind,))
-        longest = RayField(
-            low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
-        )
-        rays = scenes.fitted(longest, low.mesh, kind).rays(samples)
-        hits = scene.cast(rays)
+    scene = RayScene.build(pair.high.mesh, frame, threads=threads)
+    kind, scenes = BakeOptions.rays, BakeScenes(scene, low.mesh)
+    reach = scenes.extent((kind,))
+    longest = RayField(
+        low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
+    )
+    rays = scenes.fitted(longest, kind).rays(samples)
+    hits = scene.cast(rays)
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)
     on_face = rays.origins + rays.fronts[:, None] * rays.directions
-    with RayScene.build(low.mesh, frame, threads=threads) as scene:
-        distances = []
-        for sign, reaches in ((1.0, rays.lengths - rays.fronts), (-1.0, rays.fronts)):
-            there = sign * rays.directions
-            lengths = np.where(rays.lengths > 0.0, np.maximum(reaches - _LEAVES, 0.0), 0.0)
-            probe = Rays(on_face + _LEAVES * there, there, lengths, np.zeros(len(faces)))
-            met = scene.cast(probe, cull_back_faces=False)
-            # A ray that leaves a wall meets its back, which faces along the ray.
-            facing = pm.vecdot(low.normals[met.faces], there)
-            meets = (met.faces != NO_HIT) & ((facing > 0.0) if sign > 0.0 else True)
-            distances.append(np.where(meets, met.distances + _LEAVES, np.inf))
+    scene = RayScene.build(low.mesh, frame, threads=threads)
+    distances = []
+    for sign, reaches in ((1.0, rays.lengths - rays.fronts), (-1.0, rays.fronts)):
+        there = sign * rays.directions
+        lengths = np.where(rays.lengths > 0.0, np.maximum(reaches - _LEAVES, 0.0), 0.0)
+        probe = Rays(on_face + _LEAVES * there, there, lengths, np.zeros(len(faces)))
+        met = scene.cast(probe, cull_back_faces=False)
+        # A ray that leaves a wall meets its back, which faces along the ray.
+        facing = pm.vecdot(low.normals[met.faces], there)
+        meets = (met.faces != NO_HIT) & ((facing > 0.0) if sign > 0.0 else True)
+        distances.append(np.where(meets, met.distances + _LEAVES, np.inf))
     return WallProbe(faces, step, distances[0], distances[1], heights, reach)
 
 

@@ -191,10 +191,7 @@ def bake_light_maps(
         )
     with stages.stage("build ray tree"):
         lamps = StaticLight(scene, meshes, options.threads)
-    try:
-        maps = tuple(_baked(scene, meshes[i], i, lamps, options, uv_set, stages) for i in chosen)
-    finally:
-        lamps.close()
+    maps = tuple(_baked(scene, meshes[i], i, lamps, options, uv_set, stages) for i in chosen)
     return LightMaps(maps=maps, warnings=tuple(_warnings(scene, maps)), stages=stages.records)
 
 

@@ -69,11 +69,6 @@ class StaticLight:
             everything = Mesh(positions=world.positions, faces=world.faces, name=scene.name)
             self._scene = RayScene.build(everything, self._frame, threads=threads)
 
-    def close(self) -> None:
-        """Free the ray tree."""
-        if self._scene is not None:
-            self._scene.close()
-
     def light_at(
         self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
     ) -> Floats:

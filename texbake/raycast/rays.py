@@ -31,22 +31,6 @@ class Rows:
         """Return the rows that a mask, indices or a slice select; a slice gives views."""
         return type(self)(*(None if array is None else array[chosen] for array in self.arrays()))
 
-    def without(self, dropped: npt.NDArray[np.integer]) -> Self:
-        """Return all rows but some, reusing the arrays: the last rows move into the gaps.
-
-        The time is proportional to the number of rows dropped, not to the number kept.
-
-        `dropped` (k,) int: rows, in ascending order.
-        """
-        n_kept = len(self) - len(dropped)
-        holes = dropped[dropped < n_kept]
-        last = np.arange(n_kept, len(self))
-        movers = last[~np.isin(last, dropped, assume_unique=True)]
-        for array in self.arrays():
-            if array is not None:
-                array[holes] = array[movers]
-        return self.where(slice(n_kept))
-
     @classmethod
     def joined(cls, parts: list[Self]) -> Self:
         """Concatenate the rows of several values of the same class, in their order."""

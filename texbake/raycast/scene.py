@@ -27,7 +27,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
 from texbake.raycast.hemispheres import N_COLUMNS, Hemispheres, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
-from texbake.raycast.rays import RayHits, Rays
+from texbake.raycast.rays import RayHits, Rays, Rows
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -44,33 +44,22 @@ _BOX_SLACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RayPlaces:
+class RayPlaces(Rows):
     """Where rays stand in a texture, for bundles: rows as in `Rays`.
 
-    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other.
+    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other. Without columns
+    and rows, neighbors of one chart can be in one bundle.
     """
 
-    cells: npt.NDArray[np.int32]  # (n, 2) int32; column and row
     charts: npt.NDArray[np.int32]  # (n,) int32; rays of different charts are not in one bundle
-
-    @classmethod
-    def empty(cls, n: int) -> RayPlaces:
-        """Places of `n` rays, to be filled in."""
-        return cls(np.empty((n, 2), dtype=np.int32), np.empty(n, dtype=np.int32))
-
-    def where(self, chosen: slice) -> RayPlaces:
-        """Return some rows."""
-        return RayPlaces(self.cells[chosen], self.charts[chosen])
+    cells: npt.NDArray[np.int32] | None = None  # (n, 2) int32; column and row
 
 
-# Returns the rays of a band, and their places, or (n,) int32 groups of neighbors.
-MakeRays = Callable[[slice], tuple[Rays, RayPlaces | IntArray]]
+MakeRays = Callable[[slice], tuple[Rays, RayPlaces]]
 
 
 class RayScene:
-    """A mesh to cast rays into, as a context manager that frees the ray tree at the end.
-
-    Made by `RayScene.build`.
+    """A mesh to cast rays into. Made by `RayScene.build`.
 
     Attributes
     ----------
@@ -131,16 +120,6 @@ class RayScene:
         assert isinstance(self.source, Mesh)
         return self.source
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free the ray tree; the scene cannot be used afterwards."""
-        self._tree = None
-
     def cast(
         self,
         rays: Rays,
@@ -158,46 +137,29 @@ class RayScene:
         each of which is then cast alone.
         """
         if places is not None:
-            return self._cast_in_order(
-                len(rays), _rows_of(rays, places), cull_back_faces, self.threads
-            )
+            make = rows_of(rays, places)
+            return self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
         if len(rays) == 0:
             return RayHits.misses(0)
         keys = np.empty(len(rays), dtype=np.uint64)
         core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
         order = np.argsort(keys, kind="stable")
         groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
-        make = _rows_of(rays.where(order), groups)
-        found = self._cast_in_order(len(rays), make, cull_back_faces, self.threads)
+        make = rows_of(rays.where(order), RayPlaces(groups))
+        found = self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
         hits = RayHits.misses(len(rays))
         for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
             mine[order] = theirs
         return hits
 
-    def cast_band(self, rays: Rays, places: RayPlaces, *, cull_back_faces: bool) -> RayHits:
-        """As `cast`, in this thread alone."""
-        return self._cast_in_order(len(rays), _rows_of(rays, places), cull_back_faces, 1)
-
-    def cast_alone(self, rays: Rays) -> RayHits:
-        """As `cast`, each ray by itself, in this thread alone, to front and back faces alike."""
-        alone = np.arange(len(rays), dtype=np.int32)
-        return self._cast_in_order(len(rays), _rows_of(rays, alone), False, 1)
-
-    def cast_made(
-        self,
-        n: int,
-        make: Callable[[slice], tuple[Rays, RayPlaces]],
-        *,
-        cull_back_faces: bool,
+    def cast_in_order(
+        self, n: int, make: MakeRays, *, cull_back_faces: bool, threads: int | None = None
     ) -> RayHits:
-        """As `cast`, of `n` rays that are made band by band, again for each tree.
+        """As `cast`, of `n` rays in the order of their places.
 
-        So the rays need no memory.
+        `make` returns those of a band with their places, again for each tree, so that rays need no
+        memory where a mesh is traced in chunks. `threads`: None for those of the scene.
         """
-        return self._cast_in_order(n, make, cull_back_faces, self.threads)
-
-    def _cast_in_order(self, n: int, make: MakeRays, cull: bool, threads: int) -> RayHits:
-        """Cast rays that stand in a texture, or that belong to groups."""
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
         nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
@@ -213,7 +175,6 @@ class RayScene:
                 rays, places = make(band)
                 if self.in_chunks and np.isnan(box[0]):
                     core.bound_points(_ends(rays), box)
-                cells = places.cells if isinstance(places, RayPlaces) else None
                 core.cast_bundles(
                     tree.leaves,
                     tree.ids,
@@ -223,10 +184,10 @@ class RayScene:
                     rays.origins,
                     rays.directions,
                     rays.lengths,
-                    cells,
-                    places.charts if isinstance(places, RayPlaces) else places,
+                    places.cells,
+                    places.charts,
                     together,
-                    cull,
+                    cull_back_faces,
                     nearest[band],
                     backs[band],
                     hits.faces[band],
@@ -235,7 +196,7 @@ class RayScene:
                     hits.passed_back[band],
                 )
 
-            run_bands(cast, n, band=_RAYS_PER_BAND, threads=threads)
+            run_bands(cast, n, band=_RAYS_PER_BAND, threads=threads or self.threads)
         return hits
 
     def trees(self) -> Iterator[MortonTree]:
@@ -294,12 +255,9 @@ class RayScene:
         return results
 
 
-def _rows_of(rays: Rays, places: RayPlaces | IntArray) -> MakeRays:
+def rows_of(rays: Rays, places: RayPlaces) -> MakeRays:
     """Return what makes bands of rays that are in memory."""
-    return lambda band: (
-        rays.where(band),
-        places.where(band) if isinstance(places, RayPlaces) else places[band],
-    )
+    return lambda band: (rays.where(band), places.where(band))
 
 
 def _ends(rays: Rays) -> FloatArray:

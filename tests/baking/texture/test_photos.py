@@ -60,7 +60,6 @@ def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, heig
     hits = scene.cast(
         Rays(origins, rays, np.full(len(rays), 20.0), np.zeros(len(rays))), cull_back_faces=False
     )
-    scene.close()
     hit = hits.faces >= 0
     points = (origins + rays * hits.distances[:, None]) / frame.scale + frame.center
     picture = np.zeros((len(rays), 4), np.float32)

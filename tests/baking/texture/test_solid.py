@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.inputs import BakeInputs
+from texbake.baking.options import BakeOptions
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
@@ -108,7 +109,9 @@ def test_coverage_agrees_with_a_trace() -> None:
     mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16)
     canvas = TextureCanvas(mesh, options, 1)
     n_samples = sum(len(band.samples) for band in canvas.bands())
-    trace = Trace(BakeSetup([], BakeInputs.of(mesh, mesh, options.for_bake), Stages()))
+    trace = Trace(
+        BakeSetup([], BakeInputs.of(mesh, mesh, BakeOptions(size=32, samples=16)), Stages())
+    )
     assert sum(len(hits) for hits in trace.hits()) == n_samples
     np.testing.assert_array_equal(canvas.texel_faces, trace.texel_faces)
 

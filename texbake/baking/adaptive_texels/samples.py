@@ -9,7 +9,7 @@ where they bend 6, so the check has an error of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -93,26 +93,25 @@ def cast_adaptively(
     """
     options, stages = trace.options, trace.stages
     bounded = bounded_maps(trace.setup.kinds, trace.setup.inputs, options.error_bounds)
-    with trace.casting() as caster:
-        sampler = TexelSampler(trace, distances, caster)
-        budget: TimeBudget | None = None
-        if options.time_budget is None:
-            sampler.cast_texels()
-            refined = refine(sampler, bounded, str(options.error_bounds))
-        else:
-            refined, budget = TexelRounds(sampler, options, clock).run()
-        has_data = sampler.cells.charts[: len(refined.means)] != NO_CHART
-        with stages.part("make maps"):
-            has_data |= refined.add_means(sampler)
-            means = {
-                kind: sampler.cells.firsts(len(refined.means), channels)
-                if kind.combine == "first"
-                else np.ascontiguousarray(refined.means[:, channels])
-                for kind, channels in sampler.channels()
-            }
-            sums.place(means, has_data)
-        with stages.stage("check errors"):
-            return _report(sampler, refined, means, has_data), budget
+    sampler = TexelSampler(trace, distances)
+    budget: TimeBudget | None = None
+    if options.time_budget is None:
+        sampler.cast_texels()
+        refined = refine(sampler, bounded, str(options.error_bounds))
+    else:
+        refined, budget = TexelRounds(sampler, options, clock).run()
+    has_data = sampler.cells.charts[: len(refined.means)] != NO_CHART
+    with stages.part("make maps"):
+        has_data |= refined.add_means(sampler)
+        means = {
+            kind: sampler.cells.firsts(len(refined.means), channels)
+            if kind.combine == "first"
+            else np.ascontiguousarray(refined.means[:, channels])
+            for kind, channels in sampler.channels()
+        }
+        sums.place(means, has_data)
+    with stages.stage("check errors"):
+        return _report(sampler, refined, means, has_data), budget
 
 
 def _report(
@@ -179,8 +178,8 @@ class ValidationBake:
         height, width = sampler.shape
         samples = check_samples(sampler.bins, width, self.texels)
         # No map with a bound needs secondary rays.
-        caster = replace(sampler.caster, occlusion_range=None)
-        hits = caster.cast(samples.samples, SampleGrid(width, height, _CHECKS_PER_SIDE))
+        grid = SampleGrid(width, height, _CHECKS_PER_SIDE)
+        hits = sampler.trace.cast(samples.samples, grid, with_secondary=False)
         self._hits = hits.where(hits.is_hit)
         self._ranks = samples.places[hits.is_hit] // self.n_samples
 

@@ -30,7 +30,7 @@ from texbake.baking.hits import Hits
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
-from texbake.baking.trace import SampleCaster, Trace
+from texbake.baking.trace import Trace
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
@@ -228,7 +228,7 @@ _SAMPLES_AT_ONCE = 1 << 17
 
 
 class TexelSampler:
-    """Casts samples while the scenes of a trace are open.
+    """Casts the samples of a trace.
 
     Attributes
     ----------
@@ -239,8 +239,8 @@ class TexelSampler:
         of this level that are left; it may raise an error to end the work.
     """
 
-    def __init__(self, trace: Trace, distances: DistanceSummary, caster: SampleCaster) -> None:
-        self.trace, self._distances, self.caster = trace, distances, caster
+    def __init__(self, trace: Trace, distances: DistanceSummary) -> None:
+        self.trace, self._distances = trace, distances
         self.kinds, self.inputs = trace.setup.kinds, trace.setup.inputs
         self.stages, self.threads = trace.stages, trace.options.threads
         self.shape: tuple[int, int] = trace.texel_faces.shape
@@ -342,7 +342,7 @@ class TexelSampler:
         self.trace.counts.samples_covered += len(samples)
         self.cells.is_cast[samples.places] = True
         height, width = self.shape
-        hits = self.caster.cast(samples.samples, SampleGrid(width, height, 1 << level))
+        hits = self.trace.cast(samples.samples, SampleGrid(width, height, 1 << level))
         self._keep(samples.places, hits, level == 0)
 
     def _keep(self, places: IntArray, hits: Hits, of_texels: bool) -> None:

@@ -87,19 +87,14 @@ class PartsBake:
         """Bake all sets of maps."""
         done: dict[BakeTarget, BakeResult] = {}
         n_overlapping = 0
-        try:
-            for i, (target, faces) in enumerate(layout.faces.items()):
-                place = None if folder is None else folder / str(i)
-                if place is not None:
-                    place.mkdir()
-                maps, result = self._target(target, faces, place)
-                if result is not None:
-                    done[target] = result
-                n_overlapping += maps.n_overlapping
-        finally:
-            self._close()
-            if self.occluders is not None:
-                self.occluders.close()
+        for i, (target, faces) in enumerate(layout.faces.items()):
+            place = None if folder is None else folder / str(i)
+            if place is not None:
+                place.mkdir()
+            maps, result = self._target(target, faces, place)
+            if result is not None:
+                done[target] = result
+            n_overlapping += maps.n_overlapping
         if not done:
             raise UvError(
                 f"{self.low_parts[0].mesh.name}: its texture coordinates cover no texel of any "
@@ -156,7 +151,7 @@ class PartsBake:
         """Make a part the current one: join its high-poly mesh and build the ray scene of it."""
         if self.part == i and self.inputs is not None:
             return self.inputs
-        self._close()
+        self.inputs = self.scenes = None  # no two ray trees are held at a time
         part = self.low_parts[i]
         high, materials = self.high_meshes.joined(part.sources)
         options = replace(self.options, padding=0, fill="none", denoise=False)
@@ -186,11 +181,6 @@ class PartsBake:
         ]
         lows, highs = zip(*boxes, strict=True)
         return np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
-
-    def _close(self) -> None:
-        if self.scenes is not None:
-            self.scenes.close()
-        self.part = self.inputs = self.scenes = None
 
 
 def bake_parts(

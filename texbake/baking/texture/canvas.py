@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -193,8 +194,8 @@ class TextureCanvas:
         progress: ProgressSink | None = None,
     ) -> None:
         self.stages = Stages(progress)
-        self._mesh, self._options, self._as_bake = mesh, options, options.for_bake
-        side = self._as_bake.samples_per_side
+        self._mesh, self._options = mesh, options
+        side = math.isqrt(options.samples)
         self.grid = SampleGrid(options.width_px, options.height_px, side)
         self._faces = snap_uvs(mesh, self.grid)
         shape = self.grid.height, self.grid.width
@@ -244,7 +245,7 @@ class TextureCanvas:
                 values = np.where(covered[..., None], filled, values)
                 known = covered
             charts = texel_charts_of(chart_ids(mesh), faces, options.threads)
-            padding = ChartPadding(charts, known, self._as_bake)
+            padding = ChartPadding(charts, known, options)
             values = padding.pad(values, (0.0,) * values.shape[2])
         report = TextureReport(
             mesh=mesh.name,

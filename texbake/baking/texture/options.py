@@ -7,13 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from texbake.baking.options import (
-    FILLS,
-    PADDING_OPTION,
-    SAMPLES,
-    THREADS_OPTION,
-    BakeOptions,
-)
+from texbake.baking.options import FILLS, PADDING_OPTION, SAMPLES, THREADS_OPTION
 from texbake.errors import OptionError
 from texbake.mapping.options.atlas import DEFAULT_PADDING
 from texbake.mapping.options.shared import TextureOptions
@@ -36,17 +30,6 @@ class TextureBakeOptions(TextureOptions):
         choices=FILLS,
     )
     threads: Annotated[int | None, THREADS_OPTION] = None
-
-    @property
-    def for_bake(self) -> BakeOptions:
-        """The options that a bake of maps shares, as its options."""
-        return BakeOptions(
-            size=self.size,
-            samples=self.samples,
-            padding=self.padding,
-            fill=self.fill,
-            threads=self.threads,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -73,57 +72,35 @@ class PhotoLookups:
     weights: FloatArray  # (m,) float64; above 0, up to 1
 
 
-class PhotoMapping(Protocol):
-    """Maps points of the mesh into one photograph."""
+def hidden_points(
+    scene: RayScene,
+    points: FloatArray,
+    faces: IntArray,
+    seen_from: FloatArray,
+    slack: FloatArray | float = 0.0,
+) -> npt.NDArray[np.bool_]:
+    """Find the points of a mesh that have its own surface between them and the camera.
 
-    def look_up(self, points: PhotoPoints) -> PhotoLookups:
-        """Find and weight the points that the photograph shows."""
+    Rays start at the camera, or just outside the mesh if that is nearer, and end just before the
+    point: whatever they hit hides it. Faces hide from either side.
 
-
-class CameraOcclusion:
-    """Finds the points of a mesh that its own surface hides from a camera.
-
-    Close it when done: it holds a ray tree.
+    `points` (n, 3) float64, in local units; `faces` (n,) int32: faces that the points lie on, which
+    do not hide them; `seen_from` (4,) float64: a camera at (x, y, z, 1), or infinitely far in the
+    direction (x, y, z, 0); `slack` (n,) float64: surfaces nearer to a point than this do not hide
+    it. Returns (n,) bool.
     """
-
-    def __init__(self, mesh: Mesh, frame: LocalFrame, *, threads: int | None = None) -> None:
-        self._scene = RayScene.build(mesh, frame, threads=threads)
-
-    def hidden(
-        self,
-        points: FloatArray,
-        faces: IntArray,
-        seen_from: FloatArray,
-        slack: FloatArray | float = 0.0,
-    ) -> npt.NDArray[np.bool_]:
-        """Find the points that have a surface between them and the camera.
-
-        Rays start at the camera, or just outside the mesh if that is nearer, and end just before
-        the point: whatever they hit hides it. Faces hide from either side.
-
-        `points` (n, 3) float64, in local units; `faces` (n,) int32: faces that the points lie on,
-        which do not hide them; `seen_from` (4,) float64: a camera at (x, y, z, 1), or infinitely
-        far in the direction (x, y, z, 0); `slack` (n,) float64: surfaces nearer to a point than
-        this do not hide it. Returns (n,) bool.
-        """
-        towards = seen_from[:3] - seen_from[3] * points
-        distances = np.sqrt(pm.vecdot(towards, towards))
-        towards /= np.where(distances > 0.0, distances, 1.0)[:, None]
-        lengths = (
-            np.minimum(distances, _OUTSIDE) if seen_from[3] else np.full(len(points), _OUTSIDE)
-        )
-        rays = Rays(
-            points + lengths[:, None] * towards,
-            -towards,
-            np.maximum(lengths - _CONTACT - slack, 0.0),
-            lengths,
-        )
-        hit_faces = self._scene.cast(rays, cull_back_faces=False).faces
-        return np.asarray((hit_faces != NO_HIT) & (hit_faces != faces))
-
-    def close(self) -> None:
-        """Free the ray tree."""
-        self._scene.close()
+    towards = seen_from[:3] - seen_from[3] * points
+    distances = np.sqrt(pm.vecdot(towards, towards))
+    towards /= np.where(distances > 0.0, distances, 1.0)[:, None]
+    lengths = np.minimum(distances, _OUTSIDE) if seen_from[3] else np.full(len(points), _OUTSIDE)
+    rays = Rays(
+        points + lengths[:, None] * towards,
+        -towards,
+        np.maximum(lengths - _CONTACT - slack, 0.0),
+        lengths,
+    )
+    hit_faces = scene.cast(rays, cull_back_faces=False).faces
+    return np.asarray((hit_faces != NO_HIT) & (hit_faces != faces))
 
 
 class CameraMapping:
@@ -133,8 +110,8 @@ class CameraMapping:
     are hidden, or that lie within a margin around the outline of what hides others have none:
     pixels on an outline mix the colors of both sides.
 
-    `matrix` (4, 4) float64: local space to (s, t, r, q); `margins`: width and height of the margin,
-    in the unit square of the photograph.
+    `matrix` (4, 4) float64: local space to (s, t, r, q); `occluders`: the mesh, or None if nothing
+    hides a point; `margins`: width and height of the margin, in the unit square of the photograph.
     """
 
     def __init__(
@@ -144,7 +121,7 @@ class CameraMapping:
         frame: LocalFrame,
         grid: SampleGrid,
         options: PhotoOptions,
-        occlusion: CameraOcclusion | None,
+        occluders: RayScene | None,
         margins: tuple[float, float],
     ) -> None:
         self._seen_from = seen_from_of(matrix)
@@ -155,7 +132,7 @@ class CameraMapping:
         self._face_normals = face_normals(mesh)
         self._least_cosine = pm.cos(math.radians(options.max_angle))
         self._options = options
-        self._occlusion = occlusion
+        self._occluders = occluders
 
     def look_up(self, points: PhotoPoints) -> PhotoLookups:
         """Project points, without those behind the camera, out of frame, turned away or hidden."""
@@ -178,10 +155,10 @@ class CameraMapping:
 
     def _unhidden(self, points: PhotoPoints, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         """Those of some points that are visible, as are the four corners of the margin around."""
-        if self._occlusion is None:
+        scene, seen_from = self._occluders, self._seen_from
+        if scene is None:
             return ids
-        hidden = self._occlusion.hidden
-        ids = ids[~hidden(points.positions[ids], points.faces[ids], self._seen_from)]
+        ids = ids[~hidden_points(scene, points.positions[ids], points.faces[ids], seen_from)]
         if not self._margin_steps.any():
             return ids
         for across, up in (-1, -1), (1, -1), (-1, 1), (1, 1):
@@ -190,7 +167,7 @@ class CameraMapping:
             step = across * self._margin_steps[:, 0] + up * self._margin_steps[:, 1]
             slack = _MARGIN_SLOPE * pm.norm(step) * depths
             beside = positions + depths[:, None] * step
-            ids = ids[~hidden(beside, points.faces[ids], self._seen_from, slack)]
+            ids = ids[~hidden_points(scene, beside, points.faces[ids], seen_from, slack)]
         return ids
 
 

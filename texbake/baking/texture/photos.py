@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,14 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.rays import RayField
-from texbake.baking.texels import SampleGrid, Samples
+from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.canvas import PhotoShare, TextureBake, TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo_mappings import (
     CameraMapping,
-    CameraOcclusion,
     PhotoLookups,
-    PhotoMapping,
     PhotoPoints,
     UvMapping,
 )
@@ -41,6 +38,7 @@ from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import ProgressSink
+from texbake.raycast.scene import RayScene
 from texbake.texture.image import Image, read_image
 from texbake.texture.mipmaps import mip_chain
 from texbake.texture.sample import sample
@@ -244,21 +242,30 @@ def bake_photos(
     field = RayField(mesh, frame, kind="smooth", front=0.0, back=0.0, threads=options.threads)
     with stages.stage("read photographs"):
         pixels = [PhotoPixels(photo, i, threads=options.threads) for i, photo in enumerate(photos)]
-    tally = _Tally([photo.name for photo in pixels])
-    with ExitStack() as opened:
-        mappings = list(_mappings(mesh, photos, pixels, frame, canvas.grid, options, opened))
-        for band in canvas.bands():
-            with stages.part("project photographs"):
-                points = _points(field, band.samples)
-                sums = []
-                for photo, mapping in zip(pixels, mappings, strict=True):
-                    lookups = mapping.look_up(points)
-                    sums.append(band.sums(photo.weighted_colors(lookups), lookups.ids))
-                total = np.sum(sums, axis=0)
-                seen = total[:, 3] > 0.0
-                canvas.put(band, total[:, :3] / np.where(seen, total[:, 3], 1.0)[:, None], seen)
-                tally.add([weighted[:, 3] for weighted in sums], total[:, 3])
-    return canvas.finish(counted(len(photos), "photograph"), photos=tally.shares())
+    n_seen, shares = np.zeros(len(pixels), dtype=int), np.zeros(len(pixels))
+    mappings = list(_mappings(mesh, photos, pixels, frame, canvas.grid, options))
+    for band in canvas.bands():
+        with stages.part("project photographs"):
+            rays = field.rays(band.samples)
+            points = PhotoPoints(
+                band.samples.faces, band.samples.barycentrics, rays.origins, -rays.directions
+            )
+            sums = []
+            for photo, mapping in zip(pixels, mappings, strict=True):
+                lookups = mapping.look_up(points)
+                sums.append(band.sums(photo.weighted_colors(lookups), lookups.ids))
+            total = np.sum(sums, axis=0)
+            seen = total[:, 3] > 0.0
+            divisors = np.where(seen, total[:, 3], 1.0)
+            canvas.put(band, total[:, :3] / divisors[:, None], seen)
+            for i, weighted in enumerate(sums):
+                n_seen[i] += np.count_nonzero(weighted[:, 3] > 0.0)
+                shares[i] += (weighted[:, 3] / divisors).sum()
+    percents = 100.0 * shares / (sum(shares.tolist()) or 1.0)
+    rows = zip([photo.name for photo in pixels], n_seen.tolist(), percents.tolist(), strict=True)
+    return canvas.finish(
+        counted(len(photos), "photograph"), photos=tuple(PhotoShare(*row) for row in rows)
+    )
 
 
 def _mappings(
@@ -268,13 +275,11 @@ def _mappings(
     frame: LocalFrame,
     grid: SampleGrid,
     options: PhotoOptions,
-    opened: ExitStack,
-) -> Iterator[PhotoMapping]:
-    """Yield the mapping into each photograph; `opened` frees what they share."""
-    occlusion = None
+) -> Iterator[CameraMapping | UvMapping]:
+    """Yield the mapping into each photograph."""
+    occluders = None
     if options.occlusion and any(photo.camera is not None for photo in photos):
-        occlusion = CameraOcclusion(mesh, frame, threads=options.threads)
-        opened.callback(occlusion.close)
+        occluders = RayScene.build(mesh, frame, threads=options.threads)
     for photo, image in zip(photos, pixels, strict=True):
         if photo.mapped is not None:
             yield UvMapping(mesh, photo.mapped, grid, options)
@@ -287,7 +292,7 @@ def _mappings(
                 else _local_matrix(mesh, camera, frame)
             )
             margins = options.margin / image.width, options.margin / image.height
-            yield CameraMapping(mesh, matrix, frame, grid, options, occlusion, margins)
+            yield CameraMapping(mesh, matrix, frame, grid, options, occluders, margins)
         except OptionError as error:
             raise OptionError(f"{image.name}: {error}") from error
 
@@ -297,30 +302,3 @@ def _local_matrix(mesh: Mesh, camera: Matrix | None, frame: LocalFrame) -> Float
     a, b, c, d = (tuple(float(value) for value in row) for row in np.array(camera, np.float64))
     given = UnwrapOptions(method="projector", matrix=(a, b, c, d))  # type: ignore[arg-type]
     return projector_matrix(mesh, given, frame)
-
-
-def _points(field: RayField, samples: Samples) -> PhotoPoints:
-    rays = field.rays(samples)
-    return PhotoPoints(samples.faces, samples.barycentrics, rays.origins, -rays.directions)
-
-
-class _Tally:
-    """Sums up, band by band, how much each photograph contributes."""
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = names
-        self._seen = [0] * len(names)
-        self._shares = [0.0] * len(names)
-
-    def add(self, weights: Sequence[FloatArray], total: FloatArray) -> None:
-        """Add the weights of some texels in each photograph, given their totals."""
-        divisors = np.where(total > 0.0, total, 1.0)
-        for i, weight in enumerate(weights):
-            self._seen[i] += int(np.count_nonzero(weight > 0.0))
-            self._shares[i] += float((weight / divisors).sum())
-
-    def shares(self) -> tuple[PhotoShare, ...]:
-        """Return the figures of each photograph."""
-        whole = sum(self._shares) or 1.0
-        rows = zip(self._names, self._seen, self._shares, strict=True)
-        return tuple(PhotoShare(name, seen, 100.0 * share / whole) for name, seen, share in rows)

@@ -355,8 +355,7 @@ def own_case(high: Mesh, low: Mesh) -> BenchCase:
     if low.uvs is None:
         low = unwrap(low, size=_ATLAS_SIZE)
     frame = LocalFrame.around(high, low)
-    with RayScene.build(high, frame) as scene:
-        extent = measure_extent(scene, low, "smooth")
+    extent = measure_extent(RayScene.build(high, frame), low, "smooth")
     return BenchCase(name=high.name, high=high, low=low, reach=max(extent.front, extent.back))
 
 

@@ -161,12 +161,9 @@ def lambert_picture(
     frame = LocalFrame.around(mesh)
     origins = np.broadcast_to(frame.to_local(camera.eye[None]), rays.shape)
     reach = pm.norm(origins[0]) + 2.0  # behind the mesh, which is about one unit wide
-    with RayScene.build(mesh, frame) as scene:
-        hits = scene.cast(
-            Rays(
-                np.ascontiguousarray(origins), rays, np.full(len(rays), reach), np.zeros(len(rays))
-            )
-        )
+    hits = RayScene.build(mesh, frame).cast(
+        Rays(np.ascontiguousarray(origins), rays, np.full(len(rays), reach), np.zeros(len(rays)))
+    )
     seen = np.flatnonzero(hits.faces != NO_HIT)
     weights = hits.barycentrics[seen]
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])

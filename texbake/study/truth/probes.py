@@ -94,16 +94,13 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
     _, faces, barycentrics = sample_surface(low, n, threads=threads)
     frame = LocalFrame.around(high, low)
     scene = RayScene.build(high, frame, threads=threads)
-    try:
-        reach = measure_extent(scene, low, kind)
-        field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
-        samples = Samples(
-            np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
-        )
-        rays = field.rays(samples)
-        hits = scene.cast(rays)
-    finally:
-        scene.close()
+    reach = measure_extent(scene, low, kind)
+    field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
+    samples = Samples(
+        np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
+    )
+    rays = field.rays(samples)
+    hits = scene.cast(rays)
     heights = (rays.fronts - hits.distances) / frame.scale
     hit = hits.faces != NO_HIT
     high_normals, high_corners = shading_normals(high, threads=threads)
