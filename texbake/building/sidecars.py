@@ -24,7 +24,7 @@ from texbake.limits import allows_outside, is_within
 from texbake.mesh.files.fbx_materials import image_names
 from texbake.mesh.files.fbx_scene import read_scene
 from texbake.mesh.files.mtl import map_name
-from texbake.mesh.files.obj_uv_sets import uv_sets_path
+from texbake.mesh.files.obj_write import uv_sets_path
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import decode_name
 

@@ -139,7 +139,7 @@ def check_uv_set(outputs: Sequence[Path]) -> None:
 
 def uv_set_files(mesh: Mesh, output: PathLike) -> tuple[Path, ...]:
     """Return the file beside an OBJ file that holds the further sets of a mesh, if it has any."""
-    from texbake.mesh.files.obj_uv_sets import uv_sets_path
+    from texbake.mesh.files.obj_write import uv_sets_path
 
     has_file = mesh.uv_sets and Path(output).suffix.lower() == ".obj"
     return (uv_sets_path(output),) if has_file else ()

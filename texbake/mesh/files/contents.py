@@ -27,7 +27,7 @@ from texbake.mesh.files.gltf_materials import (
 )
 from texbake.mesh.files.mtl import IMAGES, VALUES, library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
-from texbake.mesh.files.obj_uv_sets import uv_set_names_beside
+from texbake.mesh.files.obj_write import uv_set_names_beside
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import unread_parts
 
@@ -149,13 +149,9 @@ def _of_obj(path: Path) -> FileContents:
     data = read_obj_text(path).tobytes()
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for name in library_names(path, data):
-        try:
-            library = file_beside(path, name)
-        except FileError:
-            continue
-        for keyword, words in library_statements(library) if is_file(library) else ():
-            _add_statement(library, keyword.lower(), words, materials, images)
+    for library in library_names(path, data):
+        with suppress(FileError):  # of a library that is not in the folder
+            _add_library(file_beside(path, library), materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
         materials=tuple(materials),
@@ -164,29 +160,25 @@ def _of_obj(path: Path) -> FileContents:
     )
 
 
-def _add_statement(
-    library: Path,
-    statement: str,
-    words: str,
-    materials: list[MaterialContent],
-    images: dict[str, bytes | None],
+def _add_library(
+    path: Path, materials: list[MaterialContent], images: dict[str, bytes | None]
 ) -> None:
-    """Add what a statement of a .mtl file says, to the material that it belongs to."""
-    if statement == "newmtl":
-        materials.append(MaterialContent(name=words, channels={}))
-        return
-    channel = {**_MTL_VALUES, **_MTL_IMAGES}.get(statement)
-    if channel is None or not materials:
-        return
-    channels = materials[-1].channels
-    if statement in _MTL_VALUES:
-        channels.setdefault(channel, None)
-    else:
-        name = map_name(words)[0]
-        channels[channel] = label = Path(name).name
-        if images.setdefault(label, None) is None:
-            with suppress(FileError):
-                images[label] = read_bytes(file_beside(library, name))
+    """Add the materials of a .mtl file."""
+    for keyword, words in library_statements(path) if is_file(path) else ():
+        statement = keyword.lower()
+        channel = {**_MTL_VALUES, **_MTL_IMAGES}.get(statement)
+        if statement == "newmtl":
+            materials.append(MaterialContent(name=words, channels={}))
+        elif channel is not None and materials:
+            channels = materials[-1].channels
+            if statement in _MTL_VALUES:
+                channels.setdefault(channel, None)
+                continue
+            name = map_name(words)[0]
+            channels[channel] = label = Path(name).name
+            if images.setdefault(label, None) is None:
+                with suppress(FileError):
+                    images[label] = read_bytes(file_beside(path, name))
 
 
 # Channels by properties, with those that materials do not have.

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,7 @@ from texbake.errors import FileError, FileFormatError, quoted, shortened, warn_o
 from texbake.files import PathLike, appearing_together, is_file, read_bytes, replacing
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.channels import FILE_CHANNELS
-from texbake.mesh.files.obj import MARK, F, find_lines, polygon_sizes, read_obj_text
+from texbake.mesh.files.obj import F, find_lines, polygon_sizes, read_marks, read_obj_text
 from texbake.mesh.files.obj_write import plain_name, write_obj
 from texbake.mesh.files.source import BYTE_ORDER_MARK, decode_name
 from texbake.mesh.materials import (
@@ -40,7 +39,6 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.polygons import polygon_of_triangles
 
-_USE = re.compile(rb"usemtl\b[^\S\r\n]*([^\r\n]*)")
 _LIBRARY = re.compile(rb"^[^\S\r\n]*mtllib[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 _STATEMENT = re.compile(rb"^[^\S\r\n]*([A-Za-z_]+)[^\S\r\n]+([^\r\n]+)", re.MULTILINE)
 # Channels by the statements of their values, and by those of their images, in lower case.
@@ -74,11 +72,10 @@ def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     if re.search(rb"usemtl", data.data) is None:
         return None
     lines = find_lines(data)
-    starts = np.searchsorted(lines[F], lines[MARK]).tolist()
     uses = [
-        (decode_name(match[1].strip()) or "default", start)
-        for at, start in zip(lines[MARK].tolist(), starts, strict=True)
-        if (match := _USE.match(data.data, at))
+        (decode_name(name) or "default", start)
+        for keyword, name, start in read_marks(data, lines)
+        if keyword == b"usemtl"
     ]
     if not uses:
         return None
@@ -135,48 +132,36 @@ def library_statements(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _read_library(path: Path, missing: MissingParts, images: Images) -> dict[str, MeshMaterial]:
-    known: dict[str, MeshMaterial] = {}
+    known: dict[str, dict[str, ChannelSource]] = {}
     name = "default"
-    for statement, words in library_statements(path):
-        if statement == "newmtl":
+    for word, words in library_statements(path):
+        statement = word.lower()
+        if word == "newmtl":
             name = words
-            known[name] = MeshMaterial(name=name)
-        elif statement.lower() in VALUES or statement.lower() in IMAGES:
-            before = known.get(name, MeshMaterial(name=name))
-            known[name] = _with_statement(before, path, statement, words, missing, images)
-        elif statement.lower() in _LEFT_OUT:
+            known[name] = {}
+        elif statement in VALUES or statement in IMAGES:
+            channels = known.setdefault(name, {})
+            channel = VALUES.get(statement) or IMAGES[statement]
+            before = channels.get(channel, ChannelSource(CHANNELS[channel].default))
+            if statement in IMAGES:
+                try:
+                    channels[channel] = _mapped(path, channel, words, images, before.factor)
+                except FileError as error:
+                    line = f"{shortened(name)}: {error}; the material keeps its factors"
+                    missing.add(channel, line, image=Path(map_name(words)[0]).name)
+            elif before.image is None:
+                channels[channel] = ChannelSource(_numbers(path, word, words, len(before.factor)))
+        elif statement in _LEFT_OUT:
             image = quoted(Path(map_name(words)[0]).name)
-            line = f"{shortened(name)}: left out {statement} {image}"
-            missing.add(_LEFT_OUT[statement.lower()], line)
-    return known
-
-
-def _with_statement(
-    material: MeshMaterial,
-    path: Path,
-    statement: str,
-    words: str,
-    missing: MissingParts,
-    images: Images,
-) -> MeshMaterial:
-    """Return a material with what a statement says of it."""
-    channels = dict(material.channels)
-    if statement.lower() in IMAGES:
-        channel = IMAGES[statement.lower()]
-        try:
-            factor = channels.get(channel, ChannelSource(CHANNELS[channel].default)).factor
-            channels[channel] = _mapped(path, channel, words, images, factor)
-        except FileError as error:
-            line = f"{shortened(material.name)}: {error}; the material keeps its factors"
-            missing.add(channel, line, image=Path(map_name(words)[0]).name)
-    else:
-        channel = VALUES[statement.lower()]
-        known = channels.get(channel)
-        if known is None or known.image is None:
-            factor = _numbers(path, statement, words, len(CHANNELS[channel].default))
-            channels[channel] = ChannelSource(factor)
-    mode = "blend" if channels.get("alpha", _OPAQUE) != _OPAQUE else "opaque"
-    return replace(material, channels=channels, alpha_mode=mode)
+            missing.add(_LEFT_OUT[statement], f"{shortened(name)}: left out {word} {image}")
+    return {
+        name: MeshMaterial(
+            name=name,
+            channels=channels,
+            alpha_mode="blend" if channels.get("alpha", _OPAQUE) != _OPAQUE else "opaque",
+        )
+        for name, channels in known.items()
+    }
 
 
 _OPAQUE = ChannelSource((1.0,))

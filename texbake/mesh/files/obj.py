@@ -38,7 +38,7 @@ from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
-from texbake.mesh.files.obj_uv_sets import read_uv_sets
+from texbake.mesh.files.obj_write import read_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
@@ -83,7 +83,7 @@ def read_obj(path: PathLike) -> Mesh:
             fields[values], indices = _completed(array, indices)
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
     fields["polygon_of"] = polygons
-    marks = _read_marks(data, lines)
+    marks = read_marks(data, lines)
     groups, names, objects = _read_groups(marks, len(sizes))
     if names:
         fields |= {
@@ -95,7 +95,10 @@ def read_obj(path: PathLike) -> Mesh:
     fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
         path, positions, fields["faces"], fields.get("colors")
     )
-    _require_finite(path, data, lines, fields["positions"])
+    bad = np.flatnonzero(~np.isfinite(fields["positions"]).all(axis=1))
+    if len(bad):
+        line = line_number(data, int(lines[V][bad[0]]))
+        raise MeshError(f"{path}: line {line}: a coordinate is not finite")
     mesh = Mesh(**fields, uv_sets=uv_sets)
     smoothing = _smoothing_groups(marks, len(sizes))
     if mesh.normals is not None or smoothing is None:
@@ -106,14 +109,6 @@ def read_obj(path: PathLike) -> Mesh:
 def read_obj_text(path: PathLike) -> ByteArray:
     """Read the text of an OBJ file; raises what `text_of` and `read_array` raise."""
     return text_of(path, read_array(path), "an OBJ file")
-
-
-def _require_finite(path: PathLike, data: ByteArray, lines: Lines, positions: FloatArray) -> None:
-    """Raise `MeshError` with the line number if a position is not finite."""
-    bad = np.flatnonzero(~np.isfinite(positions).all(axis=1))
-    if len(bad):
-        line = line_number(data, int(lines[V][bad[0]]))
-        raise MeshError(f"{path}: line {line}: a coordinate is not finite")
 
 
 def _read_colors(
@@ -143,7 +138,8 @@ _MARK = re.compile(rb"(o|g|s|usemtl)\b[^\S\r\n]*([^\r\n]*)")
 _Mark = tuple[bytes, bytes, int]  # its keyword, what follows, and the polygon that comes next
 
 
-def _read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
+def read_marks(data: ByteArray, lines: Lines) -> list[_Mark]:
+    """Statements of groups, objects, smoothing groups and materials, in their order."""
     befores = np.searchsorted(lines[F], lines[MARK]).tolist()
     return [
         (match[1], match[2].strip(), start)
@@ -202,6 +198,8 @@ Lines = tuple[Offsets, ...]  # one list of offsets a kind
 _KEYWORDS = ("v", "vt", "vn", "f")
 _BAND = 1 << 15  # lines
 
+# A number with a comma that separates neither two values nor thousands.
+_DECIMAL_COMMA = re.compile(rb"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 # A word after blanks; a backslash continues a statement on the next line.
 _WORD = re.compile(rb"(?:\\(?:\r\n|\r|\n)?|[\x00-\x09\x0b\x0c\x0e-\x20])*([^\x00-\x20\\]+)")
 
@@ -225,10 +223,13 @@ def read_values(
     infinity give NaN.
     """
     values, n_words = _walk_lines(data, lines[kind], width)
-    if np.isnan(values).any() and _has_decimal_commas(data, lines[kind], values):
-        warn_of(path, "decimal commas are read as decimal points")
-        data = np.where(data == ord(","), np.uint8(ord(".")), data)
-        values, n_words = _walk_lines(data, lines[kind], width)
+    if np.isnan(values).any():
+        row, column = np.argwhere(np.isnan(values))[0].tolist()
+        start, stop = _column_at(data, int(lines[kind][row]), column)
+        if _DECIMAL_COMMA.fullmatch(data[start:stop].tobytes()):
+            warn_of(path, "decimal commas are read as decimal points")
+            data = np.where(data == ord(","), np.uint8(ord(".")), data)
+            values, n_words = _walk_lines(data, lines[kind], width)
     least = 1 if kind == VT else 3
     if (n_words < least).any():
         line = line_number(data, int(lines[kind][int((n_words < least).argmax())]))
@@ -239,17 +240,6 @@ def read_values(
         at = _column_at(data, int(lines[kind][row]), column)[0]
         values[row, column] = read_word(path, data, at)
     return values, n_words
-
-
-# A number with a comma that separates neither two values nor thousands.
-_DECIMAL_COMMA = re.compile(rb"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-
-
-def _has_decimal_commas(data: ByteArray, starts: Offsets, values: FloatArray) -> bool:
-    """Whether the first word that is not a number is one if its comma is read as a point."""
-    row, column = np.argwhere(np.isnan(values))[0].tolist()
-    start, stop = _column_at(data, int(starts[row]), column)
-    return _DECIMAL_COMMA.fullmatch(data[start:stop].tobytes()) is not None
 
 
 def _column_at(data: ByteArray, at: int, column: int) -> tuple[int, int]:
