@@ -300,7 +300,7 @@ _FURTHER = (
     ("texbake.texture", "`mipmaps.mip_chain`, `sample.sample_texture`, `pack`, `cube_map`, ..."),
     ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),
     ("texbake.rendering", "`scene.lights.Shadow`, `scene.material`, `compare_models`, ..."),
-    ("texbake.pages", "`asset_page.write_bake_page`, `slider_page.write_slider_page`"),
+    ("texbake.pages", "`asset_page.write_bake_page`, `picture_pages.write_slider_page`"),
     ("texbake.study", "`study.run_study`, `bench.run.run_bench`"),
 )
 

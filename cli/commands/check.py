@@ -28,7 +28,7 @@ from ..types import FileOf
 
 if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
-    from texbake.checks.finding import Finding
+    from texbake.checks.checked_mesh import Finding
 
 _NEVER = "never"
 _WORST_SHOWN = 5

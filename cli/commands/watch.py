@@ -34,7 +34,7 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
 
     Checks the pipeline file, and every file that it reads, twice a second.
     """
-    from texbake.building.watch import watch as watch_pipeline
+    from texbake.building.build import watch as watch_pipeline
 
     def built(result: BuildResult | TexbakeError) -> None:
         if isinstance(result, TexbakeError):

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from texbake.building import memory
+from texbake.building import resolve
 from texbake.building.task import Task, memory_advice
 
 GB = 1 << 30
@@ -40,8 +40,8 @@ def test_limits_of_control_groups(
     for name, text in files.items():
         (tmp_path / "fs" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "fs" / name).write_text(text)
-    assert memory._group_limits(groups, tmp_path / "fs") == limits
-    assert memory._group_limits(tmp_path / "none", tmp_path) == []
+    assert resolve._group_limits(groups, tmp_path / "fs") == limits
+    assert resolve._group_limits(tmp_path / "none", tmp_path) == []
 
 
 def test_advice_says_whether_fewer_jobs_would_help() -> None:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from texbake.building import watch as module
+from texbake.building import build as module
+from texbake.building.build import watch
 from texbake.building.report import BuildResult
-from texbake.building.watch import watch
 from texbake.errors import TexbakeError
 
 

@@ -15,9 +15,9 @@ import pytest
 from texbake.baking.memory import PROCESS, TREE_FACE
 from texbake.building.build import build
 from texbake.building.digests import checksum
-from texbake.building.memory import size_by_length, size_of
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, EtaEstimator
+from texbake.building.resolve import size_by_length, size_of
 from texbake.building.steps import STEP_KINDS
 from texbake.building.task import Task, TaskOutcome, run_task
 from texbake.building.workers import LocalWorkers

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from texbake.core import core
-from texbake.core.binding import OUT_OF_MEMORY, bind
-from texbake.core.declarations import read_prototype, split_prototypes
+from texbake.core.binding import OUT_OF_MEMORY, bind, read_prototype, split_prototypes
 
 CALLBACK = ctypes.CFUNCTYPE(
     ctypes.c_int64,

@@ -17,7 +17,7 @@ from texbake.baking.options import BakeOptions
 from texbake.mesh.shapes import plane
 from texbake.pages import page, pictures
 from texbake.pages.asset_page import as_asked, page_options
-from texbake.pages.page import as_json, duration, memory, page_html, three_js
+from texbake.pages.page import as_json, asset, duration, memory, page_html
 from texbake.pages.pictures import baked_pictures, file_pictures, miss_picture
 from texbake.pages.plots import histogram_svg, ticks
 from texbake.texture.image import write_image
@@ -57,7 +57,7 @@ def test_no_text_ends_the_block_that_it_stands_in(text: str) -> None:
 
 
 def test_three_js_is_whole_and_has_its_license() -> None:
-    source = three_js()
+    source = asset("three.min.js")
     assert "SPDX-License-Identifier: MIT" in source[:200]
     assert "Three.js Authors" in source[:200]
     for name in "WebGLRenderer", "ShaderMaterial", "BufferGeometry", "WireframeGeometry":

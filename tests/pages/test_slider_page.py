@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from texbake.pages.slider_page import write_slider_page
+from texbake.pages.picture_pages import write_slider_page
 from texbake.rendering.compare_models import ModelComparison
 
 READY = "document.querySelector('#compare').dataset.state === 'ready'"

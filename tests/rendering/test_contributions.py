@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.pages.contributions_page import write_contributions_page
+from texbake.pages.picture_pages import write_contributions_page
 from texbake.rendering.contributions import contributions_of
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene

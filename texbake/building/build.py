@@ -1,4 +1,7 @@
-"""Builds everything that a pipeline file describes; only steps whose inputs changed run again."""
+"""Builds everything that a pipeline file describes; only steps whose inputs changed run again.
+
+`watch` polls the files, which works on every disk and network.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,14 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.assets import absolute, find_assets
 from texbake.building.digests import Digests
-from texbake.building.disk import locked
 from texbake.building.file import Pipeline, read_pipeline
-from texbake.building.graph import Id, plan_nodes
-from texbake.building.locations import is_url
-from texbake.building.memory import machine_memory
+from texbake.building.graph import Id, absolute, find_assets, plan_nodes
+from texbake.building.locations import file_signature, is_url, locked
 from texbake.building.options import BuildOptions
 from texbake.building.progress import BuildEvent, BuildListener
 from texbake.building.report import (
@@ -30,8 +31,9 @@ from texbake.building.report import (
     asset_results,
     write_build_report,
 )
-from texbake.building.resolve import PreviousKeys, Resolver, StepState
+from texbake.building.resolve import PreviousKeys, Resolver, StepState, machine_memory
 from texbake.building.schedule import Schedule
+from texbake.building.sidecars import followed_files, sidecars
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import TexbakeError, counted
@@ -272,3 +274,70 @@ def _planned(
     what = "restored" if resolver.is_as_before(state) else "written"
     missing = counted(n_missing, "output is", "outputs are")
     return planned("current", f"{missing} {what}" if n_missing else "")
+
+
+_POLL_SECONDS = 0.25
+# A build waits for at most this many polls: some programs save without a pause.
+_MOST_POLLS = 40
+
+
+def watch(
+    path: PathLike,
+    options: BuildOptions | None = None,
+    *,
+    listener: BuildListener | None = None,
+    built: Callable[[BuildResult | TexbakeError], None],
+    until: Callable[[], bool] = lambda: False,
+    poll_seconds: float = _POLL_SECONDS,
+) -> None:
+    """Build a pipeline, and again whenever the pipeline file or a file that it reads is saved.
+
+    A build starts once nothing changes any more, for programs that save in several steps, and at
+    the latest 40 polls after the first change. Workers stay warm between builds.
+    """
+    options = options or BuildOptions()
+    workers = None if options.scheduler is not None else local_workers(options)
+    try:
+        while not until():
+            before = _signatures(path, options)
+            try:
+                built(build(path, options, listener=listener, workers=workers))
+            except TexbakeError as error:
+                built(error)
+            _wait(path, options, before, until, poll_seconds)
+    finally:
+        if workers is not None:
+            workers.close()
+
+
+def _wait(
+    path: PathLike,
+    options: BuildOptions,
+    before: dict[str, Any],
+    until: Callable[[], bool],
+    poll_seconds: float,
+) -> None:
+    """Wait until something is saved, and then until nothing changes between two polls."""
+    now = before
+    n_polls = 0  # since the first change
+    while not until():
+        last, now = now, _signatures(path, options)
+        n_polls += now != before
+        if n_polls and (now == last or n_polls == _MOST_POLLS):
+            return
+        time.sleep(poll_seconds)
+
+
+def _signatures(path: PathLike, options: BuildOptions) -> dict[str, Any]:
+    """Return what changes when the pipeline file or any file that it reads is saved."""
+    files = {str(path)}
+    try:
+        pipeline = read_pipeline(path)
+        assets = find_assets(pipeline, options.only)
+        for node in plan_nodes(pipeline, assets).values():
+            files.update(node.files)
+    except TexbakeError:
+        pass  # the build has reported it
+    for file in files:
+        files.update(followed_files(file, lambda name: map(str, sidecars(Path(name)))))
+    return {file: file_signature(Path(file)) for file in sorted(files)}

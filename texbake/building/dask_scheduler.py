@@ -37,22 +37,13 @@ _AHEAD = 2  # tasks submitted per thread, so that no thread waits for this proce
 _MEMORY_SHARE = 0.75
 
 
-def version_here() -> str:
-    """Return the version of texbake on a worker."""
-    return __version__
-
-
-def processors_here() -> int:
-    """Return the number of processors of a worker's machine."""
-    return os.cpu_count() or 1
-
-
-def sees(place: str, mark: str) -> bool:
-    """Whether a worker finds the mark of a build in its store."""
+def look_around(place: str, mark: str) -> tuple[str, int, bool]:
+    """Return a worker's texbake and processors, and whether it finds the mark of a build."""
     try:
-        return Store(place).has(mark)
+        sees = Store(place).has(mark)
     except TexbakeError:
-        return False
+        sees = False
+    return __version__, os.cpu_count() or 1, sees
 
 
 def run_here(task: Task, max_memory: int | None) -> TaskOutcome:
@@ -108,19 +99,16 @@ class DaskWorkers:
                 raise FileError(
                     f"{address}: it has no workers; start one with: dask worker {address}"
                 )
-            self._check(workers, store)
-            n_threads: Counter[str] = Counter()  # of the workers of each machine
-            processors: dict[str, int] = {}
-            answers = self._ask(workers, processors_here)
-            for worker, about in workers.items():
-                n_threads[about["host"]] += about["nthreads"]
-                processors[about["host"]] = answers.get(worker) or 1
+            processors = self._processors(workers, store)
         except BaseException:
             self.close()
             raise
+        n_threads: Counter[str] = Counter()  # of the workers of each machine
+        for about in workers.values():
+            n_threads[about["host"]] += about["nthreads"]
         self._memory = _memory_of_a_task(workers)  # on each worker
         self.slots = _AHEAD * n_threads.total()
-        shares = (processors[host] // n for host, n in n_threads.items())
+        shares = (processors.get(host, 1) // n for host, n in n_threads.items())
         self.threads = threads or max(1, min(shares))
 
     def _workers(self) -> dict[str, Any]:
@@ -128,41 +116,40 @@ class DaskWorkers:
         workers: dict[str, Any] = self._client.scheduler_info(n_workers=-1)["workers"]
         return workers
 
-    def _check(self, workers: dict[str, Any], store: Store) -> None:
-        """Raise if a worker has another version of texbake, or does not see the store."""
-        for worker, version in self._ask(workers, version_here).items():
-            who = f"{self._address}: the worker {worker}"
-            if isinstance(version, Exception):
-                said = " ".join(f"{type(version).__name__}: {version}".split())[:200]
-                raise FileError(f"{who} cannot load texbake ({said}); install {__version__} there")
-            if version != __version__:
-                raise FileError(
-                    f"{who} has texbake {version}, this is {__version__}; install the same there"
-                )
-        with store.marked() as mark:
-            for worker, seen in self._ask(workers, sees, store.place, mark).items():
-                if seen is not True:
-                    raise FileError(
-                        f"{self._address}: the worker {worker} does not see the store, "
-                        f"{store.place}; share this folder with it, at the same path, or give a "
-                        "URL that all workers reach as `store`"
-                    )
+    def _processors(self, workers: dict[str, Any], store: Store) -> dict[str, int]:
+        """Return how many processors each machine has; raise if a worker is not fit for a build.
 
-    def _ask(self, workers: dict[str, Any], function: Any, *arguments: Any) -> dict[str, Any]:
-        """Return the answers of workers, busy or not; errors in place of those that have none."""
-        client = self._client
+        It must have this version of texbake and see the store. Workers answer, busy or not.
+        """
+        client, processors = self._client, {}
         try:
-            answers: dict[str, Any] = client.sync(
-                client._run, function, *arguments, workers=list(workers), on_error="return",
-                callback_timeout=_LOAD_SECONDS,
-            )  # fmt: skip
+            with store.marked() as mark:
+                answers: dict[str, Any] = client.sync(
+                    client._run, look_around, store.place, mark, workers=list(workers),
+                    on_error="return", callback_timeout=_LOAD_SECONDS,
+                )  # fmt: skip
         except TimeoutError as error:
             silent = min(workers, key=lambda worker: workers[worker].get("last_seen", 0.0))
             raise FileError(
                 f"{self._address}: a worker does not answer, probably {silent}; "
                 "end it, or build again when it does"
             ) from error
-        return answers
+        for worker, answer in answers.items():
+            who = f"{self._address}: the worker {worker}"
+            if isinstance(answer, Exception):
+                said = " ".join(f"{type(answer).__name__}: {answer}".split())[:200]
+                raise FileError(f"{who} cannot load texbake ({said}); install {__version__} there")
+            version, processors[workers[worker]["host"]], sees = answer
+            if version != __version__:
+                raise FileError(
+                    f"{who} has texbake {version}, this is {__version__}; install the same there"
+                )
+            if not sees:
+                raise FileError(
+                    f"{who} does not see the store, {store.place}; share this folder with it, at "
+                    "the same path, or give a URL that all workers reach as `store`"
+                )
+        return processors
 
     def submit(self, number: int, task: Task, attempt: int = 0) -> None:
         """Submit a task to the scheduler."""
@@ -170,7 +157,10 @@ class DaskWorkers:
             raise self._lost()
         # Two builds that make one key at the same time share its task.
         key = checksum([task.key, task.store])[:32]
-        workers = self._suitable(task)
+        # With less memory, a bake reads its meshes in chunks, and other steps may crash their
+        # worker.
+        large = [name for name, most in self._memory.items() if most >= task.memory_bytes]
+        workers = large if 0 < len(large) < len(self._memory) else None
         future = self._client.submit(
             run_here,
             task,
@@ -183,15 +173,6 @@ class DaskWorkers:
         )
         self._submissions[number] = _Submission(task, future, workers, attempt)
         future.add_done_callback(lambda done: self._receive(number, done))
-
-    def _suitable(self, task: Task) -> list[str] | None:
-        """Return the workers with enough memory for a task if others have less; None for all.
-
-        With less memory, a bake reads its meshes in chunks, and other steps may crash their
-        worker.
-        """
-        large = [name for name, most in self._memory.items() if most >= task.memory_bytes]
-        return large if 0 < len(large) < len(self._memory) else None
 
     def _receive(self, number: int, future: Any) -> None:
         """Receive the outcome of a task; called by one of Dask's threads."""
@@ -235,14 +216,17 @@ class DaskWorkers:
         return [item for item in found if self._submissions.pop(item[0], None) is not None]
 
     def _look_for_workers(self) -> None:
-        """Raise if there have been no workers for too long."""
+        """Raise if there have been none for too long; submit tasks again whose workers are gone."""
         self._looked = now = time.monotonic()
         with suppress(OSError):  # a scheduler that disappears just now is reported as such
             workers = self._workers()
             if workers:
                 self._gone = None
                 self._memory = _memory_of_a_task(workers)
-                self._submit_to_others(set(workers))
+                for number, old in list(self._submissions.items()):
+                    if old.workers and workers.keys().isdisjoint(old.workers):  # none is left
+                        self.submit(number, old.task, old.attempt + 1)
+                        old.future.release()
                 return
         start = f"start some with: dask worker {self._address}"
         if self._gone is None:
@@ -253,13 +237,6 @@ class DaskWorkers:
                 f"{self._address}: all its workers have disappeared; {start}, and build again; "
                 "finished steps are kept"
             )
-
-    def _submit_to_others(self, workers: set[str]) -> None:
-        """Submit tasks again of which all workers that may run them have disappeared."""
-        for number, old in list(self._submissions.items()):
-            if old.workers and workers.isdisjoint(old.workers):
-                self.submit(number, old.task, old.attempt + 1)
-                old.future.release()
 
     def close(self) -> None:
         """Cancel unfinished tasks, and disconnect from the scheduler."""

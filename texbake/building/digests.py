@@ -86,12 +86,13 @@ class Digests:
 
         The names in a file are remembered as long as it is unchanged.
         """
-        return [(name, self._digest_if_there(name)) for name in followed_files(path, self._named)]
-
-    def _digest_if_there(self, path: str) -> str:
-        with suppress(FileError):
-            return self.digest(path)
-        return MISSING  # the reader of the file reports it
+        found = []
+        for name in followed_files(path, self._named):
+            digest = MISSING  # the reader of the file reports it
+            with suppress(FileError):
+                digest = self.digest(name)
+            found.append((name, digest))
+        return found
 
     def _named(self, path: str) -> list[str]:
         if not path.lower().endswith(SUFFIXES):

@@ -246,16 +246,10 @@ def _word(value: Any) -> str:
     return value
 
 
-def _some(items: list[Any]) -> list[Any]:
+def _some(items: Any) -> Any:
     if not items:
-        raise validation_error("it is empty; a pipeline needs at least one asset")
+        raise validation_error("it is empty; a pipeline needs at least one asset and one step")
     return items
-
-
-def _known_kinds(steps: dict[str, Any]) -> dict[str, Any]:
-    if not steps:
-        raise validation_error("it is empty; a pipeline needs at least one step")
-    return steps
 
 
 def _step(value: Any) -> Any:
@@ -304,9 +298,7 @@ PipelineTable: type[Table] = create_model(
     assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),
     steps=(
         described(
-            Annotated[
-                dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_known_kinds)
-            ],
+            Annotated[dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_some)],
             "The steps by name.",
         ),
         Field(default=...),

@@ -1,19 +1,142 @@
-"""The steps of each asset and their dependencies: references become files and other steps."""
+"""The assets of a pipeline and their steps: patterns become files, references become inputs."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePosixPath
 
-from texbake.building.assets import PipelineAsset, absolute, fill_in
-from texbake.building.file import Pipeline, StepTable
-from texbake.building.locations import is_url
-from texbake.errors import quoted
+from texbake.building.file import AssetRule, Pipeline, StepTable
+from texbake.building.locations import is_url, matches
+from texbake.errors import OptionError, quoted
 from texbake.files import is_file
 from texbake.rendering.scene.file.values import nearest
+
+_PLACE = re.compile(r"\{([^{}]*)\}")
+
+
+@dataclass(frozen=True)
+class PipelineAsset:
+    """One asset."""
+
+    name: str
+    rule: AssetRule  # the table that defines it
+    inputs: dict[str, str]  # path or URL of each input
+
+
+def find_assets(pipeline: Pipeline, only: Sequence[str] = ()) -> list[PipelineAsset]:
+    """Return all assets, or those whose names match, in the order of the file and then by path."""
+    assets: dict[str, PipelineAsset] = {}
+    for rule in pipeline.rules:
+        for asset in _of_rule(pipeline, rule):
+            if asset.name in assets:
+                raise _twice(pipeline, assets[asset.name], asset)
+            assets[asset.name] = asset
+    if not only:
+        return list(assets.values())
+    for pattern in only:
+        if not any(_is(name, pattern) for name in assets):
+            known = nearest(pattern, assets)
+            near = known if len(known) < 200 else f"there are {len(assets):,}"
+            raise OptionError(f"only: no asset is called {quoted(pattern)}; {near}")
+    return [asset for name, asset in assets.items() if any(_is(name, pattern) for pattern in only)]
+
+
+def _is(name: str, pattern: str) -> bool:
+    """Whether a pattern is a name, which may have brackets, or matches it."""
+    return name == pattern or fnmatchcase(name, pattern)
+
+
+def _of_rule(pipeline: Pipeline, rule: AssetRule) -> list[PipelineAsset]:
+    place = ("assets", rule.index)
+    if not rule.inputs:
+        return [_asset(pipeline, rule, {}, {"name": rule.name or ""})]
+    first, *others = rule.inputs
+    found: dict[str, None] = {}
+    for pattern in rule.inputs[first]:
+        hits = matches(pattern, pipeline.path.parent)
+        if not hits:
+            raise pipeline.fault(
+                (*place, "inputs", first),
+                f"{quoted(pattern)} matches no file; it is relative to {pipeline.path.parent}",
+            )
+        found.update(dict.fromkeys(hits))
+    assets = []
+    for path in found:
+        values = _values(path)
+        inputs = {first: path}
+        for name in others:
+            if len(rule.inputs[name]) != 1:
+                raise pipeline.fault((*place, "inputs", name), "only the first may be a list")
+            where = (*place, "inputs", name)
+            inputs[name] = absolute(
+                pipeline, fill_in(pipeline, where, rule.inputs[name][0], values)
+            )
+        assets.append(_asset(pipeline, rule, inputs, values))
+    return assets
+
+
+def _values(path: str) -> dict[str, str]:
+    """Return the values of names in braces for an asset with this first input."""
+    folder, file = path.rsplit("/", 1) if is_url(path) else os.path.split(path)
+    stem = os.path.splitext(file)[0]  # noqa: PTH122
+    return {"stem": stem, "folder": os.path.basename(folder)}  # noqa: PTH119
+
+
+def absolute(pipeline: Pipeline, path: str) -> str:
+    """Return the path of a name that is relative to the pipeline file; URLs are unchanged."""
+    return path if is_url(path) else str(pipeline.path.parent / path)
+
+
+def _asset(
+    pipeline: Pipeline, rule: AssetRule, inputs: dict[str, str], values: dict[str, str]
+) -> PipelineAsset:
+    place = ("assets", rule.index, "name")
+    name = fill_in(pipeline, place, rule.name or "{stem}", values)
+    parts = name.split("/")
+    if not name or name.startswith("/") or "\\" in name or {"", ".", ".."} & set(parts):
+        raise pipeline.fault(
+            place, f"{quoted(name)} is not a name for files; use one without .. and \\"
+        )
+    return PipelineAsset(name, rule, inputs)
+
+
+def _twice(pipeline: Pipeline, one: PipelineAsset, other: PipelineAsset) -> Exception:
+    rule = other.rule
+    key = ("name",) if rule.name else ("inputs", *list(rule.inputs)[:1])
+    place: tuple[int | str, ...] = ("assets", rule.index, *key)
+    sources = [next(iter(asset.inputs.values()), "") for asset in (one, other)]
+    if all(sources):
+        return pipeline.fault(
+            place,
+            f"{sources[0]} and {sources[1]} both give the asset {quoted(one.name)}; "
+            "use a name that distinguishes them, such as '{folder}_{stem}'",
+        )
+    return pipeline.fault(
+        place, f"two assets are called {quoted(one.name)}; give each its own name"
+    )
+
+
+def fill_in(
+    pipeline: Pipeline, place: tuple[int | str, ...], pattern: str, values: Mapping[str, str]
+) -> str:
+    """Fill in the names in braces of a pattern at a place of the file."""
+    if {"{", "}"} & set(_PLACE.sub("", pattern)):
+        what = f"{quoted(pattern)} has an unmatched brace; names are written {{name}}"
+        raise pipeline.fault(place, what)
+
+    def value(found: re.Match[str]) -> str:
+        if found[1] not in values:
+            what = f"{quoted(pattern)} has {found[0]}, which is not known"
+            raise pipeline.fault(place, f"{what}; {nearest(found[1], values)}")
+        return values[found[1]]
+
+    return _PLACE.sub(value, pattern)
+
 
 Id = tuple[str, str]
 
@@ -50,20 +173,23 @@ class Node:
     outputs: dict[str, str]  # file name of each output
     published: dict[str, str]  # name of each published output below the folder of outputs
 
+    @property
+    def files(self) -> list[str]:
+        """Paths and URLs of the inputs that are files."""
+        sources = [source for found in self.inputs.values() for source in found]
+        return [source.path for source in sources if isinstance(source, FileSource)]
+
 
 def plan_nodes(
     pipeline: Pipeline, assets: Sequence[PipelineAsset], outputs: str | None = None
 ) -> dict[Id, Node]:
     """Return all steps of all assets, each after those that it depends on."""
     nodes: dict[Id, Node] = {}
-    orders: dict[tuple[str, ...], list[str]] = {}
     for asset in assets:
         found = _steps_of(pipeline, asset)
-        shape = (*sorted(found), str(asset.rule.index))
-        if shape not in orders:
-            orders[shape] = _ordered(pipeline, found)
-        nodes.update((found[name].id, found[name]) for name in orders[shape])
-    _check_outputs(pipeline, nodes.values(), assets, outputs or _outputs(pipeline))
+        nodes.update((found[name].id, found[name]) for name in _ordered(pipeline, found))
+    place = outputs or absolute(pipeline, pipeline.outputs or str(pipeline.folder))
+    _check_outputs(pipeline, nodes.values(), assets, place)
     return nodes
 
 
@@ -108,7 +234,8 @@ def _source(
     """Resolve a reference: a step, one of its outputs, an input of the asset, or a file."""
     name, _, output = text.partition(".")
     if name in pipeline.steps:
-        outputs = _outputs_of(pipeline, asset, name)
+        maker = pipeline.step(name, asset.rule)
+        outputs = maker.kind.outputs(maker.settings)
         if output and output not in outputs:
             raise pipeline.fault(
                 (*table.place, role),
@@ -132,11 +259,6 @@ def _source(
             f"{quoted(text)} is neither a step nor an input nor a file there is",
         )
     return FileSource(path)
-
-
-def _outputs_of(pipeline: Pipeline, asset: PipelineAsset, name: str) -> dict[str, str]:
-    table = pipeline.step(name, asset.rule)
-    return table.kind.outputs(table.settings)
 
 
 def _published(
@@ -184,11 +306,6 @@ def _ordered(pipeline: Pipeline, found: dict[str, Node]) -> list[str]:
         ) from error
 
 
-def _outputs(pipeline: Pipeline) -> str:
-    """Return the folder or URL of the outputs."""
-    return absolute(pipeline, pipeline.outputs or str(pipeline.folder))
-
-
 def _check_outputs(
     pipeline: Pipeline, nodes: Collection[Node], assets: Sequence[PipelineAsset], outputs: str
 ) -> None:
@@ -208,13 +325,8 @@ def _check_outputs(
                 )
     if not is_url(outputs):
         read = {path for asset in assets for path in asset.inputs.values()}
-        read |= {path for node in nodes for path in _files_of(node)}
+        read.update(path for node in nodes for path in node.files)
         _check_files(pipeline, owners, read, os.path.realpath(outputs))
-
-
-def _files_of(node: Node) -> list[str]:
-    sources = [source for found in node.inputs.values() for source in found]
-    return [source.path for source in sources if isinstance(source, FileSource)]
 
 
 def _check_files(pipeline: Pipeline, owners: dict[str, Node], read: set[str], root: str) -> None:

@@ -1,4 +1,4 @@
-"""Places for files: folders of this machine, and URLs through fsspec.
+"""Places for files: folders of this machine, and URLs through fsspec; the lock of a build.
 
 Based on: fsspec, "Filesystem interfaces for Python", https://filesystem-spec.readthedocs.io.
 """
@@ -9,12 +9,14 @@ import glob
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+import socket
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from texbake.building.disk import copy_file
+from filelock import FileLock, Timeout
+
 from texbake.errors import DependencyError, FileError, TexbakeError
 from texbake.files import make_folder, replacing
 
@@ -136,7 +138,7 @@ class RemoteFolder:
     def put(self, source: Path, name: str) -> None:
         """Upload a file under a temporary name and rename it."""
         with file_errors(self.path(name)):
-            self._make_parent(name)
+            self._fs.makedirs(self._at(name).rsplit("/", 1)[0], exist_ok=True)
             temporary = f"{self._at(name)}.{secrets.token_hex(4)}.part"
             try:
                 self._fs.put_file(str(source), temporary)
@@ -160,9 +162,6 @@ class RemoteFolder:
 
     def _at(self, name: str) -> str:
         return f"{self._root}/{name}"
-
-    def _make_parent(self, name: str) -> None:
-        self._fs.makedirs(self._at(name).rsplit("/", 1)[0], exist_ok=True)
 
 
 Location = LocalFolder | RemoteFolder
@@ -221,3 +220,54 @@ def file_errors(place: object) -> Iterator[None]:
         if reason is None:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise FileError(f"{place}: cannot be used: {reason}; nothing in it was changed") from error
+
+
+_POLL_SECONDS = 0.2
+_FICLONE = 0x40049409  # linux/fs.h: share the blocks of another file
+
+
+@contextmanager
+def locked(
+    path: Path, *, wait: bool = True, note: Callable[[str], None] | None = None
+) -> Iterator[None]:
+    """Hold a lock within the block, which the system releases however the process ends."""
+    lock = FileLock(path)
+    holder = path.with_name(f"{path.name}.holder")
+    try:
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            by = "just started"
+            with suppress(OSError, UnicodeDecodeError):
+                by = holder.read_text(encoding="utf-8").strip() or by
+            message = f"{path.parent.parent}: another build is running in this folder ({by})"
+            if not wait:
+                raise FileError(f"{message}; wait for it, or build in another folder") from None
+            if note is not None:
+                note(f"{message}; waiting for it")
+            lock.acquire(poll_interval=_POLL_SECONDS)
+    except FileError:
+        raise
+    except OSError as error:
+        raise FileError(
+            f"{path}: cannot be locked: {error.strerror or error}; "
+            "give a `folder` on a file system that has locks"
+        ) from error
+    try:
+        holder.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
+        yield
+    finally:
+        with suppress(OSError):
+            holder.unlink()
+        lock.release()
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file, sharing its blocks if the file system can."""
+    with source.open("rb") as reader, target.open("wb") as writer:
+        try:
+            import fcntl
+
+            fcntl.ioctl(writer.fileno(), _FICLONE, reader.fileno())
+        except (ImportError, OSError):
+            shutil.copyfileobj(reader, writer, 1 << 20)

@@ -1,20 +1,23 @@
-"""The state of each step: what its result depends on, whether it is stored, and if not, why."""
+"""The state of each step: what its result depends on, whether it is stored, and if not, why.
+
+Also how much memory it will take, estimated from the sizes of its files.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from texbake import __version__
 from texbake.building.digests import Digests, checksum
-from texbake.building.fetching import TaskInput
 from texbake.building.graph import FileSource, Id, Node, Source
 from texbake.building.locations import is_url
-from texbake.building.memory import size_by_length, size_of
 from texbake.building.progress import WAITING
 from texbake.building.store import (
     DamagedError,
@@ -24,7 +27,7 @@ from texbake.building.store import (
     output_digest,
     stored_files,
 )
-from texbake.building.task import Task
+from texbake.building.task import Task, TaskInput
 from texbake.errors import FileError
 from texbake.files import replacing
 from texbake.verbs.step import InputSize, Settings, StepKind
@@ -124,7 +127,7 @@ class Resolver:
     def _described(self, source: Source) -> dict[str, Any]:
         if isinstance(source, FileSource):
             described: dict[str, Any] = {
-                "called": _called(source),
+                "called": Path(source.path).name,  # also of a URL
                 "sha256": self.digests.digest(source.path),
             }
             # Files that it names are read with it and count as well.
@@ -183,11 +186,6 @@ class Resolver:
         return size_by_length(files[0].name, sum(file.size for file in files))
 
 
-def _called(source: FileSource) -> str:
-    path = source.path
-    return path.rsplit("/", 1)[-1] if is_url(path) else PurePosixPath(Path(path).as_posix()).name
-
-
 def ingredients_of(
     kind: StepKind, settings: Settings, inputs: Mapping[str, list[dict[str, Any]]], asset: str
 ) -> Ingredients:
@@ -202,15 +200,13 @@ def ingredients_of(
     }
 
 
-def differences(before: Ingredients | None, now: Ingredients) -> list[str]:
+def differences(before: Ingredients, now: Ingredients) -> list[str]:
     """Return what has changed since a step last ran, one phrase each.
 
     >>> differences({"texbake": "1", "settings": {"size": 1}}, {"texbake": "1", "settings":
     ...     {"size": 2}})
     ['size: 1 before, 2 now']
     """
-    if before is None:
-        return ["it has not run before"]
     changes = []
     for name, called in ("texbake", "the version"), ("revision", "the step itself"):
         if before.get(name) != now.get(name):
@@ -229,3 +225,71 @@ def differences(before: Ingredients | None, now: Ingredients) -> list[str]:
             called = ", ".join(file["called"] for file in new.get(role, ()))
             changes.append(f"{role} changed: {called}" if called else f"{role}: no longer given")
     return changes
+
+
+# Bytes of a file per triangle, a little less than files have, for files without a header.
+_BYTES_PER_FACE = {".obj": 60, ".ply": 24, ".stl": 50, ".off": 40, ".glb": 24, ".gltf": 24}
+_PLY_FACES = re.compile(rb"element face (\d+)")
+
+
+def size_of(path: Path) -> InputSize:
+    """Return the size of a file; its triangles by its header, else estimated by its length.
+
+    A missing file has size 0: the step that reads it reports that.
+    """
+    try:
+        n_bytes = path.stat().st_size
+        if path.suffix.lower() == ".ply":
+            with path.open("rb") as file:
+                counted = _PLY_FACES.search(file.read(4096))
+            if counted:
+                return InputSize(n_bytes, int(counted[1]))
+    except OSError:
+        return InputSize(0, 0)
+    return size_by_length(path.name, n_bytes)
+
+
+def size_by_length(name: str, n_bytes: int) -> InputSize:
+    """Return the size of a file of which only name and length are known."""
+    suffix = os.path.splitext(name)[1].lower()  # noqa: PTH122  # a URL is no path
+    per_face = _BYTES_PER_FACE.get(suffix)
+    return InputSize(n_bytes, 0 if per_face is None else n_bytes // per_face)
+
+
+def machine_memory() -> int:
+    """Bytes of memory of this machine, or of the control group of its container if that is less."""
+    return min([_physical_memory(), *_group_limits()])
+
+
+def _physical_memory() -> int:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # the system does not say
+        return 8 << 30
+
+
+def _group_limits(
+    groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
+) -> list[int]:
+    """Return the limits of the control groups of this process and of the groups around them.
+
+    Both versions of control groups are read. Within a container the path of its group may lead
+    nowhere; `root` is that group then.
+    """
+    limits = []
+    with suppress(OSError):
+        for line in groups.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers == "":
+                top, file = root, "memory.max"
+            elif "memory" in controllers.split(","):
+                top, file = root / "memory", "memory.limit_in_bytes"
+            else:
+                continue
+            group = top / path.strip("/")
+            for folder in (group, *group.parents):
+                with suppress(OSError, ValueError):  # "max", for none
+                    limits.append(int((folder / file).read_text()))
+                if folder == top:
+                    break
+    return limits

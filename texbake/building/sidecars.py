@@ -14,7 +14,6 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import IO
 from urllib.parse import unquote
 
 from texbake.building.locations import is_url
@@ -85,15 +84,10 @@ def _of_gltf(path: Path) -> Iterator[str]:
 def _of_glb(path: Path) -> Iterator[str]:
     require_file(path)
     with path.open("rb") as file:
-        return _of_document(_json_chunk(file))
-
-
-def _json_chunk(file: IO[bytes]) -> bytes:
-    """First chunk of a binary glTF file."""
-    magic, length = struct.unpack("<4s8xI4x", file.read(20))
-    if magic != b"glTF":
-        raise ValueError("not a binary glTF file")
-    return file.read(length)
+        magic, length = struct.unpack("<4s8xI4x", file.read(20))
+        if magic != b"glTF":
+            raise ValueError("not a binary glTF file")
+        return _of_document(file.read(length))  # the first chunk
 
 
 def _of_document(content: bytes) -> Iterator[str]:

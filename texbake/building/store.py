@@ -10,22 +10,23 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
+import time
 from collections.abc import Container, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from texbake.building.digests import Digests, checksum, file_digest
-from texbake.building.disk import clear, owned_folder
 from texbake.building.graph import Node
-from texbake.building.locations import LocalFolder, file_signature, location_of
+from texbake.building.locations import LocalFolder, file_errors, file_signature, location_of
 from texbake.errors import FileError, TexbakeError
-from texbake.files import appearing_together, scratch_folder
+from texbake.files import appearing_together, make_folder, scratch_folder
+from texbake.unfinished import clear_once, unfinished_name
 
 MANIFEST = "manifest.json"
 _TEMPORARY = "tmp"  # never the beginning of a key
-_MARK = "mark.txt"
+_LEFT_SECONDS = 7 * 86_400  # after which nobody works in a temporary folder any more
 Manifest = dict[str, Any]
 Ingredients = dict[str, Any]  # what a key is the checksum of
 
@@ -112,12 +113,18 @@ class Store:
     @contextmanager
     def folder(self) -> Iterator[Path]:
         """Make an empty folder for an entry, to be committed within the block."""
-        if self.is_local:
-            with owned_folder(Path(self.place) / _TEMPORARY) as folder:
-                yield folder
-        else:
+        if not self.is_local:
             with scratch_folder() as folder:
                 yield folder
+            return
+        parent = make_folder(Path(self.place) / _TEMPORARY)
+        with file_errors(parent):
+            folder = parent / unfinished_name(parent)
+            folder.mkdir()
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def commit(
         self,
@@ -148,17 +155,15 @@ class Store:
 
         A machine that does not find it has another folder of the same path.
         """
-        with ExitStack() as stack:
-            if self.is_local:
-                folder = stack.enter_context(owned_folder(Path(self.place) / _TEMPORARY))
-                name = f"{_TEMPORARY}/{folder.name}"
-            else:
-                name = f"{_TEMPORARY}/{secrets.token_hex(8)}"
-                stack.callback(self._location.remove, name)
-            source = stack.enter_context(scratch_folder()) / _MARK
-            source.write_text(name, encoding="utf-8")
-            self._location.put(source, f"{name}/{_MARK}")
-            yield f"{name}/{_MARK}"
+        folder = f"{_TEMPORARY}/{secrets.token_hex(8)}"
+        with scratch_folder() as scratch:
+            source = scratch / "mark.txt"
+            source.write_text(folder, encoding="utf-8")
+            self._location.put(source, f"{folder}/{source.name}")
+        try:
+            yield f"{folder}/{source.name}"
+        finally:
+            self._location.remove(folder)
 
     def has(self, name: str) -> bool:
         """Whether a file of this name is in the store."""
@@ -182,11 +187,22 @@ class Store:
         return len(doomed)
 
     def clean(self) -> None:
-        """Remove what killed builds left behind, and nothing that belongs to a running build."""
-        if self.is_local:
-            clear(Path(self.place) / _TEMPORARY)
-            for doomed in Path(self.place).glob("??/*.*"):  # entries that were being removed
-                shutil.rmtree(doomed, ignore_errors=True)
+        """Remove what killed builds left behind, and nothing that belongs to a running build.
+
+        A process removes what others of its machine left; folders of other machines are removed a
+        week later.
+        """
+        if not self.is_local:
+            return
+        for doomed in Path(self.place).glob("??/*.*"):  # entries that were being removed
+            shutil.rmtree(doomed, ignore_errors=True)
+        temporary = Path(self.place) / _TEMPORARY
+        if temporary.is_dir():
+            clear_once(temporary)
+            for folder in temporary.iterdir():
+                with suppress(OSError):
+                    if folder.stat().st_mtime < time.time() - _LEFT_SECONDS:
+                        shutil.rmtree(folder)
 
 
 def entry_name(key: str) -> str:

@@ -1,8 +1,36 @@
-"""Kinds of findings about texture coordinates, and about two meshes together."""
+"""What a kind of finding is, and those about texture coordinates and two meshes together.
+
+`kinds.KINDS` lists every kind there is.
+"""
 
 from __future__ import annotations
 
-from texbake.checks.finding import CHARTS, MESHES, Kind
+from dataclasses import dataclass
+
+FACES = ("face", "faces")
+EDGES = ("edge", "edges")
+VERTICES = ("vertex", "vertices")
+CHARTS = ("chart", "charts")
+MESHES = ("mesh", "meshes")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of problem that a check can find."""
+
+    name: str  # its identifier, for scripts
+    title: str  # what a reader sees
+    unit: tuple[str, str] = FACES  # what is counted, in the singular and the plural
+    severity: str  # `error`, `warning` or `note`
+    in_high: str | None = None  # severity in a high-poly mesh, where it is another
+    # What goes wrong. The check fills in the figures in braces.
+    problem: str
+    remedy: str  # what to do
+
+    def counted(self, count: int) -> str:
+        """Return a count with its unit, such as `2 faces`."""
+        return f"{count:,} {self.unit[count != 1]}"
+
 
 COORDINATE_KINDS = (
     Kind(

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks import coordinates, orientation, surface
-from texbake.checks.checked_mesh import CheckedMesh, make_finding
+from texbake.checks.bake_kinds import FACES
+from texbake.checks.checked_mesh import CheckedMesh, Finding, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
-from texbake.checks.finding import FACES, Finding
 from texbake.checks.kinds import KINDS, SEVERITIES, CheckOptions
 from texbake.checks.pair import (
     MeshPair,

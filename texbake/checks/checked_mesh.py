@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.finding import Finding
+from texbake.checks.bake_kinds import Kind
 from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.core import portable_math as pm
 from texbake.mapping.overlap import Overlaps, find_overlaps
@@ -24,6 +24,57 @@ from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
 IdArray = npt.NDArray[np.int64]
+N_WORST = 10  # faces that a report names
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finding:
+    """A problem in one mesh: what it is, how often it occurs, and where."""
+
+    kind: Kind
+    severity: str  # `error`, `warning` or `note`
+    mesh: str  # `low` or `high`: the mesh that has it
+    count: int  # how often it occurs, in the unit of the kind
+    # (n,) int32: triangles of that mesh that have it, each once, the worst first; empty where the
+    # problem concerns the mesh as a whole
+    faces: IntArray
+    polygons: IntArray  # (n,) int32: polygons of these, each once, the worst first
+    problem: str  # what goes wrong, and what to do about it
+    remedy: str
+    # whether the options accept its kind, so that it counts and fails nothing
+    allowed: bool = False
+
+    @property
+    def name(self) -> str:
+        """Identifier of its kind."""
+        return self.kind.name
+
+    @property
+    def counted(self) -> str:
+        """The count with its unit."""
+        return self.kind.counted(self.count)
+
+    @property
+    def worst_faces(self) -> list[int]:
+        """Its ten worst faces, counted as in the file."""
+        worst: list[int] = self.polygons[:N_WORST].tolist()
+        return worst
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of it as plain values."""
+        return {
+            "name": self.name,
+            "title": self.kind.title,
+            "severity": self.severity,
+            "allowed": self.allowed,
+            "mesh": self.mesh,
+            "count": self.count,
+            "unit": self.kind.unit[1],
+            "n_faces": len(self.polygons),
+            "worst_faces": self.worst_faces,
+            "problem": self.problem,
+            "remedy": self.remedy,
+        }
 
 
 @dataclass(frozen=True, eq=False)

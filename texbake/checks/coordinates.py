@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh
-from texbake.checks.finding import Finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.stretch import face_stretch

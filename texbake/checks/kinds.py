@@ -10,8 +10,15 @@ from difflib import get_close_matches
 from typing import Annotated
 
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
-from texbake.checks.bake_kinds import COORDINATE_KINDS, PAIR_KINDS, TEXEL_KINDS
-from texbake.checks.finding import EDGES, MESHES, VERTICES, Kind
+from texbake.checks.bake_kinds import (
+    COORDINATE_KINDS,
+    EDGES,
+    MESHES,
+    PAIR_KINDS,
+    TEXEL_KINDS,
+    VERTICES,
+    Kind,
+)
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import TextureOptions
 from texbake.schema import option

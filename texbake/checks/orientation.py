@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, IdArray
-from texbake.checks.finding import Finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, IdArray
 from texbake.core import portable_math as pm
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.mesh import FloatArray, IntArray

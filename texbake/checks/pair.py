@@ -16,9 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding
 from texbake.checks.coordinates import TexelOwners
-from texbake.checks.finding import Finding
 from texbake.checks.kinds import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError

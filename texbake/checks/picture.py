@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.finding import N_WORST, Finding
+from texbake.checks.checked_mesh import N_WORST, Finding
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.layout_view import (

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.checked_mesh import CheckedMesh, IdArray
-from texbake.checks.finding import Finding
+from texbake.checks.checked_mesh import CheckedMesh, Finding, IdArray
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels

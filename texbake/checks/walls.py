@@ -18,8 +18,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
 from texbake.baking.scenes import BakeScenes, RayExtent
 from texbake.baking.texels import Samples
-from texbake.checks.checked_mesh import BoolArray
-from texbake.checks.finding import Finding
+from texbake.checks.checked_mesh import BoolArray, Finding
 from texbake.checks.pair import MeshPair
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray

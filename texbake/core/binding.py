@@ -1,5 +1,7 @@
 """Python functions that have their arguments checked against a declaration, then call the core.
 
+The declarations are those of C, which the library contains as text.
+
 An array must have the declared type and shape, be contiguous and aligned, and writable where the
 function writes to it.
 """
@@ -7,35 +9,115 @@ function writes to it.
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from texbake.core.declarations import Declaration, Parameter
-
+# Types of C in declarations: dtypes of numpy, and types of arguments. An address is a plain number.
+TYPES: dict[str, tuple[str, Any]] = {
+    "bool": ("bool", ctypes.c_bool),
+    "uint8_t": ("uint8", ctypes.c_uint8),
+    "int8_t": ("int8", ctypes.c_int8),
+    "uint16_t": ("uint16", ctypes.c_uint16),
+    "int16_t": ("int16", ctypes.c_int16),
+    "uint32_t": ("uint32", ctypes.c_uint32),
+    "int32_t": ("int32", ctypes.c_int32),
+    "uint64_t": ("uint64", ctypes.c_uint64),
+    "int64_t": ("int64", ctypes.c_int64),
+    "uintptr_t": ("uintp", ctypes.c_size_t),
+    "float": ("float32", ctypes.c_float),
+    "double": ("float64", ctypes.c_double),
+}
+_SCALARS = dict(TYPES.values())
 OUT_OF_MEMORY = -(2**63)
 
-_SCALARS = {
-    "bool": ctypes.c_bool,
-    "uint8": ctypes.c_uint8,
-    "int8": ctypes.c_int8,
-    "uint16": ctypes.c_uint16,
-    "int16": ctypes.c_int16,
-    "uint32": ctypes.c_uint32,
-    "int32": ctypes.c_int32,
-    "uint64": ctypes.c_uint64,
-    "int64": ctypes.c_int64,
-    "uintp": ctypes.c_size_t,
-    "float32": ctypes.c_float,
-    "float64": ctypes.c_double,
-}
-_RESULTS: dict[str, Any] = {
-    "void": None,
-    "bool": ctypes.c_bool,
-    "int64_t": ctypes.c_int64,
-    "double": ctypes.c_double,
-}
+_PROTOTYPE = re.compile(r"^(void|\w+) (\w+)\(([^;{}]*)\);", re.MULTILINE)
+_PARAMETER = re.compile(
+    r"(?P<optional>OPTIONAL )?(?P<const>const )?(?P<type>\w+) "
+    r"(?P<name>\w+)(?P<dimensions>(\[[^\]]*\])*)"
+)
+_SIZE = re.compile(r"([A-Za-z_]\w*)(?: ([+-]) (\d+))?")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a function of the core."""
+
+    name: str
+    dtype: str  # name of the numpy dtype of a scalar or of an array's items
+    # Expressions over the sizes, in C and in Python alike; empty for a scalar.
+    dimensions: tuple[str, ...]
+    written: bool  # whether the function may write to the array
+    optional: bool  # whether the array may be left out
+
+    def sizes(self) -> dict[str, tuple[int, int]]:
+        """Return each size that the array's shape gives: the dimension, and what to add to it."""
+        found = {}
+        for axis, dimension in enumerate(self.dimensions):
+            match = _SIZE.fullmatch(dimension)
+            if match:
+                name, sign, offset = match.groups()
+                found[name] = (axis, -int(offset) if sign == "+" else int(offset or 0))
+        return found
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A function of the core: its name, what it returns, and its parameters in the order of C."""
+
+    name: str
+    result: str
+    parameters: tuple[Parameter, ...]
+
+    @cached_property
+    def given(self) -> list[Parameter]:
+        """The parameters that Python passes: all but the sizes that come from shapes."""
+        return [parameter for parameter in self.parameters if parameter.name not in self.derived]
+
+    @cached_property
+    def derived(self) -> dict[str, list[tuple[Parameter, int, int]]]:
+        """The sizes that come from shapes: for each, its arrays, dimensions and offsets.
+
+        Arrays that cannot be left out come first.
+        """
+        scalars = {parameter.name for parameter in self.parameters if not parameter.dimensions}
+        sources: dict[str, list[tuple[Parameter, int, int]]] = {}
+        for array in sorted(self.parameters, key=lambda parameter: parameter.optional):
+            for name, (axis, offset) in array.sizes().items():
+                if name in scalars:
+                    sources.setdefault(name, []).append((array, axis, offset))
+        return sources
+
+
+def split_prototypes(header: str) -> dict[str, re.Match[str]]:
+    """Return the prototype of each function by its name, unread."""
+    return {match.group(2): match for match in _PROTOTYPE.finditer(header)}
+
+
+def read_prototype(match: re.Match[str]) -> Declaration:
+    """Read one prototype."""
+    result, name, parameters = match.groups()
+    listed = " ".join(parameters.split())
+    texts = [] if listed == "void" else re.split(r", (?![^\[]*\])", listed)
+    return Declaration(name, result, tuple(_read_parameter(name, text) for text in texts))
+
+
+def _read_parameter(function: str, text: str) -> Parameter:
+    match = _PARAMETER.fullmatch(text)
+    if match is None or match["type"] not in TYPES:
+        raise ValueError(f"{function}: cannot read the parameter '{text}'")
+    dimensions = tuple(re.findall(r"\[(?:restrict )?([^\]]*)\]", match["dimensions"]))
+    return Parameter(
+        name=match["name"],
+        dtype=TYPES[match["type"]][0],
+        dimensions=dimensions,
+        written=bool(dimensions) and match["const"] is None,
+        optional=match["optional"] is not None,
+    )
 
 
 def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
@@ -44,7 +126,8 @@ def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
     It takes the declared parameters in their order, without the sizes that shapes tell, and returns
     what the function of the core returns.
     """
-    function.restype = _RESULTS[declaration.result]
+    result = declaration.result
+    function.restype = None if result == "void" else TYPES[result][1]
     function.argtypes = [
         ctypes.c_void_p if parameter.dimensions else _SCALARS[parameter.dtype]
         for parameter in declaration.parameters

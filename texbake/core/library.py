@@ -14,9 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from texbake.core.binding import bind
+from texbake.core.binding import bind, read_prototype, split_prototypes
 from texbake.core.builds import FOLDER, SUFFIX, BuildError, find_builds
-from texbake.core.declarations import read_prototype, split_prototypes
 from texbake.errors import DependencyError
 
 

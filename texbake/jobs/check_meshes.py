@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks.check import CheckReport, check_files as read_and_check
-from texbake.checks.finding import N_WORST, Finding
+from texbake.checks.checked_mesh import N_WORST, Finding
 from texbake.checks.kinds import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.core import portable_math as pm

@@ -200,7 +200,7 @@ def _once(lines: list[str], comparison: ModelComparison | None) -> tuple[str, ..
 def _write_page(
     html: PathLike, comparison: ModelComparison, done: JobResult[LightenReport], command: str
 ) -> None:
-    from texbake.pages.slider_page import write_slider_page
+    from texbake.pages.picture_pages import write_slider_page
 
     report = done.report
     write_slider_page(

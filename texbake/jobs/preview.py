@@ -144,7 +144,7 @@ def preview_files(
         )
     if html is not None and frame is not None:
         # Imported here, so that other pictures do not load what pages need.
-        from texbake.pages.contributions_page import write_contributions_page
+        from texbake.pages.picture_pages import write_contributions_page
 
         write_contributions_page(html, Path(path).name, frame, changes, command)
     done = PreviewFiles(

@@ -23,7 +23,6 @@ from texbake.pages.page import (
     number,
     page_html,
     render,
-    three_js,
     write_page,
 )
 from texbake.pages.pictures import (
@@ -124,7 +123,9 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
         f"{page.low.name}: baked from {page.high.name}",
         body,
         styles=[asset("controls.css"), asset("asset.css")],
-        scripts=[three_js(), asset("page.js"), asset("view.js"), asset("maps.js")],
+        # three.js r149, unchanged: the last release that is one script and prints no warning. It
+        # defines the global `THREE`.
+        scripts=[asset("three.min.js"), asset("page.js"), asset("view.js"), asset("maps.js")],
         data=data,
     )
     write_page(path, html)

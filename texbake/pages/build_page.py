@@ -10,7 +10,6 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -80,10 +79,18 @@ def write_build_page(
     body = render(
         "build.html",
         title=title,
-        rows=[_shown(row, has) for row, has in zip(rows, shown, strict=True)],
+        rows=[
+            (
+                row,
+                quote(Path(row.page).as_posix()) if row.page else "",
+                data_uri(row.thumbnail or b"", "image/jpeg") if has else "",
+            )
+            for row, has in zip(rows, shown, strict=True)
+        ],
         withheld=sum(row.thumbnail is not None for row in rows) - sum(shown),
         tiles=_tiles(rows, seconds),
         columns=_COLUMNS,
+        ranks=_RANKS,
         command=command,
     )
     styles = [asset("controls.css"), asset("build.css")]
@@ -105,34 +112,11 @@ _COLUMNS = (
 _RANKS = {"failed": 3, "skipped": 2, "built": 1, "kept": 0}
 
 
-def _shown(row: BuildRow, has_picture: bool) -> dict[str, Any]:
-    """Return the values of one row of the table."""
-    status = row.status if row.status in STATUSES else "failed"
-    has_picture = has_picture and row.thumbnail is not None
-    return {
-        "name": row.name,
-        "status": status,
-        "rank": _RANKS[status],
-        "message": row.message,
-        "page": "" if row.page is None else quote(Path(row.page).as_posix()),
-        "uri": data_uri(row.thumbnail or b"", "image/jpeg") if has_picture else "",
-        "error": _finite(row.error_deg),
-        "misses": _finite(row.miss_percent),
-        "time": _finite(row.seconds),
-        "faces": row.n_faces,
-        "size": row.n_bytes,
-    }
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and np.isfinite(value) else None
-
-
 def _with_thumbnails(rows: Sequence[BuildRow]) -> list[bool]:
     """Return which rows show their thumbnails: the worst assets, up to the limit in bytes."""
     worst_first = sorted(
         range(len(rows)),
-        key=lambda k: (-_RANKS.get(rows[k].status, 3), -(rows[k].error_deg or 0.0), k),
+        key=lambda k: (-_RANKS[rows[k].status], -(rows[k].error_deg or 0.0), k),
     )
     shown, room = [False] * len(rows), MOST_THUMBNAIL_BYTES
     for k in worst_first:

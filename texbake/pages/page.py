@@ -34,28 +34,11 @@ def asset(name: str) -> str:
     return (_ASSETS / name).read_text(encoding="utf-8")
 
 
-def three_js() -> str:
-    """Return the source of three.js with its license; it defines the global `THREE`.
-
-    This is the unmodified `build/three.min.js` of release 0.149.0, the last release that works from
-    a single script tag and prints no warning.
-    """
-    return asset("three.min.js")
-
-
 def render(template: str, *, folder: Path | None = None, **values: Any) -> Markup:
     """Render a Jinja template; every value is escaped, unless it is `Markup`.
 
     Templates can use the macros of `parts.html` and the filters `number`, `duration` and `memory`.
-
-    Parameters
-    ----------
-    template
-        File name of the template.
-    folder
-        Folder of the template; None: `templates`.
-    **values
-        Variables of the template. A missing variable is an error.
+    A template in `folder` comes before that of `templates`; a missing value is an error.
     """
     from markupsafe import Markup
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +57,7 @@ def write_study(
         return write_files(folder, files)
 
 
-_TEMPLATES = Path(__file__).with_name("templates")
+TEMPLATES = Path(__file__).with_name("templates")
 PAGE_STYLE = """
 .truth { display: inline-block; border-radius: 1rem; padding: .05rem .7rem; font-size: .8rem;
   border: 1px solid var(--line); background: var(--wash); margin-right: .4rem;
@@ -90,91 +90,29 @@ def study_page(result: StudyResult, plots: Mapping[str, Plot], everything: Plot)
     """Return the page as HTML."""
     body = render(
         "study.html",
-        folder=_TEMPLATES,
+        folder=TEMPLATES,
         title=TITLE,
-        inputs=[(_INPUTS[key], name) for key, name in result.inputs.items()],
-        quick=result.options.quick,
-        machine=result.machine,
-        seconds=result.seconds,
-        summary=[_best(item, best) for item in result.knobs for best in item.knees],
-        skipped=list(result.skipped.items()),
+        result=result,
+        inputs=_INPUTS,
         everything=titled(everything.svg, "All settings of all knobs"),
-        knobs=[_knob(item, plots[item.knob.name]) for item in result.knobs],
-        repeats=result.options.repeats,
-        warm_up=result.options.seconds,
+        plots={
+            item.knob.name: titled(plots[item.knob.name].svg, item.knob.title)
+            for item in result.knobs
+        },
+        amount=amount,
+        figure_names=figure_names,
+        findings=findings,
+        next_step=next_step,
+        uri_of=crop_uri,
     )
     # The plots are drawn on white.
     return page_html(TITLE, body, styles=[PAGE_STYLE], dark=False)
 
 
-def _best(item: KnobResult, best: int) -> dict[str, Any]:
-    """A row of the summary: a setting beyond which a knob stops paying."""
-    kept = item.measurements[best]
-    return {
-        "name": item.knob.name,
-        "title": item.knob.title,
-        "label": kept.setting.label,
-        "error": amount(kept.error, item.knob.unit),
-        "median": kept.median,
-        "next": next_step(item, best),
-    }
-
-
-def _knob(result: KnobResult, plot: Plot) -> dict[str, Any]:
-    """Values of the section of a knob."""
-    knob = result.knob
-    front, knees = set(result.front), set(result.knees)
-    return {
-        "name": knob.name,
-        "title": knob.title,
-        "about": knob.about,
-        "error": knob.error,
-        "unit": knob.unit,
-        "subject": result.subject,
-        "truth": "separate rays" if result.truth == "rays" else result.truth,
-        "truth_text": result.truth_text,
-        "findings": findings(result),
-        "plot": titled(plot.svg, knob.title),
-        "names": figure_names(result.measurements),
-        "rows": [
-            {"marks": _marks(front=i in front, kept=i in knees), **setting_row(item)}
-            for i, item in enumerate(result.measurements)
-        ],
-        "crops": crops(result.measurements, knob.unit),
-    }
-
-
-def _marks(**given: bool) -> str:
-    return " ".join(name for name, is_so in given.items() if is_so)
-
-
-def setting_row(item: Measurement) -> dict[str, Any]:
-    """Values of a row of the table of settings."""
-    return {
-        "label": item.setting.label,
-        "error": item.error,
-        "median": item.median,
-        "low": min(item.seconds),
-        "high": max(item.seconds),
-        "runs": len(item.seconds),
-        "memory": item.peak_bytes,
-        "figures": item.outcome.figures,
-    }
-
-
-def crops(measurements: Sequence[Measurement], unit: str) -> list[dict[str, Any]]:
-    """Values of the crops of those settings that have one."""
-    return [
-        {
-            "series": item.setting.series,
-            "label": item.setting.label,
-            "uri": data_uri(png_of(item.outcome.picture)),
-            "error_text": amount(item.error, unit),
-            "median": item.median,
-        }
-        for item in measurements
-        if item.outcome.picture is not None
-    ]
+def crop_uri(item: Measurement) -> str:
+    """Return the crop of a setting that has one."""
+    assert item.outcome.picture is not None
+    return data_uri(png_of(item.outcome.picture))
 
 
 def titled(svg: str, title: str) -> Markup:
