@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import texbake
+from tests.fbx_writer import binary, rich_scene
 from tests.glb import glb_bytes, read_glb
-from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.building.build import build
 from texbake.building.sidecars import is_followed, sidecars
 from texbake.limits import raised_limits

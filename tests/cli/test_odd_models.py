@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from tests.hard_cases.fbx_writer import POINTS, binary, layer, scene, shape
+from tests.fbx_writer import POINTS, binary, layer, scene, shape
 from texbake import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere

@@ -37,14 +37,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from core_targets import READ
-from fuzz_files import bound_memory, fault_of
-from read_corpus import CORPUS, SECONDS, folder_of, timed_fault_of
+from formats import READ
+from read_corpus import CORPUS, STUCK, bounded_memory, fault_of, folder_of
 
 from texbake.errors import ReadWarning
 
 MEMORY = 1 << 30  # bytes beyond those of the process with all readers loaded
-STUCK = 12 * SECONDS  # of the clock: the machine may do other things as well
 MAX_FAULTS = 5
 COVERED = ["texbake", "trimesh.exchange", "collada"]
 AGAIN = "again"  # a script that runs a child; libFuzzer runs it to choose inputs
@@ -62,7 +60,7 @@ _REASON = re.compile(r"SUMMARY: .*|.*: runtime error: .*|Fatal Python error: .*"
 def fuzz(name: str, options: argparse.Namespace) -> None:
     """Read inputs that libFuzzer makes, until its flags say that it is enough; in the child."""
     import atheris
-    from containers import changed
+    from mutants import changed
 
     home = options.home
     suffix, make, read = READ[name]
@@ -72,7 +70,6 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
         for path in [home / f"seed{suffix}", *folder_of(name).glob("*")]:
             shutil.copy(path, candidate)
             fault_of(read, candidate)  # loads what the reader needs, with its branches counted
-    bound_memory(MEMORY)
     with (home / COUNT).open("r+b") as file:
         count = mmap.mmap(file.fileno(), 8)
 
@@ -80,7 +77,7 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
         count[:] = struct.pack("<q", struct.unpack("<q", count)[0] + 1)
         candidate.write_bytes(data)
         start = time.process_time()
-        fault = timed_fault_of(read, candidate)
+        fault = fault_of(read, candidate)
         if options.minimize:
             if time.process_time() - start > SLOWEST_KEPT:
                 (home / "slow" / short_hash(data)).touch()
@@ -93,8 +90,9 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
 
         return changed(data, change, np.random.default_rng(seed))[:longest]
 
-    atheris.Setup([str(home / AGAIN), *options.flags], read_one, custom_mutator=mutate)
-    atheris.Fuzz()
+    with bounded_memory(MEMORY):
+        atheris.Setup([str(home / AGAIN), *options.flags], read_one, custom_mutator=mutate)
+        atheris.Fuzz()
 
 
 def keep(data: bytes, fault: str, name: str, findings: Path) -> None:

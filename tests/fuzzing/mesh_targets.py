@@ -1,4 +1,7 @@
-"""Targets of the fuzzer that take meshes: their surface, repair, unwrapping, rays and bakes."""
+"""Targets of the fuzzer that take meshes: their surface, repair, unwrapping, rays and bakes.
+
+A target ends in a refusal of one line, or in a result that keeps the laws of any result.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh import decimate
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.normals import vertex_curvatures
+from texbake.mesh.normals import face_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.mesh.streamed.mesh import open_streamed
 from texbake.mesh.tangents import corner_tangents
@@ -41,20 +44,47 @@ WRAPS = ("repeat", "mirror", "clamp")
 SIZES = (1, 2, 7, 16, 33, 64)
 
 
+def require_finite(*arrays: object) -> None:
+    for values in arrays:
+        assert np.isfinite(values).all()
+
+
+def require_unit(vectors: np.ndarray, *, or_zero: bool = False) -> None:
+    lengths = np.linalg.norm(vectors.astype(np.float64), axis=-1)
+    assert ((np.abs(lengths - 1.0) < 2e-7) | (or_zero & (lengths == 0.0))).all()
+
+
+def files(drawn: Drawn) -> None:
+    """A mesh written and read again, bit for bit, or to a rounding of float32."""
+    mesh, suffix = drawn.mesh(most=20), drawn.pick(("obj", "ply", "off", "stl", "glb"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"mesh.{suffix}"
+        tb.write_mesh(mesh, path)
+        back = tb.read_mesh(path)
+    off = np.abs(back.positions[back.faces] - mesh.positions[mesh.faces]).max()
+    far = np.abs(mesh.positions[mesh.faces]).max()
+    assert off <= (far * 2.0**-23 + 1e-45 if suffix in ("stl", "glb") else 0.0)
+    if suffix in ("obj", "ply") and mesh.uvs is not None:
+        assert np.array_equal(back.corner_uvs(), mesh.corner_uvs())
+
+
 def surface(drawn: Drawn) -> None:
     """Normals, curvatures, tangents and topology; rows that are equal."""
     mesh = drawn.mesh(most=40)
-    vertex_curvatures(mesh)
-    tb.mesh_info(mesh)
+    for normals in face_normals(mesh), smooth_normals(mesh):
+        require_unit(normals, or_zero=True)
+    require_finite(vertex_curvatures(mesh))
+    assert tb.mesh_info(mesh).n_degenerate_faces <= mesh.n_faces
     if mesh.uvs is not None:
-        corner_tangents(mesh)
+        require_unit(corner_tangents(mesh)[..., :3])
     weld_rows(drawn.floats(1 + drawn.below(40), 1 + drawn.below(4)))
 
 
 def repair(drawn: Drawn) -> None:
     mesh = drawn.mesh(most=40)
     names = ("merge", "degenerate", "duplicates", "winding", "coordinates")
-    tb.repair(mesh, drawn.options(tb.RepairOptions, *names))
+    whole, _ = tb.repair(mesh, drawn.options(tb.RepairOptions, *names))
+    require_finite(whole.positions)
     if drawn.rarely(16):
         oriented(mesh, "auto", keep_open=drawn.flag())
 
@@ -64,7 +94,9 @@ def simplify(drawn: Drawn) -> None:
     quality, seams = drawn.pick(("fast", "best")), drawn.pick(("auto", "keep", "drop"))
     error = drawn.pick((*[None] * 31, "1%", "20%"))  # a search takes a second
     n_faces = 4 + drawn.below(60) if error is None else None
-    tb.simplify(mesh, n_faces, error=error, quality=quality, seams=seams)
+    low = tb.simplify(mesh, n_faces, error=error, quality=quality, seams=seams)
+    require_finite(low.positions)
+    assert low.n_faces <= mesh.n_faces
 
 
 def pieces(drawn: Drawn) -> None:
@@ -90,18 +122,21 @@ def remesh(drawn: Drawn) -> None:
     mesh = drawn.mesh()
     options = drawn.options(
         tb.RemeshOptions, "surface", "keep_interior", "sharp_edges", "quality",
-        resolution=8 + drawn.below(24), close=drawn.pick(("0%", "1%", "10%", "40%", 0.5, 1e300)),
+        resolution=8 + drawn.below(24), close=drawn.pick(("0%", "1%", "10%", "40%", 0.5, 1e30)),
         components=drawn.pick(("all", "largest", 1, 2)),
         n_faces=drawn.pick((None, None, 4, 40)),
     )  # fmt: skip
-    tb.remesh(mesh, options)
+    require_finite(tb.remesh(mesh, options).positions)
     list(remesh_with_few_tunnels(mesh, 1 + 60 * drawn.below(4), resolution=8 + drawn.below(24)))
 
 
 def distance(drawn: Drawn) -> None:
     """Distances between two meshes, and from points to one."""
     one, other = drawn.mesh(), drawn.mesh()
-    tb.surface_distance(one, other, n_samples=1 + drawn.below(64), seed=drawn.below(4))
+    found = tb.surface_distance(one, other, n_samples=1 + drawn.below(64), seed=drawn.below(4))
+    assert 0.0 <= found.mean <= found.rms * (1.0 + 1e-9) and found.rms <= found.max * (1.0 + 1e-9)
+    itself = tb.surface_distance(one, one, n_samples=9)
+    assert itself.max <= 1e-13 * itself.diagonal + 1e-313
     tree = TriangleTree.build(one.positions, one.faces)
     points = drawn.floats(1 + drawn.below(9), 3)
     facing = drawn.floats(len(points), 3) if drawn.flag() else None
@@ -112,7 +147,11 @@ def distance(drawn: Drawn) -> None:
 
 def check(drawn: Drawn) -> None:
     low = drawn.mesh() if drawn.flag() else None
-    tb.check(drawn.mesh(most=30), low, tb.CheckOptions(size=drawn.pick(SIZES), padding=0))
+    report = tb.check(drawn.mesh(most=30), low, tb.CheckOptions(size=drawn.pick(SIZES), padding=0))
+    for finding in report.findings:
+        assert finding.count >= 1 and "nan" not in finding.problem
+    if report.has_layout:
+        require_finite(report.picture(32))
 
 
 def atlas(drawn: Drawn) -> None:
@@ -129,7 +168,11 @@ def atlas(drawn: Drawn) -> None:
         size=size, padding=drawn.pick((0, 1, 4)), tiles=drawn.pick((1, 1, 1, 3)), keep=keep,
         **limits,
     )  # fmt: skip
-    described(drawn, tb.unwrap(mesh, options))
+    mapped = tb.unwrap(mesh, options)
+    assert np.array_equal(mapped.positions, mesh.positions)
+    if not keep:
+        assert not find_overlaps(mapped.corner_uvs()).overlapping.any()
+    described(drawn, mapped)
 
 
 def mappings(drawn: Drawn) -> None:
@@ -149,7 +192,9 @@ def mappings(drawn: Drawn) -> None:
         given["center"] = tuple(drawn.floats(3).tolist())
     names = {"axis", "fit", "sides", "caps", "overlap", "surface", "via", "unseen"}
     read = names & set(METHODS[method].options)
-    tb.unwrap(mesh, drawn.options(tb.UnwrapOptions, *sorted(read), **given))
+    mapped = tb.unwrap(mesh, drawn.options(tb.UnwrapOptions, *sorted(read), **given))
+    require_finite(mapped.uvs)
+    assert np.array_equal(mapped.positions, mesh.positions)
 
 
 def layout(drawn: Drawn) -> None:
@@ -163,8 +208,8 @@ def described(drawn: Drawn, mesh: tb.Mesh) -> None:
     find_overlaps(corners)
     overlap_layers(corners, drawn.indices(3, mesh.n_faces), depth=drawn.pick((0.0, 1e-9, 0.1)))
     size, heat = drawn.pick(SIZES), drawn.flag()
-    tb.draw_layout(mesh, size, heat=heat)
-    layout_svg(mesh, size, heat=heat)
+    require_finite(tb.draw_layout(mesh, size, heat=heat))
+    assert "<svg" in layout_svg(mesh, size, heat=heat)
 
 
 def rays(drawn: Drawn) -> None:
@@ -221,6 +266,10 @@ def bake(drawn: Drawn) -> None:
         materials = colored(drawn, Path(folder), high) if is_colored else None
         mask = drawn.floats(3, 4, extreme=False) / 4.0 if drawn.rarely(4) else None
         result = tb.bake(high, low, options, cage=cage, materials=materials, skew_mask=mask)
+    require_finite(*(baked.values for baked in result.maps.values()))
+    if "normal" in result.maps and not is_colored:
+        # In world space, what has no data points nowhere.
+        require_unit(result.maps["normal"].values, or_zero=options.space != "tangent")
     if result.hits is not None:
         remap_hits(result, tb.BakeOptions(maps=("normal", "displacement")))
     with tempfile.TemporaryDirectory() as folder:
@@ -258,7 +307,10 @@ def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> Materials:
 
 
 def cage(drawn: Drawn) -> None:
-    tb.fit_cage(drawn.mesh(most=30), drawn.mesh(), margin=drawn.pick((None, None, 0.0, 0.5)))
+    found = tb.fit_cage(
+        drawn.mesh(most=30), drawn.mesh(), margin=drawn.pick((None, None, 0.0, 0.5))
+    )
+    require_finite(found.distances)
 
 
 def streamed(drawn: Drawn) -> None:

@@ -156,7 +156,12 @@ def scenes(drawn: Drawn) -> None:
         normals = replace(item.material.normal_map, space="object")
         item = replace(item, material=replace(item.material, normal_map=normals))
         scene = with_object(scene, place, item)
-    tb.render_scene(scene, replace(options, **looks(drawn)))
+    require_sound(tb.render_scene(scene, replace(options, **looks(drawn))))
+
+
+def require_sound(frame: tb.Frame) -> None:
+    assert np.isfinite(frame.color).all() and frame.color.min() >= 0.0
+    assert ((frame.coverage >= 0.0) & (frame.coverage <= 1.0)).all()
 
 
 def preview(drawn: Drawn) -> None:
@@ -167,6 +172,7 @@ def preview(drawn: Drawn) -> None:
     size = {"width": 1 + drawn.below(24), "height": 1 + drawn.below(16)}
     options = tb.RenderOptions(view=view, **size, **looks(drawn))
     frame = tb.render(mesh, options=options)
+    require_sound(frame)
     if options.max_error is None and options.buffer is None and options.mapping_order == "screen":
         assert frame.face_ids.max() < mesh.n_faces
     expose([frame], options)

@@ -1,15 +1,18 @@
-"""Reads every input of the corpus by the reader of its format, or by its target.
+"""Read every input of the corpus by the reader of its format, or by its target; and mutants.
 
-    python tests/fuzzing/read_corpus.py [FORMAT ...] [--input FILE]
+    python tests/fuzzing/read_corpus.py [FORMAT ...] [--input FILE] [--bytes N] [--seed N]
+        [--skip FORMAT]
 
-Prints what is wrong with an input, and exits with 1 if anything is. If all formats are read, every
-function of the core must have been called in the end. `.ci/sanitize` runs this on a core with
-sanitizers.
+An input must be read, or refused with a TexbakeError of one line, within `SECONDS` of processor
+time and `MEMORY`. `--bytes` reads so many bytes of mutants of each format as well. Prints what is
+wrong with an input, and exits with 1 if anything is; inputs at fault are kept in `fuzz-findings`.
+If all formats are read, every function of the core must have been called in the end.
 """
 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import os
 import resource
 import shutil
@@ -18,20 +21,27 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
+from itertools import count
 from pathlib import Path
+
+import numpy as np
 
 HERE = Path(__file__).parent
 CORPUS = HERE / "corpus"
+FINDINGS = Path("fuzz-findings")
 sys.path.insert(0, str(HERE))
 
-from core_targets import READ, UNREACHED, unreached  # noqa: E402
-from fuzz_files import fault_of  # noqa: E402
-from fuzz_formats import Reader  # noqa: E402
+from formats import FORMATS, READ, UNREACHED, Reader, unreached  # noqa: E402
+from mutants import changed, mutant  # noqa: E402
 
-from texbake.errors import ReadWarning  # noqa: E402
+from texbake.errors import ReadWarning, TexbakeError  # noqa: E402
 
 SECONDS = 10  # of processor time for one input
 SLOWDOWN = 10  # of a core with sanitizers
+STUCK = 12 * SECONDS  # of the clock: the machine may do other things as well
+MEMORY = 2 << 30  # bytes of address space beyond those of the process with all readers loaded
 
 
 def folder_of(name: str) -> Path:
@@ -39,28 +49,78 @@ def folder_of(name: str) -> Path:
     return CORPUS / name.replace(" ", "_")
 
 
-def timed_fault_of(read: Reader, path: Path) -> str | None:
-    """Read one file; return what went wrong or that it took too long, or None."""
+def fault_of(read: Reader, path: Path) -> str | None:
+    """Read one file; return what went wrong or that it took too long, or None.
+
+    A file that would take for ever ends the process.
+    """
     limit = SECONDS * (SLOWDOWN if "asan" in os.environ.get("LD_PRELOAD", "") else 1)
     start = time.process_time()
-    fault = fault_of(read, path)
+    faulthandler.dump_traceback_later(
+        limit * STUCK // SECONDS, exit=True, file=sys.__stderr__ or sys.stderr
+    )
+    try:
+        read(path)
+    except TexbakeError as error:
+        if "\n" in str(error):
+            return f"several lines: {error!r}"
+    except BaseException as error:  # any other exception is a fault
+        frame = error.__traceback__
+        while frame is not None and frame.tb_next is not None:
+            frame = frame.tb_next
+        where = f"{frame.tb_frame.f_code.co_filename}:{frame.tb_lineno}" if frame else "?"
+        return f"{type(error).__name__}: {str(error)[:200]} at {where}"
+    finally:
+        faulthandler.cancel_dump_traceback_later()
     taken = time.process_time() - start
-    if fault is None and taken > limit:
-        return f"it took more than {limit} s of processor time"
-    return fault
+    return f"it took more than {limit} s of processor time" if taken > limit else None
 
 
-def wrong_with_inputs(name: str, inputs: list[Path] | None = None) -> Iterator[str]:
-    """Read the inputs of a format; say of each that is at fault what is wrong with it."""
+@contextmanager
+def bounded_memory(more: int = MEMORY) -> Iterator[None]:
+    """Bound the address space by what is there now, and so many bytes more."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + more, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def mutants_of(name: str, known: list[bytes], n_bytes: int, seed: int) -> Iterator[bytes]:
+    """Change the inputs of a format, until there are so many bytes."""
+    for number in count():
+        if n_bytes <= 0:
+            return
+        rng = np.random.default_rng([seed, number, *name.encode()])
+        data = changed(known[number % len(known)], partial(mutant, rng=rng), rng)
+        n_bytes -= len(data)
+        yield data
+
+
+def wrong_with_inputs(
+    name: str, inputs: list[Path] | None = None, *, n_bytes: int = 0, seed: int = 0
+) -> Iterator[str]:
+    """Read the inputs of a format and mutants; say of each at fault what is wrong with it."""
     suffix, make, read = READ[name]
     with tempfile.TemporaryDirectory() as folder:
-        make(Path(folder) / f"seed{suffix}")  # and the files that it names
+        seed_file = Path(folder) / f"seed{suffix}"
+        make(seed_file)  # and the files that it names
+        with nullcontext() if name in FORMATS else suppress(TexbakeError):
+            read(seed_file)  # loads all that is needed, and shows that the seed is valid
+        known = [path.read_bytes() for path in inputs or sorted(folder_of(name).glob("*"))]
         candidate = Path(folder) / f"mutant{suffix}"
-        for path in sorted(folder_of(name).glob("*")) if inputs is None else inputs:
-            shutil.copy(path, candidate)
-            fault = timed_fault_of(read, candidate)
-            if fault is not None:
-                yield f"{name}: {path.name}: {fault}"
+        mutated = mutants_of(name, [seed_file.read_bytes(), *known], n_bytes, seed)
+        with bounded_memory():
+            for number, data in enumerate([*known, *mutated]):
+                candidate.write_bytes(data)
+                fault = fault_of(read, candidate)
+                if fault is not None:
+                    FINDINGS.mkdir(exist_ok=True)
+                    kept = FINDINGS / f"{name.replace(' ', '_')}-{number}{suffix}"
+                    shutil.copy(candidate, kept)
+                    yield f"{name}: {kept.name}: {fault}"
 
 
 def main() -> int:
@@ -68,23 +128,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("formats", nargs="*", help=", ".join(READ))
     parser.add_argument("--input", type=Path, help="one input, instead of those of the corpus")
+    parser.add_argument("--bytes", type=float, default=0.0, help="of mutants, of each format")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--skip", action="append", default=[], help="a format to leave out")
     options = parser.parse_args()
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", ReadWarning)
-    if options.input is not None:  # and end it where Python cannot
-        resource.setrlimit(resource.RLIMIT_CPU, (6 * SECONDS, resource.RLIM_INFINITY))
-    n_inputs = n_faults = 0
-    for name in options.formats or READ:
-        inputs = [options.input] if options.input else sorted(folder_of(name).glob("*"))
-        n_inputs += len(inputs)
-        for line in wrong_with_inputs(name, inputs):
+    names = [name for name in options.formats or READ if name not in options.skip]
+    n_faults = 0
+    for name in names:
+        inputs = [options.input] if options.input else None
+        for line in wrong_with_inputs(name, inputs, n_bytes=int(options.bytes), seed=options.seed):
             print(line, flush=True)
             n_faults += 1
     if not options.formats:
         for function in sorted(unreached() - set(UNREACHED)):
             print(f"core: {function}: no target calls it; add one, or name it in UNREACHED")
             n_faults += 1
-    print(f"{n_inputs} inputs read, {n_faults} at fault")
+    print(f"{len(names)} formats read, {n_faults} at fault")
     return 1 if n_faults else 0
 
 

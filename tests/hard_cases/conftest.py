@@ -25,7 +25,6 @@ from catalog.pairs import PAIRS  # noqa: E402
 from catalog.rays import RAYS  # noqa: E402
 from catalog.scenes import SCENES  # noqa: E402
 from catalog.texture_space import TEXTURE_SPACE, in_cells as cells_of  # noqa: E402
-from fuzz_formats import FORMATS  # noqa: E402
 
 MESHES = GEOMETRY + TEXTURE_SPACE
 CASES: dict[str, tuple[Any, ...]] = {
@@ -52,8 +51,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             rows = pairwise(*axes.values()) if mark else [(case,) for case in cases]
             ids = ["-".join(str(getattr(x, "name", x)) for x in row) for row in rows]
             metafunc.parametrize(list(axes), rows, ids=ids)
-    if "file_format" in metafunc.fixturenames:
-        metafunc.parametrize("file_format", FORMATS)
 
 
 @pytest.fixture(scope="session")

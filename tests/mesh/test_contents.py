@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.hard_cases.fbx_writer import binary, properties, rich_scene, scene
+from tests.fbx_writer import binary, properties, rich_scene, scene
 from texbake.mesh.files.contents import read_contents
 
 

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from tests.hard_cases.fbx_writer import (
+from tests.fbx_writer import (
     CM,
     FACES,
     POINTS,

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from tests.hard_cases.fbx_writer import scene, shape, written
+from tests.fbx_writer import scene, shape, written
 from texbake.errors import TexbakeError
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.fbx_scene import read_scene, scene_axes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.hard_cases.fbx_writer import (
+from tests.fbx_writer import (
     POINTS,
     binary,
     layer,

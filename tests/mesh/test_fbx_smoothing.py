@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.hard_cases.fbx_writer import binary, layer, scene, shape
+from tests.fbx_writer import binary, layer, scene, shape
 from texbake.mesh.files import read_mesh
 from texbake.mesh.normals import shading_normals
 

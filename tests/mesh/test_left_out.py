@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 from trimesh.exchange.dae import export_collada
 
-from tests.hard_cases.fbx_writer import FACES, POINTS, layer, scene, shape, written
+from tests.fbx_writer import FACES, POINTS, layer, scene, shape, written
 from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError, heard_warnings
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents

@@ -55,3 +55,22 @@ def test_masked_numbers_are_not_taken_for_numbers():
         Mesh(positions=positions, faces=[[0, 1, 2]])
     whole = np.ma.masked_array(np.eye(3), mask=False)
     np.testing.assert_array_equal(Mesh(positions=whole, faces=[[0, 1, 2]]).positions, np.eye(3))
+
+
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e300])
+@pytest.mark.parametrize("field", ["positions", "uvs", "normals", "tangents", "colors"])
+def test_numbers_that_are_not_finite_are_refused_where_they_enter(bad, field):
+    """Colors and tangents are float32, which does not hold 1e300."""
+    corners = np.array([[0, 1, 2]], np.int32)
+    fields = {
+        "positions": np.eye(3), "uvs": np.eye(3)[:, :2], "uv_faces": corners,
+        "normals": np.eye(3), "normal_faces": corners, "tangents": np.ones((1, 3, 4)),
+        "colors": np.ones((3, 3)),
+    }  # fmt: skip
+    Mesh(faces=corners, **fields)
+    fields[field].flat[1] = bad
+    if bad == 1e300 and field not in ("tangents", "colors"):
+        Mesh(faces=corners, **fields)
+        return
+    with pytest.raises(MeshError, match="not finite"):
+        Mesh(faces=corners, **fields)

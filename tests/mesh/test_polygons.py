@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from tests.hard_cases.fbx_writer import scene, shape, written
+from tests.fbx_writer import scene, shape, written
 from texbake.checks.check import check
 from texbake.errors import MeshError, ReadWarning, TexbakeError
 from texbake.mesh.compose import excerpt, transformed, turned_over

@@ -2,8 +2,8 @@
 
 import pytest
 
+from tests.fbx_writer import binary, rich_scene
 from tests.glb import glb_bytes, read_glb
-from tests.hard_cases.fbx_writer import binary, rich_scene
 from texbake.errors import ReadWarning
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_write import write_glb

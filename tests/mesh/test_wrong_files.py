@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from tests.fbx_writer import binary, rich_scene, scene, written
 from tests.glb import read_glb
-from tests.hard_cases.fbx_writer import binary, rich_scene, scene, written
 from tests.mesh.test_ply import ORDERS, POINTS, POLYGON, XYZ, ply
 from texbake.errors import FileError, FileFormatError, MeshError, TexbakeError, heard_warnings
 from texbake.mesh.files import MESH_SUFFIXES, read_mesh, write_mesh

@@ -1,14 +1,27 @@
-"""Readers that `fuzz_files` fuzzes, and small valid files of their formats."""
+"""What is fuzzed: readers with small valid files of their formats, and what calls the core.
+
+Kernels trust what was validated, so they are called by the functions of Python that validate. Each
+target is a format like any other: an input is a file of bytes, from which `drawn` makes arguments.
+A module is loaded when it is first needed, so that the fuzzer can count its branches.
+"""
 
 from __future__ import annotations
 
+import base64
 import json
+import sys
 from collections.abc import Callable
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+HERE = Path(__file__).parent
+for room in (HERE, HERE.parent, HERE.parent / "rendering"):
+    if str(room) not in sys.path:
+        sys.path.insert(0, str(room))
 
 Maker = Callable[[Path], None]
 Reader = Callable[[Path], Any]
@@ -24,27 +37,13 @@ def _mesh_seed(path: Path) -> None:
     write_mesh(ball.replace(tangents=corner_tangents(ball)), path)
 
 
-def _ascii_ply_seed(path: Path) -> None:
-    from texbake.mesh.shapes import uv_sphere
+def _trimesh_seed(**options: str) -> Maker:
+    def make(path: Path) -> None:
+        import trimesh
 
-    ball = uv_sphere(4, 6)
-    header = ["ply", "format ascii 1.0", f"element vertex {ball.n_vertices}"]
-    header += [f"property float {axis}" for axis in "xyz"]
-    header += [f"element face {ball.n_faces}", "property list uchar int vertex_indices"]
-    rows = [" ".join(map(str, row)) for row in ball.positions.tolist()]
-    rows += [f"3 {a} {b} {c}" for a, b, c in ball.faces.tolist()]
-    path.write_text("\n".join([*header, "end_header", *rows, ""]))
+        trimesh.creation.box().export(path, **options)
 
-
-def _ascii_stl_seed(path: Path) -> None:
-    from texbake.mesh.shapes import cube
-
-    lines = ["solid cube"]
-    for corners in cube().positions[cube().faces].tolist():
-        lines += ["facet normal 0 0 1", "outer loop"]
-        lines += [f"vertex {x} {y} {z}" for x, y, z in corners]
-        lines += ["endloop", "endfacet"]
-    path.write_text("\n".join([*lines, "endsolid cube", ""]))
+    return make
 
 
 def _gltf_seed(path: Path) -> None:
@@ -58,14 +57,11 @@ def _gltf_seed(path: Path) -> None:
 
 
 def _unpacked(whole: Path, path: Path) -> None:
-    import base64
-    import struct
+    from glb import read_glb
 
-    content = whole.read_bytes()
-    length = struct.unpack_from("<I", content, 12)[0]
-    document = json.loads(content[20 : 20 + length])
-    body = base64.b64encode(content[28 + length :]).decode()
-    document["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{body}"
+    document, data = read_glb(whole)
+    uri = f"data:application/octet-stream;base64,{base64.b64encode(data).decode()}"
+    document["buffers"][0]["uri"] = uri
     path.write_text(json.dumps(document))
 
 
@@ -150,12 +146,6 @@ def _materials_seed(suffix: str) -> Maker:
             _unpacked(whole, path)
 
     return make
-
-
-def _through_trimesh_seed(path: Path) -> None:
-    import trimesh
-
-    trimesh.creation.box().export(path)
 
 
 def _image_seed(channels: int, bits: int) -> Maker:
@@ -260,10 +250,13 @@ PATCHES = "\n".join(
 )
 
 
-def _read_mesh(path: Path) -> Any:
-    from texbake import read_mesh
+def _by(module: str, name: str) -> Reader:
+    """Return a function that is loaded when a file is read."""
+    return lambda path: getattr(import_module(module), name)(path)
 
-    return read_mesh(path)
+
+_read_mesh = _by("texbake", "read_mesh")
+_read_scene = _by("texbake", "read_scene")
 
 
 def _read_all(path: Path) -> Any:
@@ -286,30 +279,6 @@ def _read_image(path: Path) -> Any:
     return read_image(path, color=True)
 
 
-def _read_scene(path: Path) -> Any:
-    from texbake import read_scene
-
-    return read_scene(path)
-
-
-def _read_matrix(path: Path) -> Any:
-    from texbake.mapping.classical.projector import read_matrix
-
-    return read_matrix(path)
-
-
-def _read_profile(path: Path) -> Any:
-    from texbake.mesh.parametric.sources import profile_of
-
-    return profile_of(path)
-
-
-def _read_patches(path: Path) -> Any:
-    from texbake.mesh.parametric.sources import patches_of
-
-    return patches_of(path)
-
-
 def _read_hits(path: Path) -> Any:
     from texbake import BakeOptions
     from texbake.baking.bake import remap_hits
@@ -319,18 +288,14 @@ def _read_hits(path: Path) -> Any:
     return remap_hits(read_hits(path), BakeOptions(maps=("normal", "displacement")))
 
 
-def _read_pipeline(path: Path) -> Any:
-    from texbake.building.file import read_pipeline
-
-    return read_pipeline(path)
-
-
+_read_matrix = _by("texbake.mapping.classical.projector", "read_matrix")
+_SOURCES = "texbake.mesh.parametric.sources"
 FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "obj": (".obj", _mesh_seed, _read_mesh),
     "ply binary": (".ply", _mesh_seed, _read_mesh),
-    "ply ascii": (".ply", _ascii_ply_seed, _read_mesh),
+    "ply ascii": (".ply", _trimesh_seed(encoding="ascii"), _read_mesh),
     "stl binary": (".stl", _mesh_seed, _read_mesh),
-    "stl ascii": (".stl", _ascii_stl_seed, _read_mesh),
+    "stl ascii": (".stl", _trimesh_seed(file_type="stl_ascii"), _read_mesh),
     "ply strips": (".ply", _tristrips_seed, _read_mesh),
     "mtl": (".mtl", _mtl_seed, _read_mtl),
     "off": (".off", _mesh_seed, _read_mesh),
@@ -357,14 +322,12 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "jpeg": (".jpg", _image_seed(3, 8), _read_image),
     "scene": (".toml", _text_seed(SCENE), _read_scene),
     "matrix": (".txt", _text_seed(MATRIX), _read_matrix),
-    "profile": (".txt", _text_seed(PROFILE), _read_profile),
-    "patches": (".txt", _text_seed(PATCHES), _read_patches),
+    "profile": (".txt", _text_seed(PROFILE), _by(_SOURCES, "profile_of")),
+    "patches": (".txt", _text_seed(PATCHES), _by(_SOURCES, "patches_of")),
     "hits": (".npz", _hits_seed, _read_hits),
-    "pipeline": (".toml", _text_seed(PIPELINE), _read_pipeline),
-}
-FORMATS |= {
-    "dae": (".dae", _through_trimesh_seed, _read_mesh),
-    "3mf": (".3mf", _through_trimesh_seed, _read_mesh),
+    "pipeline": (".toml", _text_seed(PIPELINE), _by("texbake.building.file", "read_pipeline")),
+    "dae": (".dae", _trimesh_seed(), _read_mesh),
+    "3mf": (".3mf", _trimesh_seed(), _read_mesh),
 }
 # They come last, because each file takes a process of its own, some 0.3 s.
 if find_spec("pxr") is not None:
@@ -375,3 +338,53 @@ if find_spec("pxr") is not None:
         "usd": (".usd", _mesh_seed, _read_mesh),
         "usdz": (".usdz", _mesh_seed, _read_mesh),
     }
+
+# The functions of each module that are targets.
+MODULES = {
+    "mesh_targets": (
+        "files", "surface", "repair", "simplify", "pieces", "parts", "remesh", "distance", "check",
+        "atlas", "mappings", "layout", "rays", "bake", "cage", "streamed", "paint",
+    ),
+    "picture_targets": (
+        "image_lookup", "padding", "coding", "heights", "cubes", "procedures", "scenes", "preview",
+        "numbers",
+    ),
+}  # fmt: skip
+SEED_BYTES = 1024
+
+# Functions of the core that no target and no format reaches, and why.
+UNREACHED = {
+    "take_over_samples": "bakes of a few texels do not divide a texel twice; its tests do",
+    "has_x86_64_v3": "it takes nothing, and is called while the library is chosen",
+}
+
+
+def _seed(name: str) -> Maker:
+    def make(path: Path) -> None:
+        path.write_bytes(np.random.default_rng([*name.encode()]).bytes(SEED_BYTES))
+
+    return make
+
+
+def _target(module: str, name: str) -> Reader:
+    def read(path: Path) -> Any:
+        from drawn import Drawn
+
+        getattr(import_module(module), name)(Drawn(path.read_bytes()))
+
+    return read
+
+
+TARGETS: dict[str, tuple[str, Maker, Reader]] = {
+    f"core {name}": (".bin", _seed(name), _target(module, name))
+    for module, names in MODULES.items()
+    for name in names
+}
+READ = FORMATS | TARGETS
+
+
+def unreached() -> set[str]:
+    """Return the functions of the core that have not been called in this process."""
+    from texbake.core import core
+
+    return set(core._prototypes) - set(vars(core))
