@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import texbake.rendering.draw as drawing
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import cube, plane, uv_sphere
@@ -16,7 +17,6 @@ from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import (
     Ambient,
     AmbientOcclusion,
@@ -273,18 +273,12 @@ def camera_for(options):
     return Camera.framing(plane(), options=options)
 
 
-def hook_of(effect, hook):
-    """The function of a hook, or None."""
-    value = getattr(effect, hook)
-    return value.compute if isinstance(value, Result) else value
-
-
 def counted(effects, monkeypatch):
     """The same effects, with a list of the (effect, hook) that were entered."""
     entered: list[tuple[str, str]] = []
 
     def watched(effect, hook):
-        function = hook_of(effect, hook)
+        function = getattr(effect, hook)
 
         def enter(*arguments):
             entered.append((effect.name, hook))
@@ -292,14 +286,14 @@ def counted(effects, monkeypatch):
 
         return None if function is None else enter
 
-    copies = []
-    for effect in effects:
-        hooks = {hook: watched(effect, hook) for hook in HOOKS}
-        for hook in "load", "prepare":
-            result, enter = getattr(effect, hook), hooks.pop(hook)
-            if result is not None:  # stays the key that it is, so it is watched where it stands
-                monkeypatch.setitem(vars(result), "compute", enter)
-        copies.append(replace(effect, **hooks))
+    def computed(state, prepared, effect, result, target, compute=drawing._computed):
+        entered.append((effect.name, "load" if result is effect.load else "prepare"))
+        return compute(state, prepared, effect, result, target)
+
+    # The functions of `load` and `prepare` are keys, too, so they are watched where they run.
+    monkeypatch.setattr(drawing, "_computed", computed)
+    others = [hook for hook in HOOKS if hook not in ("load", "prepare")]
+    copies = [replace(each, **{hook: watched(each, hook) for hook in others}) for each in effects]
     return tuple(copies), entered
 
 

@@ -28,6 +28,7 @@ from random_scenes import (
     write_images,
 )
 
+import texbake.rendering.draw as drawing
 import texbake.rendering.maps as maps
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -68,10 +69,8 @@ def recording() -> Iterator[Trace]:
         undo.append((owner, name, work))
         object.__setattr__(owner, name, call)
 
+    watch(drawing, "_computed", partial(_note_target, trace))
     for effect in EFFECTS:
-        for result in filter(None, (effect.load, effect.prepare)):
-            loads = trace.loads if result is effect.load else set()
-            watch(result, "compute", partial(_note_target, trace, effect.name, loads))
         if effect.shade is not None:
             watch(effect, "shade", partial(_note_fragments, trace, effect.name))
     watch(maps, "read_image", lambda path, *rest: trace.files.add(str(path)))
@@ -85,10 +84,11 @@ def recording() -> Iterator[Trace]:
 
 
 def _note_target(
-    trace: Trace, name: str, loads: set[tuple[str, Any]], state: RenderState, target: Target
+    trace: Trace, state: RenderState, _: Any, effect: Effect, result: Any, target: Target
 ) -> None:
-    trace.effects.add((name, target))
-    loads.add((name, target))
+    trace.effects.add((effect.name, target))
+    if result is effect.load:
+        trace.loads.add((effect.name, target))
 
 
 def _note_fragments(trace: Trace, name: str, fragments: Fragments, state: RenderState) -> None:

@@ -4,7 +4,7 @@ import pytest
 from texbake.errors import FileError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effects.surfaces import PLACED_OBJECTS
+from texbake.rendering.effects.surfaces import place_object
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
@@ -147,7 +147,7 @@ def test_progress_tells_the_stages():
 
 @pytest.mark.parametrize("stops", [FileError("it is gone"), KeyboardInterrupt()])
 def test_what_was_loaded_before_an_error_is_not_loaded_again(monkeypatch, stops):
-    load, loaded, faults = PLACED_OBJECTS.compute, [], [stops]
+    load, loaded, faults = place_object.compute, [], [stops]
 
     def spy(state, target):
         if target == 2 and faults:
@@ -155,7 +155,7 @@ def test_what_was_loaded_before_an_error_is_not_loaded_again(monkeypatch, stops)
         loaded.append(target)
         return load(state, target)
 
-    monkeypatch.setitem(vars(PLACED_OBJECTS), "compute", spy)
+    monkeypatch.setitem(vars(place_object), "compute", spy)
     prepared = prepare(Scene(objects=(SceneObject(mesh=cube()),) * 4), SMALL)
     camera = camera_of(prepared.scene, SMALL)
     with pytest.raises(type(stops)):

@@ -14,7 +14,6 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effect import Activation, Effect
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
@@ -39,7 +38,7 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
         does="looks",
         activations=lambda request: [Activation(i, "the test", "it looks") for i in request.shaded],
         left_out="nothing is shaded",
-        load=Result(lambda state, target: kept.append(state.drawn(target))),
+        load=lambda state, target: kept.append(state.drawn(target)),
     )
     material = Material(**{"shading": "unlit", "displacement": holder} | fields)
     scene = Scene(

@@ -23,15 +23,15 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.effects.environment import OF_ENVIRONMENT
-from texbake.rendering.effects.surfaces import DISPLACED_OBJECTS, PLACED_OBJECTS
-from texbake.rendering.effects.transparency import PEELED_LAYERS
+from texbake.rendering.effects.surfaces import displace_object, place_object
+from texbake.rendering.effects.transparency import peel_layers
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.passes import find_visible, shade_fragments
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.rasterize import World, join_objects
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
-from texbake.rendering.results import Costs, Deferred, Result, Results, Target
+from texbake.rendering.results import Compute, Costs, Deferred, Results, Target
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene_simplification import SkippedEffect, simplify_scene
 from texbake.rendering.texture_order import base_colors_alone, in_texture_order
@@ -205,9 +205,9 @@ def _run(
                 continue
             for result in filter(None, (effect.load, effect.prepare)):
                 compute = partial(_computed, state, prepared, effect, result, target)
-                if result.deferred:
+                if effect.deferred:
                     state.costs.skip(effect.name, "it reaches no pixel")
-                value = Deferred(compute) if result.deferred else compute()
+                value = Deferred(compute) if effect.deferred else compute()
                 state.results.put(result, target, value)
 
 
@@ -228,7 +228,7 @@ def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:
 
 
 def _computed(
-    state: RenderState, prepared: Prepared, effect: Effect, result: Result[Any], target: Target
+    state: RenderState, prepared: Prepared, effect: Effect, result: Compute[Any], target: Target
 ) -> Any:
     """Compute a result of an effect for a target, or find it among those of the scene."""
     known = prepared.loaded.results
@@ -236,7 +236,7 @@ def _computed(
     with state.costs.timed(effect.name), state.reporting_for(index):
         if result is effect.load and target in known.all(result):
             return known.get(result, target)
-        value = result.compute(state, target)
+        value = result(state, target)
         if result is effect.load:
             known.put(result, target, value)
         if effect.load is None or value is not state.results.all(effect.load).get(target):
@@ -258,7 +258,7 @@ def _n_bytes(value: Any) -> int:
 
 def _gather_objects(state: RenderState, prepared: Prepared) -> DrawnScene:
     objects = tuple(
-        state.get(DISPLACED_OBJECTS, index) or state.of(PLACED_OBJECTS, index)
+        state.get(displace_object, index) or state.of(place_object, index)
         for index in range(len(state.scene.objects))
     )
     displaced = state.plan.has("displacement")
@@ -280,7 +280,7 @@ def shade_to_sums(state: RenderState) -> Sums:
         keeps_normals="normals" in state.request.keep,
     )
     state.costs.add("pixels", 0.0, sums.n_bytes)
-    layers, visibility = state.get(PEELED_LAYERS), state.visible.visibility
+    layers, visibility = state.get(peel_layers), state.visible.visibility
 
     def work(start: int, stop: int) -> None:
         if layers is None:

@@ -13,9 +13,9 @@ runs their functions:
 `dim`       for the light of one lamp that arrives at some fragments, before they reflect it
 `tint`      for the same light, once all effects have dimmed it
 
-`load` and `prepare` are each a `Result`: a function that also serves as a typed key for its values
-in the `RenderState`. They run for each target of the effect: the index of an object, the index of a
-light, or None for the whole picture.
+`load` and `prepare` run for each target of the effect: the index of an object, the index of a
+light, or None for the whole picture. Other effects look up what they return in the `RenderState`,
+by the function itself: `state.of(mesh_normals, target)`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import VisibilityBuffer, World
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Costs, Deferred, Result, Results, Target, Value
+from texbake.rendering.results import Compute, Costs, Deferred, Results, Target, Value
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import DEFAULT_MATERIAL
 from texbake.rendering.scene.scene import Scene
@@ -96,8 +96,10 @@ class Effect:
     # `material_field`.
     without: Callable[[Scene], Scene] | None = None
     # load, prepare, shade, dim, tint: see the module docstring
-    load: Result[Any] | None = None
-    prepare: Result[Any] | None = None
+    load: Compute[Any] | None = None
+    prepare: Compute[Any] | None = None
+    # Whether they run only when a fragment first asks for their result
+    deferred: bool = False
     shade: Callable[[Fragments, RenderState], None] | None = None
     dim: Callable[[Fragments, RenderState, int, IncidentLight], None] | None = None
     tint: Callable[[Fragments, RenderState, int, IncidentLight], None] | None = None
@@ -261,12 +263,12 @@ class RenderState:
         """Lights of the scene."""
         return self.scene.lighting.lights
 
-    def of(self, result: Result[Value], target: Target = None) -> Value:
+    def of(self, result: Compute[Value], target: Target = None) -> Value:
         """Return the value that an effect computed for a target."""
         value: Value | Deferred[Value] = self.results.all(result)[target]
         return value.get() if isinstance(value, Deferred) else value
 
-    def get(self, result: Result[Value], target: Target = None) -> Value | None:
+    def get(self, result: Compute[Value], target: Target = None) -> Value | None:
         """Return the value of an effect for a target; None if the plan has no such pass."""
         return self.results.get(result, target)
 

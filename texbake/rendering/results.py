@@ -17,13 +17,8 @@ Target = int | None
 Value = TypeVar("Value")
 
 
-@dataclass(frozen=True, eq=False)
-class Result(Generic[Value]):
-    """A value that an effect computes before shading, and the key to look it up by."""
-
-    # Function of (state, target) that returns the value
-    compute: Callable[[RenderState, Any], Value]
-    deferred: bool = False  # whether it is computed only when a fragment first asks for it
+# Function of (state, target) that computes a value before shading, and the key to look it up by.
+Compute = Callable[["RenderState", Any], Value]
 
 
 class Deferred(Generic[Value]):
@@ -48,26 +43,26 @@ class Deferred(Generic[Value]):
 
 
 class Results:
-    """Values that effects have computed, by `Result` and target; any thread may add one."""
+    """Values that effects have computed, by function and target; any thread may add one."""
 
     def __init__(self) -> None:
-        self._values: dict[Result[Any], dict[Target, Any]] = {}
+        self._values: dict[Compute[Any], dict[Target, Any]] = {}
 
-    def all(self, result: Result[Value]) -> Mapping[Target, Value]:
+    def all(self, result: Compute[Value]) -> Mapping[Target, Value]:
         """Return the values of a result for all targets."""
         return self._values.get(result, {})
 
-    def get(self, result: Result[Value], target: Target = None) -> Value | None:
+    def get(self, result: Compute[Value], target: Target = None) -> Value | None:
         """Return a value, or None if there is none; computes a deferred one."""
         value: Value | Deferred[Value] | None = self.all(result).get(target)
         return value.get() if isinstance(value, Deferred) else value
 
-    def put(self, result: Result[Any], target: Target, value: Any) -> None:
+    def put(self, result: Compute[Any], target: Target, value: Any) -> None:
         """Add a value, or replace it."""
         self._values.setdefault(result, {})[target] = value
 
     def copy(
-        self, *, only: Collection[Result[Any]] | None = None, without: Collection[Result[Any]] = ()
+        self, *, only: Collection[Any] | None = None, without: Collection[Any] = ()
     ) -> Results:
         """Return a copy, of some results alone."""
         copied = Results()

@@ -33,7 +33,7 @@ from texbake.rendering.adaptive_pixels.pixel_statistics import (
 )
 from texbake.rendering.draw import find_background
 from texbake.rendering.effect import RenderState
-from texbake.rendering.effects.transparency import PEELED_LAYERS, LayeredSamples
+from texbake.rendering.effects.transparency import LayeredSamples, peel_layers
 from texbake.rendering.fragments import FragmentRows, fragment_rows
 from texbake.rendering.passes import find_visible, shade_objects
 from texbake.rendering.rasterize import VisibilityBuffer, Window
@@ -141,7 +141,7 @@ class PixelSampler:
         if self._has_layers:
             with state.costs.timed("layers"):
                 part = replace(part, visible_scene=visible)
-                layers = [*PEELED_LAYERS.compute(part, None).layers, *layers]
+                layers = [*peel_layers(part, None).layers, *layers]
         for visibility in layers:
             core.drop_unwanted(visibility.face_ids, mask, sides.seen)
         return layers
@@ -228,7 +228,7 @@ def _behind_all(state: RenderState) -> Float32Array | None:
             results = state.results.copy()
             empty = replace(state, request=request, visible_scene=visible, results=results)
             with state.costs.timed(item.name):
-                behind = item.effect.prepare.compute(empty, None)
+                behind = item.effect.prepare(empty, None)
             results.put(item.effect.prepare, None, behind)
             return find_background(empty)
     return find_background(state)

@@ -26,7 +26,7 @@ from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.material_simplification import is_diffuse, reflects_environment
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Target
 from texbake.rendering.scene.lights import Ambient
 from texbake.texture.image import FloatImage
 
@@ -55,7 +55,7 @@ def _occlusion_activations(request: RenderRequest) -> Iterator[Activation | Reje
                 yield Activation(index, request.name(index), "the scene has ambient occlusion")
 
 
-def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
+def _occlusion_shares(state: RenderState, target: Target) -> FloatImage:
     """(H, W) float32: unoccluded share of ambient light at each pixel's surface."""
     occlusion = state.scene.lighting.occlusion
     assert occlusion is not None
@@ -95,17 +95,16 @@ def _find_occlusion(state: RenderState, target: Target) -> FloatImage:
 
 
 def _hold_back(fragments: Fragments, state: RenderState) -> None:
-    fragments.ambient_share = state.of(OCCLUSION_SHARES).ravel()[fragments.pixels]
+    fragments.ambient_share = state.of(_occlusion_shares).ravel()[fragments.pixels]
 
 
-OCCLUSION_SHARES = Result(_find_occlusion)
 OCCLUSION_PICTURE = Effect(
     name="occlusion picture",
     does="computes ambient occlusion from depths",
     after="layers",
     of="picture",
     left_out="the scene has no ambient occlusion",
-    prepare=OCCLUSION_SHARES,
+    prepare=_occlusion_shares,
 )
 
 AMBIENT_OCCLUSION = Effect(

@@ -20,7 +20,7 @@ from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.rasterize import rasterize
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Target
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.sample import mip_levels
@@ -55,7 +55,7 @@ def _needs(request: RenderRequest, target: int) -> Iterator[str]:
         yield "images" if _has_image(request, target) else "texture coordinates"
 
 
-def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
+def _buffer_range(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
     """Range of distances for `depth`, or triangles per sample for `overdraw`, once for all."""
     if target != min(state.visible.objects):
         return np.empty(0)
@@ -82,7 +82,7 @@ def _prepare(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
 
 def _depth(fragments: Fragments, state: RenderState) -> Floats:
     """White at the nearest surface, black at the farthest."""
-    near, far = state.of(BUFFER_RANGES, min(state.visible.objects))
+    near, far = state.of(_buffer_range, min(state.visible.objects))
     away = pm.matmul(state.camera.eye - fragments.positions, state.camera.axes[2])
     level = (far - away) / max(far - near, np.finfo(np.float64).tiny)
     return _gray(0.05 + 0.95 * np.clip(level, 0.0, 1.0))
@@ -122,7 +122,7 @@ def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
 
 def _overdraw(fragments: Fragments, state: RenderState) -> Floats:
     """Number of triangles that cover the pixel's center, brightest from 16 on."""
-    tries = state.of(BUFFER_RANGES, min(state.visible.objects))
+    tries = state.of(_buffer_range, min(state.visible.objects))
     side = state.options.supersampling
     columns, rows = (fragments.places.T * side).astype(np.int64)
     return _gray(np.minimum(tries[rows, columns], _MOST_TRIES) / _MOST_TRIES)
@@ -162,7 +162,6 @@ def _shade(fragments: Fragments, state: RenderState) -> None:
     fragments.light += _PICTURES[state.options.buffer](fragments, state)
 
 
-BUFFER_RANGES = Result(_prepare)
 BUFFER = Effect(
     name="buffer",
     does="shows a buffer of the renderer",
@@ -172,7 +171,7 @@ BUFFER = Effect(
     requested_by="the options",
     left_out="the options ask for the picture itself",
     needs=(_needs,),
-    prepare=BUFFER_RANGES,
+    prepare=_buffer_range,
     shade=_shade,
     rate="pixel",
 )

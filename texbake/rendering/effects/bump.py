@@ -57,7 +57,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident
-from texbake.rendering.effects.normals import MESH_NORMALS, same_from_all_sides
+from texbake.rendering.effects.normals import mesh_normals, same_from_all_sides
 from texbake.rendering.effects.points import (
     coordinates_effect,
     steps_along_surface,
@@ -69,7 +69,6 @@ from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.material import EMBOSS_FORMS, BumpMap, Material
 from texbake.rendering.scene.textures import ImageTexture
 
@@ -113,7 +112,7 @@ def bump_surface(state: RenderState, target: int) -> BumpSurface:
     mesh = textured_mesh(state, target)
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
     inverse: FloatArray = np.asarray(pm.inv(linear), np.float64)
-    normals, corners = state.of(MESH_NORMALS, target)
+    normals, corners = state.of(mesh_normals, target)
     if item.transform is not None:
         normals = transformed_normals(normals, inverse)
         lengths = pm.norm(normals, axis=1, keepdims=True)
@@ -218,7 +217,7 @@ def _without_bumps(material: Material, *, embossed: bool) -> Material:
 
 
 def _bump(fragments: Fragments, state: RenderState) -> None:
-    surface = state.of(BUMP_SURFACES, fragments.target)
+    surface = state.of(bump_surface, fragments.target)
     slopes = _slopes(fragments, state, surface, lookup_steps(fragments, state, surface))
     heights = np.zeros(len(fragments))
     if bump_of(state.request, fragments.target).form == "exact":
@@ -259,7 +258,7 @@ _NO_METAL = np.zeros((1, 1), np.float32)
 
 
 def _emboss(fragments: Fragments, state: RenderState) -> None:
-    surface = state.of(EMBOSSED_SURFACES, fragments.target)
+    surface = state.of(bump_surface, fragments.target)
     steps = lookup_steps(fragments, state, surface)
     shifts, lengths = np.empty_like(steps), np.empty(len(fragments))
     holder = bump_of(state.request, fragments.target)
@@ -286,8 +285,6 @@ def _emboss(fragments: Fragments, state: RenderState) -> None:
 
 
 _NEEDS = ("derivatives", _texture_needs, "vertex normals", normals_effect)
-BUMP_SURFACES = Result(bump_surface)
-EMBOSSED_SURFACES = Result(bump_surface)
 BUMP_MAP = Effect(
     name="bump map",
     does="tilts normals by the slope of a height",
@@ -299,7 +296,7 @@ BUMP_MAP = Effect(
     left_out="no lit material in the picture has a bump map",
     needs=_NEEDS,
     without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=False)),
-    load=BUMP_SURFACES,
+    load=bump_surface,
     shade=_bump,
     rate="vertex",
     gives_normals=True,
@@ -314,7 +311,7 @@ EMBOSS = Effect(
     left_out="no lit material in the picture is embossed",
     needs=(*_NEEDS, "slots", lamp_positions),
     without=lambda scene: scene.with_materials(partial(_without_bumps, embossed=True)),
-    load=EMBOSSED_SURFACES,
+    load=bump_surface,
     shade=_emboss,
     rate="vertex",
 )

@@ -33,7 +33,7 @@ from texbake.rendering.fragments import Floats, Fragments, one_row
 from texbake.rendering.maps import colors_from
 from texbake.rendering.material_simplification import reflects_environment, scatters
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Target
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.studio import STUDIO_ROOM, studio_room
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
@@ -83,7 +83,8 @@ def turn_of(environment: Environment, up: str) -> FloatArray:
     return turned
 
 
-def _load(state: RenderState, target: Target) -> PlacedEnvironment:
+def environment_map(state: RenderState, target: Target) -> PlacedEnvironment:
+    """Return the environment as a cube map, times its intensity."""
     environment = state.scene.lighting.environment
     assert environment is not None
     cube = _cube(environment, state.threads)
@@ -120,11 +121,11 @@ def _background_activations(request: RenderRequest) -> Iterator[Activation | Rej
         yield Activation(None, "the scene", "it has an environment")
 
 
-def _background(state: RenderState, target: Target) -> FloatImage:
+def _background_picture(state: RenderState, target: Target) -> FloatImage:
     """(H, W, 3): the environment at pixels not fully covered by a surface; 0 elsewhere."""
     height, width = state.options.height, state.options.width
     side = state.options.supersampling
-    environment = state.of(ENVIRONMENT_MAP)
+    environment = state.of(environment_map)
     rays = state.camera.view_rays(width, height).astype(np.float32)
     behind = np.zeros((height, width, 3), np.float32)
     face_ids = state.visible.visibility.face_ids
@@ -153,15 +154,15 @@ def _maps_for_lighting(request: RenderRequest, target: int) -> Iterator[str]:
         yield from ("view directions", "prefiltered environment")
 
 
-def _load_irradiance(state: RenderState, target: Target) -> PlacedEnvironment:
-    environment = state.of(ENVIRONMENT_MAP)
+def _irradiance_map(state: RenderState, target: Target) -> PlacedEnvironment:
+    environment = state.of(environment_map)
     diffuse = irradiance(environment.chain.level(0), threads=state.threads)
     return PlacedEnvironment(CubeChain.of([diffuse]), environment.turn)
 
 
-def _load_levels(state: RenderState, target: Target) -> PlacedEnvironment:
+def _prefiltered_map(state: RenderState, target: Target) -> PlacedEnvironment:
     """Prefilter the environment; level i is for the roughness i / (levels - 1)."""
-    environment = state.of(ENVIRONMENT_MAP)
+    environment = state.of(environment_map)
     size = min(_SPECULAR_SIZE, environment.chain.size)
     chain = specular_levels(
         environment.chain.level(0), n_levels=_LEVELS, size=size, threads=state.threads
@@ -181,14 +182,14 @@ def _light(fragments: Fragments, state: RenderState) -> None:
     values, normals, to_eye = fragments.values, fragments.normals, fragments.to_eye
     diffuse = np.zeros_like(normals)
     if scatters(fragments.drawn.material):
-        diffuse = state.of(IRRADIANCE_MAP).look(normals)
+        diffuse = state.of(_irradiance_map).look(normals)
     mirrored, table = np.empty((0, 3), np.float32), _NO_TABLE
     if fragments.drawn.material.shading == "metallic-roughness":
         directions = np.empty_like(normals)
         core.mirror_directions(normals, to_eye, directions)
         assert values.roughness is not None
         levels = np.broadcast_to(values.roughness[:, 0] * (_LEVELS - 1), len(normals))
-        mirrored = state.of(PREFILTERED_MAP).look(
+        mirrored = state.of(_prefiltered_map).look(
             directions, np.ascontiguousarray(levels, np.float32)
         )
         table = split_sum_table()
@@ -199,17 +200,15 @@ def _light(fragments: Fragments, state: RenderState) -> None:
     )  # fmt: skip
 
 
-ENVIRONMENT_MAP = Result(_load)
 ENVIRONMENT = Effect(
     name="environment",
     does="makes a cube map of the environment",
     after="shadow maps",
     of="picture",
     left_out="the scene has no environment, or nothing shows it",
-    load=ENVIRONMENT_MAP,
+    load=environment_map,
 )
 
-BACKGROUND_PICTURE = Result(_background)
 BACKGROUND = Effect(
     name="background",
     does="shows the environment behind surfaces",
@@ -219,11 +218,10 @@ BACKGROUND = Effect(
     without=lambda scene: scene.with_environment(background=False),
     left_out="the scene has no environment",
     needs=("environment",),
-    prepare=BACKGROUND_PICTURE,
-    behind=lambda state: state.of(BACKGROUND_PICTURE),
+    prepare=_background_picture,
+    behind=lambda state: state.of(_background_picture),
 )
 
-IRRADIANCE_MAP = Result(_load_irradiance)
 IRRADIANCE = Effect(
     name="irradiance",
     does="integrates the environment's light for each normal",
@@ -231,10 +229,9 @@ IRRADIANCE = Effect(
     of="picture",
     left_out="no environment lights a visible surface that is not pure metal",
     needs=("environment",),
-    load=IRRADIANCE_MAP,
+    load=_irradiance_map,
 )
 
-PREFILTERED_MAP = Result(_load_levels)
 PREFILTERED_ENVIRONMENT = Effect(
     name="prefiltered environment",
     does="blurs the environment for each roughness",
@@ -242,11 +239,11 @@ PREFILTERED_ENVIRONMENT = Effect(
     of="picture",
     left_out="no environment lights a metallic-roughness surface in the picture",
     needs=("environment",),
-    load=PREFILTERED_MAP,
+    load=_prefiltered_map,
 )
 
 # Results of scenes with an environment in common that are the same in all of them.
-OF_ENVIRONMENT = (ENVIRONMENT_MAP, IRRADIANCE_MAP, PREFILTERED_MAP)
+OF_ENVIRONMENT = (environment_map, _irradiance_map, _prefiltered_map)
 
 ENVIRONMENT_LIGHT = Effect(
     name="environment light",

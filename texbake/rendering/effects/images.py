@@ -23,7 +23,7 @@ from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import MapSource, channel_of, colors_from, data_from, normals_from
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Target
 from texbake.rendering.scene.material import DEFAULT_MATERIAL, Material
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import (
@@ -123,10 +123,10 @@ def without_textures(kind: type, scene: Scene) -> Scene:
     return scene.with_materials(bare)
 
 
-def _load(state: RenderState, target: int) -> dict[str, LoadedImage]:
+def _load_images(state: RenderState, target: int) -> dict[str, LoadedImage]:
     found: dict[str, LoadedImage] = {}
     for name, texture in state.request.textures_of(target, ImageTexture):
-        others = (*state.results.all(LOADED_IMAGES).values(), found)
+        others = (*state.results.all(_load_images).values(), found)
         found[name] = _load_shared(state, target, name, texture, others)
     return found
 
@@ -253,13 +253,13 @@ def _mip_reasons(request: RenderRequest, index: int) -> Iterator[str]:
             yield f"{name} is filtered {kind}"
 
 
-def _load_mips(state: RenderState, target: Target) -> dict[str, LoadedImage]:
+def _load_mip_levels(state: RenderState, target: Target) -> dict[str, LoadedImage]:
     """Make the mip levels of the images whose filter needs them."""
     found: dict[str, LoadedImage] = {}
-    for name, image in state.of(LOADED_IMAGES, target).items():
+    for name, image in state.of(_load_images, target).items():
         if image.filter not in FILTERS_WITH_LEVELS:
             continue
-        others = (*state.results.all(IMAGES_WITH_LEVELS).values(), found)
+        others = (*state.results.all(_load_mip_levels).values(), found)
         alike = (
             other
             for images in others
@@ -285,8 +285,8 @@ def with_levels(image: LoadedImage, *, threads: int | None = None) -> LoadedImag
 
 def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
     """Return the image of a slot, with its mip levels if its filter needs them."""
-    with_levels_too = state.get(IMAGES_WITH_LEVELS, target) or {}
-    return with_levels_too.get(name) or state.of(LOADED_IMAGES, target)[name]
+    with_levels_too = state.get(_load_mip_levels, target) or {}
+    return with_levels_too.get(name) or state.of(_load_images, target)[name]
 
 
 def look_up(
@@ -324,7 +324,6 @@ def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> 
     return values
 
 
-LOADED_IMAGES = Result(_load)
 IMAGES = Effect(
     name="images",
     does="reads the images of materials",
@@ -333,10 +332,9 @@ IMAGES = Effect(
     left_out="no material in the picture has an image",
     needs=(_needs,),
     without=partial(without_textures, ImageTexture),
-    load=LOADED_IMAGES,
+    load=_load_images,
 )
 
-IMAGES_WITH_LEVELS = Result(_load_mips)
 MIP_MAPS = Effect(
     name="mip maps",
     does="makes mip levels of images",
@@ -344,5 +342,5 @@ MIP_MAPS = Effect(
     reasons=_mip_reasons,
     left_out="no image has a filter with mip levels",
     needs=("images",),
-    load=IMAGES_WITH_LEVELS,
+    load=_load_mip_levels,
 )

@@ -23,7 +23,6 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import picture_aspect
 
@@ -76,7 +75,8 @@ def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
         yield f"it is {light.kind}"
 
 
-def _prepare(state: RenderState, target: int) -> PlacedLight:
+def place_light(state: RenderState, target: int) -> PlacedLight:
+    """Place a light of the scene in world space."""
     return placed_light(state.lights[target], state.camera)
 
 
@@ -153,7 +153,7 @@ def arriving_light(light: PlacedLight, points: FloatArray, normals: Floats) -> I
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
     """Light of one lamp at fragments, dimmed by the shadows and cookies in the plan."""
-    found = arriving_light(state.of(PLACED_LIGHTS, index), fragments.positions, fragments.normals)
+    found = arriving_light(state.of(place_light, index), fragments.positions, fragments.normals)
     passes = [
         item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
     ]
@@ -177,7 +177,6 @@ def reaches_any(fragments: Fragments, incident: IncidentLight) -> bool:
     return bool(arrives.any())
 
 
-PLACED_LIGHTS = Result(_prepare)
 LIGHTS = Effect(
     name="lights",
     does="places lights in world space",
@@ -187,5 +186,5 @@ LIGHTS = Effect(
     reasons=_reasons,
     without=lambda scene: scene.with_lights(intensity=0.0),
     left_out="the scene has no lights",
-    prepare=PLACED_LIGHTS,
+    prepare=place_light,
 )

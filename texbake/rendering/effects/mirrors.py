@@ -30,13 +30,12 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
-from texbake.rendering.effects.environment import ENVIRONMENT_MAP, PlacedEnvironment
+from texbake.rendering.effects.environment import PlacedEnvironment, environment_map
 from texbake.rendering.effects.lights import fix_in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 from texbake.texture.cube_map import CubeChain, CubeMap, cube_face_axes
@@ -83,13 +82,13 @@ def _why_not_rendered(request: RenderRequest) -> str:
     return "the scene has no other object to show" if len(request.scene.objects) == 1 else ""
 
 
-def _load(state: RenderState, target: int) -> PlacedEnvironment | None:
+def _fixed_environment(state: RenderState, target: int) -> PlacedEnvironment | None:
     """Render an object's environment once for all cameras, unless a light follows the camera."""
     return None if any(light.follows_camera for light in state.lights) else _render(state, target)
 
 
-def _prepare(state: RenderState, target: int) -> PlacedEnvironment:
-    return state.of(FIXED_ENVIRONMENTS, target) or _render(state, target)
+def _rendered_environment(state: RenderState, target: int) -> PlacedEnvironment:
+    return state.of(_fixed_environment, target) or _render(state, target)
 
 
 def _render(state: RenderState, target: int) -> PlacedEnvironment:
@@ -127,8 +126,8 @@ def _environment(
     """Return the environment that a mirror shows; None means black."""
     found: PlacedEnvironment | None = None
     if mirror.environment == "rendered":
-        found = state.get(RENDERED_ENVIRONMENTS, fragments.target)
-    return found or state.get(ENVIRONMENT_MAP)
+        found = state.get(_rendered_environment, fragments.target)
+    return found or state.get(environment_map)
 
 
 def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
@@ -160,8 +159,6 @@ def _refract(fragments: Fragments, state: RenderState) -> None:
     _mix(fragments, state, "refraction", directions)
 
 
-FIXED_ENVIRONMENTS = Result(_load)
-RENDERED_ENVIRONMENTS = Result(_prepare)
 RENDERED_ENVIRONMENT = Effect(
     name="rendered environment",
     does="renders a cube map of the scene around an object",
@@ -169,9 +166,9 @@ RENDERED_ENVIRONMENT = Effect(
     reasons=_rendered_reasons,
     without=lambda scene: scene.with_materials(_without_rendered),
     left_out="no material in the picture reflects or refracts the scene around it",
-    load=FIXED_ENVIRONMENTS,
+    load=_fixed_environment,
     of_the_others=True,
-    prepare=RENDERED_ENVIRONMENTS,
+    prepare=_rendered_environment,
 )
 
 REFRACTION = Effect(

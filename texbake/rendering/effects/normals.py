@@ -34,10 +34,10 @@ from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 
 
-def _load_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]:
+def mesh_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]:
+    """Shading normals (N, 3) of an object in world space, and their indices (F, 3)."""
     normals, corners = shading_normals(state.drawn(target).mesh, threads=state.threads)
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
@@ -53,7 +53,7 @@ def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
         normals, corners = drawn.normals, drawn.normal_faces
         faces, weights = fragments.drawn_faces, fragments.drawn_weights
     else:
-        normals, corners = state.of(MESH_NORMALS, fragments.target)
+        normals, corners = state.of(mesh_normals, fragments.target)
         faces, weights = fragments.faces, fragments.weights
     out = np.empty((len(fragments), 3), np.float32)
     core.interpolate_normals(
@@ -66,13 +66,12 @@ def _interpolate(fragments: Fragments, state: RenderState) -> None:
     fragments.normals = interpolated_normals(fragments, state)
 
 
-MESH_NORMALS = Result(_load_normals)
 VERTEX_NORMALS = Effect(
     name="vertex normals",
     does="computes vertex normals",
     after="procedures",
     left_out="nothing in the picture needs normals",
-    load=MESH_NORMALS,
+    load=mesh_normals,
 )
 
 NORMALS = Effect(
@@ -102,7 +101,7 @@ def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
         yield from ("vertex normals", "tangents")
 
 
-def _load_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
+def _mesh_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
     mesh = textured_mesh(state, target).on_uv_set(_uv_set_of_map(state.request, target))
     tangents = shading_tangents(mesh)
     return read_only(tangents, np.float32)
@@ -129,9 +128,9 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
         has_own = textured_mesh(state, target).tangents is not None and image.uv_set is None
         if image.turn is not None and not has_own:
             texels[:, :2] = pm.matmul(texels[:, :2], image_axes(image.turn))
-        normals, corners = state.of(MESH_NORMALS, target)
+        normals, corners = state.of(mesh_normals, target)
         core.bend_normals(
-            normals, corners, state.of(MESH_TANGENTS, target), fragments.faces,
+            normals, corners, state.of(_mesh_tangents, target), fragments.faces,
             fragments.weights, texels, float(holder.strength), fragments.back_facing,
             state.camera.axes[2], fragments.normals,
         )  # fmt: skip
@@ -145,14 +144,13 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     )
 
 
-MESH_TANGENTS = Result(_load_tangents)
 TANGENTS = Effect(
     name="tangents",
     does="computes MikkTSpace tangents",
     after="normals",
     left_out="no map in the picture is in tangent space",
     needs=("vertex normals", _coordinates_for_tangents),
-    load=MESH_TANGENTS,
+    load=_mesh_tangents,
 )
 
 NORMAL_MAP = Effect(

@@ -36,7 +36,6 @@ from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
@@ -58,7 +57,7 @@ def _pointless(request: RenderRequest, index: int) -> str:
     return "" if looks_up else "its material looks up nothing at texture coordinates"
 
 
-def _load(state: RenderState, target: int) -> TextureSlopes:
+def _texture_slopes(state: RenderState, target: int) -> TextureSlopes:
     mesh = textured_mesh(state, target)
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
@@ -75,7 +74,7 @@ def _load(state: RenderState, target: int) -> TextureSlopes:
 
 def _view_offsets(fragments: Fragments, state: RenderState, depth: float) -> FloatArray:
     """(n, 2) float64: distance in (u, v) that the view ray travels while it descends `depth`."""
-    known = state.of(TEXTURE_SLOPES, fragments.target)
+    known = state.of(_texture_slopes, fragments.target)
     normals = interpolated_normals(fragments, state).astype(np.float64)
     to_eye = fragments.to_eye.astype(np.float64)
     facing = pm.vecdot(normals, to_eye)
@@ -138,7 +137,6 @@ def _hit_positions(
     return shares
 
 
-TEXTURE_SLOPES = Result(_load)
 PARALLAX = Effect(
     name="parallax",
     does="moves texture coordinates to where the view ray meets the heights",
@@ -149,6 +147,6 @@ PARALLAX = Effect(
     pointless=_pointless,
     left_out="no material in the picture has a parallax map",
     needs=("images", "view directions", "vertex normals"),
-    load=TEXTURE_SLOPES,
+    load=_texture_slopes,
     shade=_shade,
 )

@@ -22,13 +22,12 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.scene import apply_mapping, place_mesh
 
 
 def textured_mesh(state: RenderState, target: int) -> Mesh:
     """Return the mesh of an object in world space, with the coordinates from its mapping."""
-    found = state.get(MAPPED_MESHES, target)
+    found = state.get(map_mesh, target)
     return state.drawn(target).mesh if found is None else found.placed
 
 
@@ -51,7 +50,8 @@ class MappedMesh:
         return 0 if uvs is None or faces is None else uvs.nbytes + faces.nbytes
 
 
-def _map(state: RenderState, target: int) -> MappedMesh:
+def map_mesh(state: RenderState, target: int) -> MappedMesh:
+    """Give the mesh of an object the coordinates from its mapping."""
     item = apply_mapping(state.scene.objects[target], threads=state.threads)
     return MappedMesh(item.mesh, place_mesh(item))
 
@@ -142,14 +142,14 @@ def _require_further_uvs(state: RenderState, target: int) -> None:
         textured_mesh(state, target).uv_set(name)  # raises if there is none
 
 
-MAPPED_MESHES = Result(_map, deferred=True)
 MAPPING = Effect(
     name="mapping",
     does="gives meshes new texture coordinates",
     after="placing",
     left_out="no object has a mapping, or nothing reads its coordinates",
-    load=MAPPED_MESHES,
+    load=map_mesh,
     moves_surface=True,
+    deferred=True,
 )
 
 POSITIONS = Effect(
@@ -176,24 +176,22 @@ DERIVATIVES = Effect(
     left_out="no lookup is filtered over the pixel",
 )
 
-_REQUIRED_UVS = Result(_require_uvs)
 TEXTURE_COORDINATES = Effect(
     name="texture coordinates",
     does="interpolates texture coordinates",
     after="derivatives",
     left_out="nothing is looked up at (u, v)",
     needs=(mapping_effect,),
-    load=_REQUIRED_UVS,
+    load=_require_uvs,
     shade=_find_uvs,
 )
 
-_REQUIRED_FURTHER_UVS = Result(_require_further_uvs)
 FURTHER_COORDINATES = Effect(
     name="further texture coordinates",
     does="interpolates further sets of texture coordinates",
     after="texture coordinates",
     left_out="all textures lie on the first set",
     needs=(mapping_effect,),
-    load=_REQUIRED_FURTHER_UVS,
+    load=_require_further_uvs,
     shade=_find_further_uvs,
 )

@@ -41,12 +41,12 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
-from texbake.rendering.effects.lights import PLACED_LIGHTS, PlacedLight, cookie_extent, reaches_any
+from texbake.rendering.effects.lights import PlacedLight, cookie_extent, place_light, reaches_any
 from texbake.rendering.effects.shadows import ShadowMap, render_shadow_map, shadowed_radiance
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Deferred, Result
+from texbake.rendering.results import Deferred
 from texbake.rendering.scene.lights import Light, Shadow
 from texbake.rendering.scene.material import ProjectedTexture, projector_matrix, projector_position
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
@@ -133,7 +133,7 @@ def _cookie_reasons(request: RenderRequest, index: int) -> Iterator[str | Reject
         yield "it has a light cookie"
 
 
-def _load_cookie(state: RenderState, target: int) -> LoadedImage:
+def _load_light_cookie(state: RenderState, target: int) -> LoadedImage:
     light = state.lights[target]
     assert light.profile is not None
     return _image_of(light, state.request.filter_of(light.profile), state.threads)
@@ -180,7 +180,7 @@ def cookie_matrix(light: Light, placed: PlacedLight) -> FloatArray:
 
 
 def _place_cookie(state: RenderState, target: int) -> FloatArray:
-    return cookie_matrix(state.lights[target], state.of(PLACED_LIGHTS, target))
+    return cookie_matrix(state.lights[target], state.of(place_light, target))
 
 
 def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> ProjectedPoints:
@@ -188,7 +188,7 @@ def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> Projecte
     assert profile is not None
     filter_name = state.request.filter_of(profile)
     steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
-    return project_onto(state.of(COOKIE_MATRICES, index), fragments.positions, steps, filter_name)
+    return project_onto(state.of(_place_cookie, index), fragments.positions, steps, filter_name)
 
 
 def _leave_out(
@@ -203,12 +203,10 @@ def _leave_out(
 
 def _tint(fragments: Fragments, state: RenderState, index: int, incident: IncidentLight) -> None:
     found: ProjectedPoints = incident.on_cookie
-    colors = found.values(state.of(COOKIE_IMAGES, index)) * found.coverage[:, None]
+    colors = found.values(state.of(_load_light_cookie, index)) * found.coverage[:, None]
     incident.radiance = incident.radiance * colors
 
 
-COOKIE_IMAGES = Result(_load_cookie, deferred=True)
-COOKIE_MATRICES = Result(_place_cookie, deferred=True)
 LIGHT_PROFILES = Effect(
     name="light profiles",
     does="projects the light cookies of spots",
@@ -219,10 +217,11 @@ LIGHT_PROFILES = Effect(
     left_out="no light has a cookie",
     needs=("lights",),
     without=lambda scene: scene.with_lights(profile=None),
-    load=COOKIE_IMAGES,
-    prepare=COOKIE_MATRICES,
+    load=_load_light_cookie,
+    prepare=_place_cookie,
     dim=_leave_out,
     tint=_tint,
+    deferred=True,
 )
 
 
@@ -233,7 +232,7 @@ _NEAR = 2.0**-20
 ProjectorViews = list[Deferred[ShadowMap | None] | None]
 
 
-def _load_projected(state: RenderState, target: int) -> list[Deferred[LoadedImage]]:
+def _projected_images(state: RenderState, target: int) -> list[Deferred[LoadedImage]]:
     return [
         Deferred(partial(_projected_image, state, target, i))
         for i in range(len(state.request.material(target).projected))
@@ -265,7 +264,7 @@ def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> Loa
     )
 
 
-def _view_from_projectors(state: RenderState, target: int) -> ProjectorViews:
+def _projector_views(state: RenderState, target: int) -> ProjectorViews:
     projected = state.request.material(target).projected
     return [
         Deferred(partial(_view_from, state, item)) if item.occlusion else None for item in projected
@@ -315,13 +314,13 @@ def _faces_projector(fragments: Fragments, state: RenderState, position: FloatAr
 
 def _project(fragments: Fragments, state: RenderState) -> None:
     base = fragments.values.base_color
-    pictures = state.of(PROJECTED_IMAGES, fragments.target)
+    pictures = state.of(_projected_images, fragments.target)
     projected = state.request.material(fragments.target).projected
     filters = [state.request.filter_of(item.texture) for item in projected]
     steps = None
     if any(name in FILTERS_WITH_FOOTPRINT for name in filters):
         steps = pixel_steps(fragments, state)
-    views = state.of(PROJECTOR_VIEWS, fragments.target)
+    views = state.of(_projector_views, fragments.target)
     for picture, item, view, name in zip(pictures, projected, views, filters, strict=True):
         matrix = item.world_matrix
         found = project_onto(matrix, fragments.positions, steps, name)
@@ -339,8 +338,6 @@ def _project(fragments: Fragments, state: RenderState) -> None:
     fragments.slots = replace(fragments.values, base_color=np.ascontiguousarray(base, np.float32))
 
 
-PROJECTED_IMAGES = Result(_load_projected)
-PROJECTOR_VIEWS = Result(_view_from_projectors)
 PROJECTED_TEXTURES = Effect(
     name="projected textures",
     does="projects pictures onto surfaces",
@@ -349,8 +346,8 @@ PROJECTED_TEXTURES = Effect(
     why="a picture is projected onto it",
     left_out="nothing in the picture has a projected texture",
     needs=("slots", "positions"),
-    load=PROJECTED_IMAGES,
-    prepare=PROJECTOR_VIEWS,
+    load=_projected_images,
+    prepare=_projector_views,
     shade=_project,
     rate="pixel",
 )

@@ -43,7 +43,6 @@ from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.lights import incident
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, three_weights
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 
 # Below this value of alpha, highlights are narrower than float32 normals resolve.
 LEAST_ALPHA = 1e-3
@@ -161,7 +160,7 @@ class CornerLight:
     reflected: Floats
 
 
-def _shade_corners(state: RenderState, target: int) -> CornerLight:
+def _corner_light(state: RenderState, target: int) -> CornerLight:
     n_faces = len(state.drawn(target).faces)
     own, reflected = (np.zeros((n_faces, 3, 3), np.float32) for _ in range(2))
 
@@ -214,7 +213,7 @@ def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
 
 
 def _interpolate(fragments: Fragments, state: RenderState) -> None:
-    corners = state.of(CORNER_LIGHT, fragments.target)
+    corners = state.of(_corner_light, fragments.target)
     weights = three_weights(fragments.drawn_weights)
     own, reflected = (
         pm.vecmat(weights, values[fragments.drawn_faces])
@@ -223,7 +222,6 @@ def _interpolate(fragments: Fragments, state: RenderState) -> None:
     fragments.light += own + reflected * fragments.values.base_color
 
 
-CORNER_LIGHT = Result(_shade_corners)
 VERTEX_LIGHT = Effect(
     name="vertex light",
     does="interpolates light between vertices",
@@ -233,7 +231,7 @@ VERTEX_LIGHT = Effect(
     why="its material is shaded per vertex",
     left_out="no material in the picture is shaded per vertex",
     needs=("slots", "positions"),
-    prepare=CORNER_LIGHT,
+    prepare=_corner_light,
     shade=_interpolate,
     rate="pixel",
 )

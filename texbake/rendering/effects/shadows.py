@@ -46,7 +46,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
-from texbake.rendering.effects.lights import PLACED_LIGHTS, placed_light
+from texbake.rendering.effects.lights import place_light, placed_light
 from texbake.rendering.effects.shadow_fit import (
     Box,
     Pair,
@@ -59,7 +59,6 @@ from texbake.rendering.effects.shadow_fit import (
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight
 from texbake.rendering.rasterize import SHOW_BACK, SKIP, World, rasterize
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.lights import Light
 
 
@@ -165,10 +164,10 @@ def _unneeded(state: RenderState, target: int) -> str | None:
     return found if isinstance(found, str) else None
 
 
-def _prepare(state: RenderState, target: int) -> ShadowMap | None:
+def _light_shadow(state: RenderState, target: int) -> ShadowMap | None:
     """Rasterize the casters from a light; None if none is in front of a visible receiver."""
     light: Light = state.lights[target]
-    placed = state.of(PLACED_LIGHTS, target)
+    placed = state.of(place_light, target)
     assert light.shadow is not None
     pairs = _pairs(state.request, target, state)
     assert not isinstance(pairs, str)
@@ -194,7 +193,7 @@ def _prepare(state: RenderState, target: int) -> ShadowMap | None:
 
 
 def _dim(fragments: Fragments, state: RenderState, index: int, incident: IncidentLight) -> None:
-    shadow = state.get(LIGHT_SHADOWS, index)
+    shadow = state.get(_light_shadow, index)
     if shadow is not None and state.plan.has("shadows", fragments.target):
         incident.radiance = shadowed_radiance(
             shadow, state.world, fragments, fragments.normals, incident
@@ -210,7 +209,6 @@ def _receivers(request: RenderRequest) -> Iterator[Activation]:
                 yield Activation(receiver, request.name(receiver), why)
 
 
-LIGHT_SHADOWS = Result(_prepare, deferred=True)
 SHADOW_MAPS = Effect(
     name="shadow maps",
     does="renders the depths that lights see",
@@ -222,8 +220,9 @@ SHADOW_MAPS = Effect(
     left_out="no light casts shadows",
     needs=("lights",),
     unneeded=_unneeded,
-    prepare=LIGHT_SHADOWS,
+    prepare=_light_shadow,
     dim=_dim,
+    deferred=True,
 )
 
 # The lookup happens in `dim`; its requirements are declared for the objects that receive shadows.

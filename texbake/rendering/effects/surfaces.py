@@ -27,12 +27,11 @@ from texbake.parallel import run_bands
 from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, Places, displaced
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
-from texbake.rendering.effects.points import MAPPED_MESHES, mapping_effect, steps_along_surface
+from texbake.rendering.effects.points import map_mesh, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
 from texbake.rendering.fragments import DrawnObject, Floats, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Result
 from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.scene import place_mesh
 from texbake.rendering.scene.textures import (
@@ -42,7 +41,8 @@ from texbake.rendering.scene.textures import (
 )
 
 
-def _place(state: RenderState, target: int) -> DrawnObject:
+def place_object(state: RenderState, target: int) -> DrawnObject:
+    """Place an object in world space."""
     item = state.scene.objects[target]
     mesh = place_mesh(item)
     inverse = None if item.transform is None else pm.inv(item.transform)
@@ -55,14 +55,13 @@ def _place(state: RenderState, target: int) -> DrawnObject:
     )
 
 
-PLACED_OBJECTS = Result(_place)
 PLACING = Effect(
     name="placing",
     does="transforms meshes to world space",
     among="objects",
     why="it is in the scene",
     left_out="the scene has no object",
-    load=PLACED_OBJECTS,
+    load=place_object,
     moves_surface=True,
 )
 
@@ -106,10 +105,10 @@ def _load_relief(state: RenderState, target: int) -> ObjectRelief | DrawnObject:
 
 def _relief(state: RenderState, target: int) -> ObjectRelief:
     item = state.scene.objects[target]
-    drawn, mesh = state.of(PLACED_OBJECTS, target), item.mesh
+    drawn, mesh = state.of(place_object, target), item.mesh
     holder = item.material.displacement
     assert holder is not None
-    known = state.get(MAPPED_MESHES, target) if holder.texture.is_over_uvs else None
+    known = state.get(map_mesh, target) if holder.texture.is_over_uvs else None
     if known is not None:
         drawn, mesh = replace(drawn, mesh=known.placed), known.mesh
     linear = np.eye(3) if item.transform is None else item.transform[:3, :3]
@@ -192,8 +191,9 @@ def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
     return (values - (holder.mid or 0.0)) * (1.0 if holder.height is None else holder.height)
 
 
-def _displace(state: RenderState, target: int) -> DrawnObject:
-    known = state.of(RELIEFS, target)
+def displace_object(state: RenderState, target: int) -> DrawnObject:
+    """Subdivide and displace an object for the camera, or take what is the same for all."""
+    known = state.of(_load_relief, target)
     if isinstance(known, DrawnObject):
         return known
     edge_px = known.holder.edge_px
@@ -285,10 +285,6 @@ def _from_tangent_space(
     return np.asarray(x * tangent + y * bitangent + z * normal)
 
 
-RELIEFS = Result(_load_relief)
-DISPLACED_OBJECTS = Result(_displace)
-
-
 def _displacement_needs(request: RenderRequest, target: int) -> tuple[str, ...]:
     holder = request.material(target).displacement
     return mapping_effect(request, target) if holder and holder.texture.is_over_uvs else ()
@@ -304,7 +300,7 @@ DISPLACEMENT = Effect(
     why="its material has a displacement map",
     left_out="no material has a displacement map",
     needs=(_displacement_needs,),
-    load=RELIEFS,
-    prepare=DISPLACED_OBJECTS,
+    load=_load_relief,
+    prepare=displace_object,
     moves_surface=True,
 )

@@ -33,7 +33,7 @@ from texbake.rendering.passes import rasterize_samples, seen_objects
 from texbake.rendering.rasterize import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
-from texbake.rendering.results import Result, Target
+from texbake.rendering.results import Target
 from texbake.rendering.scene.material import Material
 
 MAX_LAYERS = 16
@@ -146,7 +146,8 @@ def _normals_of(fragments: Fragments) -> Floats:
     return fragments.normals if len(fragments.normals) else np.zeros_like(fragments.light)
 
 
-def _peel(state: RenderState, target: Target) -> Layers:
+def peel_layers(state: RenderState, target: Target) -> Layers:
+    """Rasterize transparent objects, each layer behind the one before."""
     opaque = state.visible.visibility
     shape = opaque.face_ids.shape
     modes = state.visible.modes.copy()
@@ -165,19 +166,18 @@ def _peel(state: RenderState, target: Target) -> Layers:
 
 
 def _objects_in_layers(state: RenderState) -> frozenset[int]:
-    layers = state.of(PEELED_LAYERS).layers
+    layers = state.of(peel_layers).layers
     found = (seen_objects(layer, state.world, threads=state.threads) for layer in layers)
     return frozenset().union(*found)
 
 
-PEELED_LAYERS = Result(_peel)
 LAYERS = Effect(
     name="layers",
     does="peels transparent surfaces from front to back",
     after="displacement",
     of="picture",
     left_out="nothing in the picture is transparent",
-    prepare=PEELED_LAYERS,
+    prepare=peel_layers,
     finds_objects=_objects_in_layers,
 )
 
