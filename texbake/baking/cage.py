@@ -141,13 +141,8 @@ def fit_cage(
     firsts = weld_rows(low.positions)
     welded = snapped.replace(faces=firsts[low.faces], tangents=None)
     fitted = smooth_normals(snapped)
-    points = find_outer_points(
-        high.replace(positions=grid.to_grid(high.positions)),
-        welded,
-        fitted,
-        LocalFrame(np.zeros(3), 1.0),
-        threads=threads,
-    )
+    snapped_high = high.replace(positions=grid.to_grid(high.positions))
+    points = find_outer_points(snapped_high, welded, fitted, threads=threads)
     held = points.where(points.faces >= 0)
     distances, outside = _fitted_distances(welded.positions, welded.faces, fitted, held)
     added = LEAST_EXTENT if margin is None else float(grid.length_to_grid(margin))
@@ -202,7 +197,7 @@ _BAND = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class OuterPoints(Rows):
-    """Points of the high-poly surface outside the low-poly mesh, in the local frame."""
+    """Points of the high-poly surface outside the low-poly mesh, on the grid of both."""
 
     positions: FloatArray  # (n, 3) float64
     # (n,) int32; face of the low-poly mesh under each point; -1 for a point beside its border, over
@@ -217,45 +212,34 @@ class OuterPoints(Rows):
 
 
 def find_outer_points(
-    high: Mesh, low: Mesh, normals: FloatArray, frame: LocalFrame, *, threads: int | None
+    high: Mesh, low: Mesh, normals: FloatArray, *, threads: int | None
 ) -> OuterPoints:
-    """Find the points that a cage of the low-poly mesh must enclose.
+    """Find the points that a cage of the low-poly mesh must enclose; both are on their grid.
 
     `normals` (V, 3) float64: smooth normals of the low-poly mesh.
     """
-    positions = frame.to_local(low.positions)
-    scene = RayScene.build(high, frame, threads=threads)
-    limit = float(frame.length_to_local(measure_extent(scene, low, "smooth").front))
-    over_lattice = _ray_points(high, positions, low.faces, normals, frame, scene, limit)
-    points = OuterPoints.joined(
-        [over_lattice, _vertex_points(high, positions, low.faces, normals, frame, threads)]
-    )
+    over_lattice = _ray_points(high, low, normals, threads)
+    points = OuterPoints.joined([over_lattice, _vertex_points(high, low, normals, threads)])
     sides = pm.matvec(normals[low.faces], face_normals(low, threads=threads))
     folded = np.any(sides < _FOLDED, axis=1)
     return replace(points, exact=points.exact & ~folded[points.faces])
 
 
-def _ray_points(
-    high: Mesh,
-    positions: FloatArray,
-    faces: IntArray,
-    normals: FloatArray,
-    frame: LocalFrame,
-    scene: RayScene,
-    limit: float,
-) -> OuterPoints:
+def _ray_points(high: Mesh, low: Mesh, normals: FloatArray, threads: int | None) -> OuterPoints:
     """Points where rays, cast outward from a lattice on each face, leave the high-poly mesh."""
-    weights = _lattice(len(faces))
+    scene = RayScene.build(high, LocalFrame(np.zeros(3), 1.0), threads=threads)
+    limit = measure_extent(scene, low, "smooth").front
+    faces, weights = low.faces, _lattice(low.n_faces)
     owners = np.repeat(np.arange(len(faces), dtype=np.int32), len(weights))
     at = np.tile(weights, (len(faces), 1))
-    origins = pm.vecmat(at, positions[faces[owners]])
+    origins = pm.vecmat(at, low.positions[faces[owners]])
     outward = pm.vecmat(at, normals[faces[owners]])
     lengths = np.sqrt(pm.vecdot(outward, outward))
     outward /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
     ends = np.where(lengths > 0.0, limit, 0.0)
     hits = scene.cast(Rays(origins, outward, ends, np.zeros(len(owners))), cull_back_faces=False)
     hit = np.flatnonzero(hits.faces != NO_HIT)
-    corners = frame.to_local(high.positions[high.faces[hits.faces[hit]]])
+    corners = high.positions[high.faces[hits.faces[hit]]]
     facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # A ray that hits a front face starts outside the high-poly mesh and meets another part of it.
     hit = hit[pm.vecdot(facing, outward[hit]) > 0.0]
@@ -280,16 +264,10 @@ def _lattice(n_faces: int) -> FloatArray:
     return np.stack([1.0 - second - third, second, third], axis=1)
 
 
-def _vertex_points(
-    high: Mesh,
-    positions: FloatArray,
-    faces: IntArray,
-    normals: FloatArray,
-    frame: LocalFrame,
-    threads: int | None,
-) -> OuterPoints:
+def _vertex_points(high: Mesh, low: Mesh, normals: FloatArray, threads: int | None) -> OuterPoints:
     """Vertices of the high-poly mesh outside the low-poly one, with the face under each."""
-    points = frame.to_local(high.positions[np.unique(high.faces)])
+    positions, faces = low.positions, low.faces
+    points = high.positions[np.unique(high.faces)]
     tree = TriangleTree.build(positions, faces, threads=threads)
     distances, closest, weights = tree.closest_points(points, threads=threads)
     opposite = opposite_half_edges(faces)

@@ -73,16 +73,6 @@ class EncodedMap:
     n_clipped: int = 0  # values out of range of the given mid level and scale
 
 
-@dataclass(frozen=True)
-class FileEncoding:
-    """How a file encodes a map; None takes a value from the options of the bake."""
-
-    bits: int  # 8 or 16 for codes, `FLOAT` for plain values
-    convention: str | None = None
-    mid: float | None = None
-    scale: float | None = None
-
-
 def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -> int:
     """Bits per channel of the file of a map."""
     codes = not holds_floats(path, bits or format_of(path).data_bits)
@@ -96,90 +86,87 @@ def file_bits(kind: MapKind, path: PathLike, bits: int | None, n_ids: int = 0) -
     return bits
 
 
-def encode_map(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
-    """Encode a map as its kind requires."""
-    return _CODINGS[baked.kind.coding](baked, encoding)
+def encode_map(baked: BakedMap, bits: int) -> EncodedMap:
+    """Encode a map as its kind requires; `bits`: 8 or 16 for codes, `FLOAT` for plain values."""
+    return _CODINGS[baked.kind.coding](baked, bits)
 
 
-def _normals(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
-    convention = encoding.convention or baked.options.convention
+def _normals(baked: BakedMap, bits: int) -> EncodedMap:
+    convention = baked.options.convention
     pixels = encode_normals(
-        baked.values, bits=encoding.bits, convention=convention, threads=baked.options.threads
+        baked.values, bits=bits, convention=convention, threads=baked.options.threads
     )
     return EncodedMap(pixels, {SPACE: baked.options.space, CONVENTION: convention})
 
 
-def _lengths(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
-    mid, scale = _height_levels(baked, encoding)
+def _lengths(baked: BakedMap, bits: int) -> EncodedMap:
+    mid, scale = _height_levels(baked, bits)
     pixels = encode_heights(
-        baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
+        baked.values, bits=bits, mid=mid, scale=scale, threads=baked.options.threads
     )
     metadata: dict[str, Value] = {DISPLACEMENT_MID: mid, DISPLACEMENT_SCALE: scale}
     if baked.kind.coding == "vector":
         metadata[SPACE] = baked.options.space
     n_clipped = 0
-    if encoding.bits != FLOAT:
+    if bits != FLOAT:
         n_clipped = count_clipped(
             baked.values, baked.has_data, mid=mid, scale=scale, threads=baked.options.threads
         )
     return EncodedMap(pixels, metadata, n_clipped)
 
 
-def _height_levels(baked: BakedMap, encoding: FileEncoding) -> tuple[float, float]:
+def _height_levels(baked: BakedMap, bits: int) -> tuple[float, float]:
     """Mid level and scale of a file: those that are given, and the rest measured."""
     options = baked.options
-    mid = options.mid if encoding.mid is None else encoding.mid
-    scale = options.scale if encoding.scale is None else encoding.scale
-    if encoding.bits == FLOAT:
+    mid, scale = options.mid, options.scale
+    if bits == FLOAT:
         return mid or 0.0, 1.0 if scale is None else scale
     if mid is None or scale is None:
         measured = height_range(
-            baked.values, baked.has_data, bits=encoding.bits, mid=mid, threads=options.threads
+            baked.values, baked.has_data, bits=bits, mid=mid, threads=options.threads
         )
         return measured[0], measured[1] if scale is None else scale
     return mid, scale
 
 
-def _positions(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+def _positions(baked: BakedMap, bits: int) -> EncodedMap:
     is_world = baked.kind.name.startswith("world") or baked.options.space == "world"
     metadata: dict[str, Value] = {SPACE: "world" if is_world else "object"}
-    if encoding.bits == FLOAT:
+    if bits == FLOAT:
         return EncodedMap(baked.values, metadata)
     assert baked.bounds is not None
     low, high = baked.bounds
     metadata |= {POSITION_MIN: _numbers(low), POSITION_MAX: _numbers(high)}
     threads = baked.options.threads
-    return EncodedMap(
-        quantize_points(baked.values, low, high, encoding.bits, threads=threads), metadata
-    )
+    return EncodedMap(quantize_points(baked.values, low, high, bits, threads=threads), metadata)
 
 
 def _numbers(point: npt.NDArray[np.float64]) -> str:
     return " ".join(map(repr, point.tolist()))
 
 
-def _curvatures(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+def _curvatures(baked: BakedMap, bits: int) -> EncodedMap:
     mid, scale = 0.0, 1.0
-    if encoding.bits != FLOAT:
-        top = max_code(encoding.bits)
+    if bits != FLOAT:
+        top = max_code(bits)
         # No code is exactly 1/2; a flat surface gets the one just above it.
         mid = (top + 1) / 2 / top if baked.kind.mid == 0.5 else baked.kind.mid
         white = baked.options.curvature_scale or usual_curvature(baked)
         scale = white / (1.0 - mid)
     pixels = encode_heights(
-        baked.values, bits=encoding.bits, mid=mid, scale=scale, threads=baked.options.threads
+        baked.values, bits=bits, mid=mid, scale=scale, threads=baked.options.threads
     )
     return EncodedMap(pixels, {CURVATURE_MID: mid, CURVATURE_SCALE: scale})
 
 
-def _thicknesses(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+def _thicknesses(baked: BakedMap, bits: int) -> EncodedMap:
     scale = 1.0
-    if encoding.bits != FLOAT:
+    if bits != FLOAT:
         ranges = channel_ranges(baked.values, baked.has_data, threads=baked.options.threads)
         greatest = float(ranges[:, 1].max(initial=0.0))
         scale = baked.options.thickness_distance or greatest or 1.0
     pixels = encode_heights(
-        baked.values, bits=encoding.bits, mid=0.0, scale=scale, threads=baked.options.threads
+        baked.values, bits=bits, mid=0.0, scale=scale, threads=baked.options.threads
     )
     return EncodedMap(pixels, {THICKNESS_SCALE: scale})
 
@@ -197,26 +184,26 @@ def usual_curvature(baked: BakedMap) -> float:
     return greatest if greatest > 0.0 else 1.0
 
 
-def _colors(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+def _colors(baked: BakedMap, bits: int) -> EncodedMap:
     return EncodedMap(baked.values)
 
 
-def _masks(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
-    if encoding.bits == FLOAT:
+def _masks(baked: BakedMap, bits: int) -> EncodedMap:
+    if bits == FLOAT:
         return EncodedMap(baked.values)
-    return EncodedMap(quantize_unsigned(baked.values, encoding.bits, threads=baked.options.threads))
+    return EncodedMap(quantize_unsigned(baked.values, bits, threads=baked.options.threads))
 
 
-def _ids(baked: BakedMap, encoding: FileEncoding) -> EncodedMap:
+def _ids(baked: BakedMap, bits: int) -> EncodedMap:
     names = baked.legend
-    if encoding.bits == FLOAT:
+    if bits == FLOAT:
         return EncodedMap(baked.values, {f"{ID}{i}": name for i, name in enumerate(names, start=1)})
     colors = id_colors(len(names))
     words = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors.tolist()]
     metadata: dict[str, Value] = {
         f"{ID}{word}": name for word, name in zip(words[1:], names, strict=True)
     }
-    codes = colors if encoding.bits == 8 else colors.astype(np.uint16) * 257
+    codes = colors if bits == 8 else colors.astype(np.uint16) * 257
     pixels = color_ids(baked.values[:, :, 0], codes, threads=baked.options.threads)
     return EncodedMap(pixels, metadata)
 
@@ -246,7 +233,7 @@ def id_colors(n: int) -> npt.NDArray[np.uint8]:
     return colors
 
 
-_CODINGS: dict[str, Callable[[BakedMap, FileEncoding], EncodedMap]] = {
+_CODINGS: dict[str, Callable[[BakedMap, int], EncodedMap]] = {
     "normal": _normals,
     "height": _lengths,
     "vector": _lengths,

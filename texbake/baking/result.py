@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.codings import FLOAT, FileEncoding, encode_map, file_bits
+from texbake.baking.codings import FLOAT, encode_map, file_bits
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
@@ -70,9 +71,14 @@ class BakedMap:
         scale: float | None = None,
     ) -> WrittenMap:
         """Write the map in the format of the file's suffix."""
-        bits = file_bits(self.kind, path, bits or self.options.bits, len(self.legend))
+        given = {"bits": bits, "convention": convention, "mid": mid, "scale": scale}
+        changes: dict[str, Any] = {
+            name: value for name, value in given.items() if value is not None
+        }
+        options = replace(self.options, **changes)
+        bits = file_bits(self.kind, path, options.bits, len(self.legend))
         code_bits = FLOAT if holds_floats(path, bits) else bits
-        coded = encode_map(self, FileEncoding(code_bits, convention, mid, scale))
+        coded = encode_map(replace(self, options=options), code_bits)
         write_image(
             coded.pixels,
             path,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.baking.codings import FileEncoding, encode_map
+from texbake.baking.codings import encode_map
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.result import with_common_levels
@@ -21,7 +21,7 @@ def baked(name, least, greatest, **given):
 
 
 def levels(item, bits):
-    return encode_map(item, FileEncoding(bits)).metadata
+    return encode_map(item, bits).metadata
 
 
 @pytest.mark.parametrize("bits", [8, 16])
@@ -48,7 +48,7 @@ def test_levels_of_all_are_those_of_the_map_whose_values_have_the_widest_range(n
     for maps in ([widest, other, empty], [empty, other, widest]):
         shared = with_common_levels(maps, bits)
         assert all(levels(item, bits) == levels(widest, bits) for item in shared)
-        assert not any(encode_map(item, FileEncoding(bits)).n_clipped for item in shared)
+        assert not any(encode_map(item, bits).n_clipped for item in shared)
     for alone in ([other], [empty, empty]):
         assert levels(with_common_levels(alone, bits)[0], bits) == levels(alone[0], bits)
 

@@ -6,7 +6,7 @@ there each of its `FINE` x `FINE` sub-squares is tested.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,6 @@ from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, Samples, snap_uvs
 from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
-from texbake.raycast.rays import Rows
 
 FINE = 8  # sub-squares along one side of a texel
 FULL = FINE * FINE
@@ -27,8 +26,7 @@ N_CHECK_SAMPLES, _GENERATOR = 13, 8  # two consecutive Fibonacci numbers
 BoolArray = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class FaceBins:
+class FaceBins(NamedTuple):
     """Faces of the low-poly mesh, listed for each square of texels that they overlap."""
 
     # (F, 3, 2) int64; x to the right and y down, in units of which `TEXEL` make up a texel.
@@ -53,14 +51,8 @@ class FaceBins:
         core.bin_faces(corners, n_rows, n_columns, firsts.copy(), faces)
         return cls(corners, firsts, faces, n_columns)
 
-    @property
-    def arrays(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray, int]:
-        """The fields in the order in which kernels take them."""
-        return self.corners, self.firsts, self.faces, self.n_columns
 
-
-@dataclass(frozen=True, eq=False)
-class TexelCoverage:
+class TexelCoverage(NamedTuple):
     """How much of each texel is covered."""
 
     # (n_texels,) uint8; covered sub-squares, out of `FULL`; at least 1 where the center is covered.
@@ -73,11 +65,6 @@ class TexelCoverage:
     def none(cls, n_texels: int) -> TexelCoverage:
         """Return a coverage of nothing."""
         return cls(np.zeros(n_texels, dtype=np.uint8), np.zeros(n_texels, dtype=np.int64))
-
-    @property
-    def arrays(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
-        """The fields in the order in which kernels take them."""
-        return self.counts, self.masks
 
     def measure(
         self, bins: FaceBins, owners: IntArray, outlined: BoolArray, rows: range,
@@ -98,9 +85,7 @@ class TexelCoverage:
         texels = np.flatnonzero(outlined[rows.start : rows.stop])
 
         def measure(start: int, stop: int) -> None:
-            core.write_masks(
-                *bins.arrays, rows.start, width, texels[start:stop], flat, counts, masks
-            )
+            core.write_masks(*bins, rows.start, width, texels[start:stop], flat, counts, masks)
 
         run_bands(measure, len(texels), band=1 << 12, threads=threads)
 
@@ -133,27 +118,6 @@ def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.ascontiguousarray(edges[is_outline])
 
 
-@dataclass(frozen=True, eq=False)
-class CellSamples(Rows):
-    """Samples of cells, in the order in which they are cast; see `Samples` for the other fields."""
-
-    # (n,) int32; places of the cells among all cells; see `Cells`.
-    places: IntArray
-    texel_ids: IntArray
-    faces: IntArray
-    barycentrics: npt.NDArray[np.float64]
-
-    @classmethod
-    def of_texels(cls, samples: Samples) -> CellSamples:
-        """Take the samples of whole texels, whose places are their ids."""
-        return cls(samples.texel_ids, samples.texel_ids, samples.faces, samples.barycentrics)
-
-    @property
-    def samples(self) -> Samples:
-        """The samples without the places of their cells."""
-        return Samples(self.texel_ids, self.faces, self.barycentrics)
-
-
 # Places, texels and spots of cells.
 SampledCells = tuple[IntArray, IntArray, npt.NDArray[np.uint8]]
 
@@ -166,14 +130,15 @@ def cell_samples(
     cells: SampledCells,
     *,
     threads: int | None,
-) -> CellSamples:
+) -> tuple[IntArray, Samples]:
     """Place the samples of some cells of one level, and find the faces that they lie on.
 
     A cell is left out if no face covers it, even at its most central covered sub-square. Kernel:
     `core/quadtree.c`.
 
     `centers` (height, width) int32: faces that own the centers of the texels; `cells`: places,
-    texels and spots of the cells.
+    texels and spots of the cells. Returns (n,) int32: places of the cells that are left; and the
+    samples, in the order in which they are cast.
     """
     places, texels, spots = cells
     owners = np.empty(len(places), dtype=np.int32)
@@ -181,14 +146,15 @@ def cell_samples(
 
     def fill(start: int, stop: int) -> None:
         core.write_cell_samples(
-            *bins.arrays, *coverage.arrays, level, centers.shape[1], centers.reshape(-1),
+            *bins, *coverage, level, centers.shape[1], centers.reshape(-1),
             texels[start:stop], spots[start:stop], owners[start:stop], weights[start:stop],
         )  # fmt: skip
 
     run_bands(fill, len(places), band=1 << 14, threads=threads)
-    samples = CellSamples(places, texels, owners, weights)
-    is_owned = owners != NO_FACE
-    return samples if is_owned.all() else samples.where(is_owned)
+    samples, is_owned = Samples(texels, owners, weights), owners != NO_FACE
+    if is_owned.all():
+        return places, samples
+    return places[is_owned], samples.where(is_owned)
 
 
 def find_owners(
@@ -203,15 +169,17 @@ def find_owners(
     undefined where no face owns the point.
     """
     owners, weights = np.empty(len(points), dtype=np.int32), np.empty((len(points), 2))
-    core.find_owners(*bins.arrays, points, owners, weights)
+    core.find_owners(*bins, points, owners, weights)
     return owners, weights
 
 
-def check_samples(bins: FaceBins, width: int, texels: npt.NDArray[np.int64]) -> CellSamples:
+def check_samples(
+    bins: FaceBins, width: int, texels: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.int64], Samples]:
     """Place the `N_CHECK_SAMPLES` of each of some texels, on a Fibonacci lattice.
 
-    None of them is a sample of a cell. The place of each is its rank among the samples of all these
-    texels; a sample that lies on no face is left out.
+    None of them is a sample of a cell. A sample that lies on no face is left out. Also returns (n,)
+    int64: the rank of the texel of each sample among these texels.
 
     Based on: Sloan, Joe, "Lattice Methods for Multiple Integration", Oxford 1994, section 4.3.
     """
@@ -221,6 +189,7 @@ def check_samples(bins: FaceBins, width: int, texels: npt.NDArray[np.int64]) -> 
     corners = TEXEL * np.stack([texels % width, texels // width], axis=1)
     points = (corners[:, np.newaxis] + within).reshape(-1, 2)
     owners, weights = find_owners(bins, points)
-    places = np.arange(len(points), dtype=np.int32)
-    ids = np.repeat(texels.astype(np.int32), N_CHECK_SAMPLES)
-    return CellSamples(places, ids, owners, weights).where(owners != NO_FACE)
+    ranks = np.repeat(np.arange(len(texels)), N_CHECK_SAMPLES)
+    is_owned = owners != NO_FACE
+    samples = Samples(texels[ranks].astype(np.int32), owners, weights)
+    return ranks[is_owned], samples.where(is_owned)

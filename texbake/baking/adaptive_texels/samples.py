@@ -176,12 +176,12 @@ class ValidationBake:
         n = len(candidates)
         self.texels = candidates[np.unique(check_random().integers(0, max(n, 1), n_to_check(n)))]
         height, width = sampler.shape
-        samples = check_samples(sampler.bins, width, self.texels)
+        ranks, samples = check_samples(sampler.bins, width, self.texels)
         # No map with a bound needs secondary rays.
         grid = SampleGrid(width, height, _CHECKS_PER_SIDE)
-        hits = sampler.trace.cast(samples.samples, grid, with_secondary=False)
+        hits = sampler.trace.cast(samples, grid, with_secondary=False)
         self._hits = hits.where(hits.is_hit)
-        self._ranks = samples.places[hits.is_hit] // self.n_samples
+        self._ranks = ranks[hits.is_hit]
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
         """Return how far the means (height * width, C) of a map are from those of the second bake.

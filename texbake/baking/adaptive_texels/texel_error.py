@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -121,18 +121,12 @@ def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) 
     return bounded
 
 
-@dataclass(frozen=True, eq=False)
-class Metric:
+class Metric(NamedTuple):
     """Measures differences of values in multiples of the error that each map is allowed."""
 
     firsts: IntArray  # (maps + 1,) int32; first channel of each map, then the number of channels
     # (maps,) float64; 1 / bound of each map; 0 for maps without a bound.
     scales: npt.NDArray[np.float64]
-
-    @property
-    def arrays(self) -> tuple[IntArray, npt.NDArray[np.float64]]:
-        """The fields in the order in which kernels take them."""
-        return self.firsts, self.scales
 
 
 def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
@@ -176,7 +170,7 @@ class TexelError:
         def judge(start: int, stop: int) -> None:
             core.judge_samples(
                 *self.shape, start, self.coverage.counts, self.cells.charts, self.cells.values,
-                *self.metric.arrays, steps[start:stop], means[start:stop],
+                *self.metric, steps[start:stop], means[start:stop],
             )  # fmt: skip
 
         run_bands(judge, n, band=1 << 15, threads=self.threads)
@@ -185,8 +179,8 @@ class TexelError:
 
         def judge_partly(start: int, stop: int) -> None:
             core.judge_partly_covered(
-                *self.shape, *self.coverage.arrays, self.cells.charts, self.cells.values,
-                *self.metric.arrays, steps, partly[start:stop], judged[start:stop],
+                *self.shape, *self.coverage, self.cells.charts, self.cells.values,
+                *self.metric, steps, partly[start:stop], judged[start:stop],
             )  # fmt: skip
 
         run_bands(judge_partly, len(partly), band=1 << 12, threads=self.threads)
@@ -204,8 +198,8 @@ class TexelError:
 
         def judge(start: int, stop: int) -> None:
             core.judge_four_samples(
-                *self.shape, *self.coverage.arrays, cells.charts, cells.values, cells.children,
-                *self.metric.arrays, steps, parents[start:stop], means, errors[start:stop],
+                *self.shape, *self.coverage, cells.charts, cells.values, cells.children,
+                *self.metric, steps, parents[start:stop], means, errors[start:stop],
             )  # fmt: skip
 
         run_bands(judge, len(parents), band=1 << 13, threads=self.threads)
@@ -221,7 +215,7 @@ class TexelError:
                 k, *self.shape, level.first + start,
                 level.texels[start:stop], level.spots[start:stop], level.weights[start:stop],
                 self.cells.children, self.cells.charts, self.cells.values,
-                *self.metric.arrays, errors[start:stop],
+                *self.metric, errors[start:stop],
             )  # fmt: skip
 
         run_bands(judge, len(errors), band=1 << 14, threads=self.threads)

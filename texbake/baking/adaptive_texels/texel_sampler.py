@@ -19,17 +19,15 @@ import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.coverage import (
     FULL,
-    CellSamples,
     FaceBins,
     SampledCells,
     TexelCoverage,
     cell_samples,
     outlined_texels,
 )
-from texbake.baking.hits import Hits
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
-from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands
+from texbake.baking.texels import NO_FACE, SampleGrid, Samples, owned_bands
 from texbake.baking.trace import Trace
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
@@ -140,7 +138,7 @@ class Cells:
             else parents.spots[divided - parents.first]
         )
         core.write_children(
-            k, first, divided, texels, spots, *coverage.arrays,
+            k, first, divided, texels, spots, *coverage,
             self.children, level.texels, level.spots, level.weights,
         )  # fmt: skip
         self.levels.append(level)
@@ -280,16 +278,15 @@ class TexelSampler:
             threads=self.threads,
         ):
             self.trace.counts.samples_overlapping += band.n_overlaps
-            samples = CellSamples.of_texels(band.samples)
-            self._cast(samples, 0)
+            self._cast(band.samples.texel_ids, band.samples, 0)
             if self.watch is not None:
                 self.watch(band.rows.stop / height, 0)
         with self.stages.stage("bake outlines", recorded=False):
             with self.stages.part("rasterize"):
                 texels = np.concatenate(partly)
                 no_spots = np.zeros(len(texels), dtype=np.uint8)
-                samples = self._samples(0, (texels, texels, no_spots))
-            self._cast(samples, 0)
+                places, samples = self._samples(0, (texels, texels, no_spots))
+            self._cast(places, samples, 0)
 
     def _without_parts(self, owners: IntArray, rows: range) -> IntArray:
         """Remove the owners of texels that are not sampled at their center; return these texels."""
@@ -318,16 +315,17 @@ class TexelSampler:
                 some = cells[first : first + _SAMPLES_AT_ONCE]
                 with self.stages.part("rasterize"):
                     places = some + np.int32(level.first)
-                    samples = self._samples(k, (places, level.texels[some], level.spots[some]))
-                self._cast(samples, k)
+                    spots = level.spots[some]
+                    places, samples = self._samples(k, (places, level.texels[some], spots))
+                self._cast(places, samples, k)
                 advance(len(some))
         if self.watch is not None and len(cells):
             self.watch(1.0, 0)
         return level
 
-    def _samples(self, k: int, cells: SampledCells) -> CellSamples:
+    def _samples(self, k: int, cells: SampledCells) -> tuple[IntArray, Samples]:
         """Place samples in cells of the k-th level; the first gives its face to a bare texel."""
-        samples = cell_samples(
+        places, samples = cell_samples(
             self.bins, self.coverage, k, self.trace.texel_faces, cells, threads=self.threads
         )
         owners = self.trace.texel_faces.reshape(-1)
@@ -335,20 +333,16 @@ class TexelSampler:
         if new.any():
             # The last one written wins: in reverse order, that is the first sample.
             owners[samples.texel_ids[new][::-1]] = samples.faces[new][::-1]
-        return samples
+        return places, samples
 
-    def _cast(self, samples: CellSamples, level: int) -> None:
-        """Cast some samples of cells of a level, and keep the values of those that hit."""
+    def _cast(self, places: IntArray, samples: Samples, level: int) -> None:
+        """Cast the samples of cells of a level, and keep the values of those that hit."""
         self.trace.counts.samples_covered += len(samples)
-        self.cells.is_cast[samples.places] = True
+        self.cells.is_cast[places] = True
         height, width = self.shape
-        hits = self.trace.cast(samples.samples, SampleGrid(width, height, 1 << level))
-        self._keep(samples.places, hits, level == 0)
-
-    def _keep(self, places: IntArray, hits: Hits, of_texels: bool) -> None:
-        """Keep the values of hits at the places of their cells."""
+        hits = self.trace.cast(samples, SampleGrid(width, height, 1 << level))
         with self.stages.part("make maps"):
-            if of_texels:
+            if level == 0:
                 self._distances.add(hits, threads=self.threads)
             is_hit = hits.is_hit
             if not is_hit.all():
