@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -30,17 +30,11 @@ from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import warn_of_cages
-from texbake.mesh.files.usd_stage import (
-    UsdCorners,
-    numbers_of,
-    open_stage,
-    read_colors,
-    read_primvars,
-    reporting_damage,
-)
+from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_damage
 from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.polygons import triangulated
+from texbake.mesh.weld import unique_corners
 
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 
@@ -81,8 +75,8 @@ class UsdPart:
     """A mesh of a stage."""
 
     mesh: Mesh  # in its own space
+    holders: list[Any]  # prim of each group: a subset, or that of the mesh
     prim: Any  # that of the mesh
-    holders: tuple[Any, ...]  # prim of each group: a subset, or that of the mesh
     matrix: FloatArray  # (4, 4) float64; to the world
 
 
@@ -95,9 +89,10 @@ def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
     for prim, matrix in placed:
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = pm.matmul(to_world, matrix)
-        part = _read_mesh(path, prim, matrix, is_alone=len(placed) == 1)
-        if part is None:
+        found = _MeshReader(path, prim).read(is_alone=len(placed) == 1)
+        if found is None:
             continue
+        part = UsdPart(*found, prim, matrix)
         n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
         check_corner_count(n_corners, path)
         parts.append(part)
@@ -109,11 +104,7 @@ def _world_matrix(stage: Any) -> FloatArray:
     from pxr import UsdGeom
 
     matrix = _Y_FROM_Z if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4)
-    if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
-        return matrix
-    meters = float(UsdGeom.GetStageMetersPerUnit(stage))
-    if not 0.0 < meters < np.inf:
-        return matrix
+    meters = meters_per_unit(stage) or 1.0
     return np.asarray(pm.matmul(matrix, np.diag([meters, meters, meters, 1.0])))
 
 
@@ -122,8 +113,7 @@ def _placed_meshes(stage: Any) -> Iterator[tuple[Any, FloatArray]]:
     from pxr import Usd, UsdGeom
 
     cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
-    prims = iter(prims)
+    prims = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer) or _is_hidden(prim):
             prims.PruneChildren()
@@ -143,85 +133,188 @@ def _is_hidden(prim: Any) -> bool:
     return visibility == "invisible" or purpose in ("guide", "proxy")
 
 
-def _read_mesh(path: PathLike, prim: Any, matrix: FloatArray, *, is_alone: bool) -> UsdPart | None:
-    """One mesh in its own space, or None where it has no face."""
-    from pxr import Usd, UsdGeom
-
-    usd_mesh = UsdGeom.Mesh(prim)
-    time = Usd.TimeCode.EarliestTime()
-    points = numbers_of(path, usd_mesh.GetPointsAttr().Get(time) or (), np.float64)
-    counts = _integers(path, usd_mesh.GetFaceVertexCountsAttr().Get(time))
-    point_of = _integers(path, usd_mesh.GetFaceVertexIndicesAttr().Get(time))
-    if points.size == 0 or len(counts) == 0:
-        return None
-    if points.ndim != 2 or points.shape[1] != 3:
-        _fail(path, prim, f"its points have the shape {points.shape}, not 3 numbers each")
-    if counts.min() < 0 or counts.sum() != len(point_of):
-        _fail(path, prim, f"its faces count {counts.sum()} corners, and {len(point_of)} are there")
-    if point_of.size and (point_of.min() < 0 or point_of.max() >= len(points)):
-        _fail(path, prim, f"a corner is none of its {len(points)} points")
-    slots, polygons = triangulated(path, points, point_of, counts)
-    holes = _integers(path, usd_mesh.GetHoleIndicesAttr().Get(time))
-    kept = ~np.isin(polygons, holes)
-    slots, polygons = slots[kept], polygons[kept]
-    if len(slots) == 0:
-        return None
-    if usd_mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
-        slots = slots[:, ::-1]
-    corners = UsdCorners(
-        path=path,
-        point_of=point_of,
-        polygon_of=np.repeat(np.arange(len(counts)), counts),
-        slots=slots,
-        n_points=len(points),
-    )
-    groups, holders = _groups(path, prim, len(counts))
-    own, names = prim_name(prim), [prim_name(holder) for holder in holders]
-    prefix = "" if is_alone else f"{own}/"
-    names = [name if name == own else f"{prefix}{name}" for name in names]
-    mesh = Mesh(
-        positions=points,
-        faces=point_of[slots].astype(np.int32),
-        polygon_of=polygons.astype(np.int32),
-        face_groups=groups[polygons].astype(np.int32),
-        group_names=tuple(names),
-        name=Path(path).name,
-        **read_primvars(prim, corners),
-        **read_colors(prim, corners),
-    )
-    return UsdPart(mesh, prim, holders, matrix)
+# Types of texture coordinates; the dedicated types come first.
+_PAIRS = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]", "float2[]", "double2[]", "half2[]")
 
 
-def _groups(
-    path: PathLike, prim: Any, n_polygons: int
-) -> tuple[npt.NDArray[np.int64], tuple[Any, ...]]:
-    """Group of each polygon, and the prims of the groups: subsets, else the mesh itself."""
-    from pxr import Usd, UsdGeom
+class _MeshReader:
+    """Reads a mesh prim: its polygons, their groups, and the values of their corners."""
 
-    time = Usd.TimeCode.EarliestTime()
-    groups = np.full(n_polygons, -1)
-    holders: list[Any] = []
-    for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)):
-        if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
-            continue
-        faces = _integers(path, subset.GetIndicesAttr().Get(time))
-        faces = faces[(faces >= 0) & (faces < n_polygons)]
-        groups[faces] = len(holders)
-        holders.append(subset.GetPrim())
-    if (groups < 0).any():
-        groups[groups < 0] = len(holders)
-        holders.append(prim)
-    return groups, tuple(holders)
+    def __init__(self, path: PathLike, prim: Any) -> None:
+        from pxr import Usd, UsdGeom
+
+        self.path, self.prim = path, prim
+        self.mesh, self.time = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
+        self.points = self.numbers(self.mesh.GetPointsAttr().Get(self.time) or (), np.float64)
+        self.sizes = self.integers(self.mesh.GetFaceVertexCountsAttr())
+        self.vertices = self.integers(self.mesh.GetFaceVertexIndicesAttr())
+
+    def fail(self, what: str) -> NoReturn:
+        """Raise `FileFormatError` about the mesh."""
+        raise FileFormatError(f"{self.path}: {self.prim.GetPath()}: {what}; export it again")
+
+    def numbers(self, values: Any, kind: type[np.generic]) -> npt.NDArray[Any]:
+        """Return what the library has read, which may be anything, as numbers of a kind."""
+        try:
+            with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other
+                return np.array(values, kind)
+        except (TypeError, ValueError, OverflowError):
+            raise FileFormatError(
+                f"{self.path}: it holds {type(values).__name__} where numbers belong; "
+                "export it again"
+            ) from None
+
+    def integers(self, attribute: Any) -> npt.NDArray[np.int64]:
+        """(n,) integers of an attribute; none where it has no value."""
+        values = attribute.Get(self.time)
+        return self.numbers(() if values is None else values, np.int64).ravel()
+
+    def read(self, *, is_alone: bool) -> tuple[Mesh, list[Any]] | None:
+        """Return the mesh in its own space, and the prim of each group; None without a face."""
+        from pxr import UsdGeom
+
+        points, sizes, vertices = self.points, self.sizes, self.vertices
+        if points.size == 0 or len(sizes) == 0:
+            return None
+        if points.ndim != 2 or points.shape[1] != 3:
+            self.fail(f"its points have the shape {points.shape}, not 3 numbers each")
+        if sizes.min() < 0 or sizes.sum() != len(vertices):
+            self.fail(f"its faces count {sizes.sum()} corners, and {len(vertices)} are there")
+        if vertices.size and (vertices.min() < 0 or vertices.max() >= len(points)):
+            self.fail(f"a corner is none of its {len(points)} points")
+        slots, polygons = triangulated(self.path, points, vertices, sizes)
+        kept = ~np.isin(polygons, self.integers(self.mesh.GetHoleIndicesAttr()))
+        slots, polygons = slots[kept], polygons[kept]
+        if len(slots) == 0:
+            return None
+        if self.mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+            slots = slots[:, ::-1]
+        groups, holders = self._groups()
+        own, names = prim_name(self.prim), map(prim_name, holders)
+        prefix = "" if is_alone else f"{own}/"
+        fields: dict[str, Any] = {"colors": self._colors()}
+        for values, corners, source, width in (
+            ("uvs", "uv_faces", texture_coordinates(self.prim), 2),
+            ("normals", "normal_faces", self._normals(), 3),
+        ):
+            if (found := self._values(source, width)) is not None:
+                fields |= {values: found[0], corners: found[1][slots]}
+        tangents = self._values(_primvar(self.prim, "tangents"), 4)
+        if tangents is not None:
+            fields["tangents"] = tangents[0][tangents[1][slots]]
+        mesh = Mesh(
+            positions=points,
+            faces=vertices[slots].astype(np.int32),
+            polygon_of=polygons.astype(np.int32),
+            face_groups=groups[polygons].astype(np.int32),
+            group_names=tuple(name if name == own else f"{prefix}{name}" for name in names),
+            name=Path(self.path).name,
+            **fields,
+        )
+        return mesh, holders
+
+    def _groups(self) -> tuple[npt.NDArray[np.int64], list[Any]]:
+        """Group of each polygon, and the prims of the groups: subsets, else the mesh itself."""
+        from pxr import UsdGeom
+
+        groups = np.full(len(self.sizes), -1)
+        holders: list[Any] = []
+        for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(self.prim)):
+            if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+                continue
+            faces = self.integers(subset.GetIndicesAttr())
+            groups[faces[(faces >= 0) & (faces < len(groups))]] = len(holders)
+            holders.append(subset.GetPrim())
+        if (groups < 0).any():
+            groups[groups < 0] = len(holders)
+            holders.append(self.prim)
+        return groups, holders
+
+    def _colors(self) -> npt.NDArray[np.float32] | None:
+        """Colors at points, with opacities; a color of the whole is none."""
+        columns = []
+        for name, width in (("displayColor", 3), ("displayOpacity", 1)):
+            primvar = _primvar(self.prim, name)
+            if primvar is None or primvar.GetInterpolation() not in ("vertex", "varying"):
+                break
+            values = primvar.ComputeFlattened(self.time)
+            if values is None or len(values) != len(self.points):
+                break
+            columns.append(self.numbers(values, np.float32).reshape(-1, width))
+        return np.concatenate(columns, axis=1) if columns else None
+
+    def _normals(self) -> Any:
+        """Return the primvar `normals`, which stands above the attribute; None without either."""
+        attribute = self.mesh.GetNormalsAttr()
+        primvar = _primvar(self.prim, "normals")
+        return primvar or (attribute if attribute.Get(self.time) else None)
+
+    def _values(
+        self, source: Any, width: int
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]] | None:
+        """(n, width) values, and the row of each corner; None where there is nothing.
+
+        Values of corners that are listed one by one are welded where point and value agree.
+        """
+        from pxr import UsdGeom
+
+        if source is None:
+            return None
+        name = source.GetName()
+        if isinstance(source, UsdGeom.Primvar):
+            interpolation, indices = source.GetInterpolation(), source.GetIndices(self.time)
+        else:
+            interpolation, indices = self.mesh.GetNormalsInterpolation(), None
+        array = self.numbers(source.Get(self.time), np.float64)
+        if array.ndim != 2 or array.shape[1] != width:
+            if name.endswith("tangents"):
+                return None  # no rule of the format names them, and others may mean something else
+            self.fail(f"{name}: it has the shape {array.shape}, not {width} numbers a value")
+        elements = self._elements(interpolation)
+        if indices:
+            table = self.numbers(indices, np.int64)
+            if len(elements) and elements.max() >= len(table):
+                n_places = elements.max() + 1
+                self.fail(f"{name}: it has {len(table)} indices for {n_places} places")
+            elements = table[elements]
+        if len(elements) and (elements.min() < 0 or elements.max() >= len(array)):
+            self.fail(f"{name}: it has {len(array)} values, and an index points outside of them")
+        is_listed = interpolation == "faceVarying" and not indices
+        if is_listed and len(array) != len(elements):
+            self.fail(f"{name}: it has {len(array)} values for {len(elements)} corners")
+        if is_listed and np.isfinite(array).all():
+            array, numbers = unique_corners(self.vertices, array)
+            elements = numbers.astype(np.int64)
+        return array, elements
+
+    def _elements(self, interpolation: str) -> npt.NDArray[np.int64]:
+        """(C,) element that each corner takes its value from."""
+        if interpolation == "faceVarying":
+            return np.arange(len(self.vertices))
+        if interpolation == "uniform":
+            return np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return 0 * self.vertices if interpolation == "constant" else self.vertices
+
+
+def _primvar(prim: Any, name: str) -> Any:
+    from pxr import UsdGeom
+
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return primvar if primvar and primvar.HasValue() else None
+
+
+def texture_coordinates(prim: Any) -> Any:
+    """Return the primvar `st`, else the first that has two floats per corner; None where none."""
+    from pxr import UsdGeom
+
+    named = _primvar(prim, "st")
+    if named is not None:
+        return named
+    primvars = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+    pairs = [p for p in primvars if str(p.GetTypeName()) in _PAIRS and p.HasValue()]
+    return min(pairs, key=lambda p: _PAIRS.index(str(p.GetTypeName())), default=None)
 
 
 def prim_name(prim: Any) -> str:
     """Return the name of a prim that programs display."""
     return str(prim.GetDisplayName() or prim.GetName())
-
-
-def _integers(path: PathLike, values: Any) -> npt.NDArray[np.int64]:
-    return numbers_of(path, () if values is None else values, np.int64).ravel()
-
-
-def _fail(path: PathLike, prim: Any, what: str) -> None:
-    raise FileFormatError(f"{path}: {prim.GetPath()}: {what}; export it again")

@@ -25,8 +25,8 @@ from texbake.limits import file_beside
 from texbake.mesh.files.channels import FILE_CHANNELS
 from texbake.mesh.files.contents import FileContents, MaterialContent
 from texbake.mesh.files.reader_process import read_in_child
-from texbake.mesh.files.usd import UsdPart, prim_name, read_parts
-from texbake.mesh.files.usd_stage import open_stage, reporting_damage, texture_coordinates
+from texbake.mesh.files.usd import prim_name, read_parts, texture_coordinates
+from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_damage
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
@@ -73,7 +73,9 @@ def materials_of_stage(path: PathLike) -> Materials | None:
         paths = [str(material.GetPath()) if material else "" for material in bound]
         if not any(paths):
             return None
-        reader = _MaterialReader(path, _coordinates(parts))
+        primvars = (texture_coordinates(part.prim) for part in parts)
+        names = {str(primvar.GetPrimvarName()) for primvar in primvars if primvar is not None}
+        reader = _MaterialReader(path, names)
         found = dict(zip(paths, bound, strict=True))
         sides = [UsdGeom.Mesh(part.prim).GetDoubleSidedAttr().Get() for part in parts]
         owners = [both for part, both in zip(parts, sides, strict=True) for _ in part.holders]
@@ -98,29 +100,17 @@ def _bound_material(stage: Any, prim: Any) -> Any:
     """
     from pxr import UsdShade
 
+    strength_of = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength
+    stronger = UsdShade.Tokens.strongerThanDescendants
     found = None
     while prim and not prim.IsPseudoRoot():
         binding = prim.GetRelationship("material:binding")
         targets = binding.GetTargets() if binding else ()
         material = UsdShade.Material(stage.GetPrimAtPath(targets[0])) if targets else None
-        if material and (found is None or _is_stronger(binding)):
+        if material and (found is None or strength_of(binding) == stronger):
             found = material
         prim = prim.GetParent()
     return found
-
-
-def _is_stronger(binding: Any) -> bool:
-    """Whether a binding stands above those of the prims below it."""
-    from pxr import UsdShade
-
-    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(binding)
-    return bool(strength == UsdShade.Tokens.strongerThanDescendants)
-
-
-def _coordinates(parts: list[UsdPart]) -> set[str]:
-    """Names of the primvars that are the texture coordinates of the mesh."""
-    primvars = [texture_coordinates(part.prim) for part in parts]
-    return {str(primvar.GetPrimvarName()) for primvar in primvars if primvar is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,13 +313,11 @@ def contents_of_stage(path: PathLike) -> FileContents:
                     for primvar in primvars
                     if str(primvar.GetTypeName()).startswith("texCoord2")
                 }
-        has_unit = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
-        meters = float(UsdGeom.GetStageMetersPerUnit(stage)) if has_unit else 0.0
-        up = str(UsdGeom.GetStageUpAxis(stage))
+        meters, up = meters_per_unit(stage), str(UsdGeom.GetStageUpAxis(stage))
     return FileContents(
         materials=tuple(materials),
         images=images,
         uv_sets=tuple(uv_sets),
-        meters_per_unit=meters if 0.0 < meters < math.inf else None,
+        meters_per_unit=meters,
         up=f"+{up}",
     )
