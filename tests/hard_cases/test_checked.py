@@ -8,8 +8,7 @@ from table import PAGE, document
 
 import texbake
 from texbake.errors import MeshError
-from texbake.study.case import Case as StudyCase
-from texbake.study.knob import knob_named
+from texbake.study.knob import Case as StudyCase, knob_named
 from texbake.study.options import StudyOptions
 from texbake.study.study import run_study
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.study.case import Case
-from texbake.study.knob import TRUTHS, Knob, NotApplicable, knob_named
+from texbake.study.knob import TRUTHS, Case, Knob, NotApplicable, knob_named
 from texbake.study.knobs.bumps import forward_normals
 from texbake.study.options import KNOB_MODULES, KNOB_NAMES
 from texbake.study.truth.probes import angles_deg

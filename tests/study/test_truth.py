@@ -8,7 +8,7 @@ import pytest
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.resolve import picture_error
-from texbake.study.case import Case, StudyPair
+from texbake.study.knob import Case, StudyPair
 from texbake.study.truth.pictures import Floor, ball_points, crop, sight_rays
 from texbake.study.truth.probes import angles_deg, mean_normals, probe
 from texbake.study.truth.surfaces import (

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from texbake.core import portable_math as pm
 from texbake.pages.page import duration, number
-from texbake.study.result import KnobResult, Measurement, convergence_order, pareto_front
+from texbake.study.result import KnobResult, Measurement, pareto_front
 
 
 def amount(x: float, unit: str) -> str:
@@ -89,8 +88,6 @@ def next_step(result: KnobResult, best: int) -> str:
         return "end of the range"
     here, there = (result.measurements[i] for i in (best, rest[0]))
     share = 100.0 * (1.0 - there.error / here.error) if here.error > 0.0 else 0.0
-    power = convergence_order(here.point, there.point)
-    assert power < math.inf
     return (
         f"{there.setting.label}: −{number(share)} % error for "
         f"{_times(there.median / here.median)} the time"

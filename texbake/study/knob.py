@@ -1,6 +1,6 @@
-"""A knob: the settings of one thing, how to try each, and how wrong each is.
+"""A knob: the settings of one thing, how to try each, and how wrong each is; and what it works on.
 
-A knob prepares an `Experiment` for a case. A setting costs the time of `Experiment.work` alone;
+A knob prepares an `Experiment` for a `Case`. A setting costs the time of `Experiment.work` alone;
 `Experiment.judge` then compares its product with the truth, untimed.
 """
 
@@ -8,16 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.errors import MeshError
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import degenerate_faces
+from texbake.mesh.shapes import icosphere, orange
+from texbake.mesh.simplify import simplify
+from texbake.rendering.scene.scene import Scene
 from texbake.study.options import KNOB_MODULES
-
-if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
-    from texbake.study.case import Case
+from texbake.study.truth.surfaces import Surface, orange_surface, rippled_surface
 
 TRUTHS = ("closed form", "exact values", "high-poly mesh", "rays", "converged")
 
@@ -92,3 +99,81 @@ def knob_named(name: str) -> Knob:
     module = import_module(f"texbake.study.knobs.{KNOB_MODULES[name]}")
     knob: Knob = getattr(module, f"{name.replace('-', '_').upper()}_KNOB")
     return knob
+
+
+_ORANGE_TRIANGLES = 500_000
+_QUICK_LEVEL = 5  # of an icosphere, 20,480 triangles
+_LOW_POLY_TRIANGLES = 500
+_QUICK_LOW_POLY_TRIANGLES = 100
+_ATLAS_SIZE = 1024
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPair:
+    """A high-poly mesh, and a low-poly mesh with texture coordinates.
+
+    `surface` is the closed form that the high-poly mesh was made from; None for a user's mesh.
+    """
+
+    high: Mesh
+    low: Mesh
+    subject: str
+    surface: Surface | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What knobs are studied on."""
+
+    # high, low: the user's pair.
+    high: Mesh | None = None
+    low: Mesh | None = None
+    scene: Scene | None = None  # the user's scene
+    quick: bool = False  # whether to keep everything small
+    threads: int | None = None
+
+    @cached_property
+    def pair(self) -> StudyPair:
+        """The user's pair, the low-poly mesh unwrapped if needed; else a generated one."""
+        if self.high is None or self.low is None:
+            return self.made_pair
+        low = low_with_uvs(self.high, self.low, self.threads)
+        words = f"{self.high.name} ({self.high.n_faces:,} triangles) and "
+        return StudyPair(self.high, low, f"{words}{low.name} ({low.n_faces:,})")
+
+    @cached_property
+    def made_pair(self) -> StudyPair:
+        """An orange, or a rippled sphere if everything is kept small, and a low-poly mesh of it.
+
+        The high-poly mesh has the normals of the closed form at its vertices, so its own error is
+        small.
+        """
+        surface = self.choose(orange_surface, rippled_surface)()
+        sphere = orange(_ORANGE_TRIANGLES) if not self.quick else icosphere(_QUICK_LEVEL)
+        lengths = pm.norm(sphere.positions, axis=1)
+        name = self.choose("orange", "rippled sphere")
+        high = surface.mesh(sphere.positions / lengths[:, None], sphere.faces, name)
+        bare = high.replace(normals=None, normal_faces=None)
+        low = simplify(
+            bare, self.choose(_LOW_POLY_TRIANGLES, _QUICK_LOW_POLY_TRIANGLES), threads=self.threads
+        )
+        low = unwrap(low, quality=self.choose("good", "fast"), threads=self.threads)
+        subject = f"{name}, {high.n_faces:,} triangles of known form, and {low.n_faces:,}"
+        return StudyPair(high, low, subject, surface)
+
+    def choose(self, full: Value, quick: Value) -> Value:
+        """Return the second value if everything is kept small, else the first."""
+        return quick if self.quick else full
+
+
+def low_with_uvs(high: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
+    """Return a user's low-poly mesh, unwrapped if needed; raise if a mesh has no surface."""
+    for mesh in high, low:
+        if degenerate_faces(mesh).all():
+            raise MeshError(
+                f"{mesh.name}: none of its {mesh.n_faces} faces has an area, so there is nothing "
+                "to measure; give a mesh with a surface"
+            )
+    return low if low.uvs is not None else unwrap(low, size=_ATLAS_SIZE, threads=threads)

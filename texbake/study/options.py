@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,7 +15,7 @@ KNOB_MODULES = {
     "texture-size": "baked_maps",
     "samples": "baked_maps",
     "bit-depth": "baked_maps",
-    "map-kind": "map_kinds",
+    "map-kind": "baked_maps",
     "ray-direction": "low_poly_mesh",
     "low-poly": "low_poly_mesh",
     "atlas-quality": "low_poly_mesh",
@@ -70,4 +71,9 @@ class StudyOptions(CheckedOptions):
     @property
     def ordered_knobs(self) -> tuple[str, ...]:
         """Knobs to study, each once, in the order of `KNOB_NAMES`."""
-        return tuple(name for name in KNOB_NAMES if name in self.knobs)
+        return in_order(self.knobs, KNOB_NAMES)
+
+
+def in_order(names: Collection[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return names that a user gave, each once, in the order of all names."""
+    return tuple(name for name in known if name in names)

@@ -16,9 +16,8 @@ from texbake.parallel import resolve_threads
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene
-from texbake.study.case import Case
 from texbake.study.findings import amount
-from texbake.study.knob import NotApplicable, knob_named
+from texbake.study.knob import Case, NotApplicable, knob_named
 from texbake.study.options import StudyOptions
 from texbake.study.plots import check_matplotlib
 from texbake.study.result import KnobResult, StudyResult

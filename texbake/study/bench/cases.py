@@ -17,18 +17,15 @@ import numpy as np
 
 from texbake.baking.scenes import measure_extent
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError
-from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import write_mesh
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.parametric.grid import grid_quads, split_quads
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
-from texbake.study.case import StudyPair
+from texbake.study.knob import StudyPair, low_with_uvs
 from texbake.study.truth.surfaces import ImplicitSurface, wave_heights
 
 
@@ -336,24 +333,14 @@ def _written(mesh: Mesh, path: Path) -> str:
     return str(path)
 
 
-_ATLAS_SIZE = 1024
-
-
 def own_case(high: Mesh, low: Mesh) -> BenchCase:
     """Return a case of a user's pair, as all programs can read it.
 
     Positions are rounded to float32 and normals are left out. The low-poly mesh is unwrapped if it
     has no texture coordinates. Ray distances are those that texbake measures.
     """
-    for mesh in high, low:
-        if degenerate_faces(mesh).all():
-            raise MeshError(
-                f"{mesh.name}: none of its {mesh.n_faces} faces has an area, so there is nothing "
-                "to measure; give a mesh with a surface"
-            )
     high, low = _bare(high), _bare(low)
-    if low.uvs is None:
-        low = unwrap(low, size=_ATLAS_SIZE)
+    low = low_with_uvs(high, low)
     frame = LocalFrame.around(high, low)
     extent = measure_extent(RayScene.build(high, frame), low, "smooth")
     return BenchCase(name=high.name, high=high, low=low, reach=max(extent.front, extent.back))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, option
-from texbake.study.options import REPEATS_OPTION, SECONDS_OPTION
+from texbake.study.options import REPEATS_OPTION, SECONDS_OPTION, in_order
 
 # In the order in which they are run and shown.
 TASK_NAMES = (
@@ -130,17 +130,17 @@ class BenchOptions(CheckedOptions):
     @property
     def ordered_tasks(self) -> tuple[str, ...]:
         """Tasks, each once, in the order of `TASK_NAMES`."""
-        return tuple(name for name in TASK_NAMES if name in self.tasks)
+        return in_order(self.tasks, TASK_NAMES)
 
     @property
     def ordered_cases(self) -> tuple[str, ...]:
         """Cases, each once, in the order of `CASE_NAMES`."""
-        return tuple(name for name in CASE_NAMES if name in self.cases)
+        return in_order(self.cases, CASE_NAMES)
 
     @property
     def ordered_programs(self) -> tuple[str, ...]:
         """Programs, each once, in the order of `PROGRAM_NAMES`."""
-        return tuple(name for name in PROGRAM_NAMES if name in self.programs)
+        return in_order(self.programs, PROGRAM_NAMES)
 
     @property
     def map_sizes(self) -> tuple[int, ...]:

@@ -18,8 +18,7 @@ from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import BumpMap, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.study.case import Case
-from texbake.study.knob import Evaluation, Experiment, Knob, Setting
+from texbake.study.knob import Case, Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import ball_points, crop, sight_rays
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import RadialSurface, texel_grid, wave_heights, wave_normals

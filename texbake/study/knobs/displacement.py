@@ -20,8 +20,7 @@ from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.study.case import Case
-from texbake.study.knob import Evaluation, Experiment, Knob, Setting
+from texbake.study.knob import Case, Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import crop, sight_rays
 from texbake.study.truth.surfaces import texel_grid, wave_heights, wave_slopes
 

@@ -19,8 +19,7 @@ from texbake.rendering.scene.lights import Environment, Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material, Reflection
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.study.case import Case
-from texbake.study.knob import Evaluation, Experiment, Knob, Setting
+from texbake.study.knob import Case, Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import (
     ball_points,
     crop,

@@ -17,8 +17,7 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.simplify import simplify
 from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
-from texbake.study.case import Case, StudyPair
-from texbake.study.knob import Evaluation, Experiment, Knob, NotApplicable, Setting
+from texbake.study.knob import Case, Evaluation, Experiment, Knob, NotApplicable, Setting, StudyPair
 from texbake.study.truth.pictures import FloatImage, close_up, crop
 from texbake.study.truth.probes import angles_deg, probe
 from texbake.texture.lookup import lookup

@@ -18,8 +18,7 @@ from texbake.rendering.resolve import picture_error
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
-from texbake.study.case import Case
-from texbake.study.knob import Evaluation, Experiment, Knob, Setting
+from texbake.study.knob import Case, Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import Floor, crop, has_image, with_width
 from texbake.texture.checker import checker_image
 from texbake.texture.encoding import encode_srgb

@@ -34,7 +34,7 @@ from texbake.mesh.tangents import shading_tangents
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
-from texbake.study.case import StudyPair
+from texbake.study.knob import StudyPair
 from texbake.texture.lookup import lookup
 
 
