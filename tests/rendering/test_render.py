@@ -4,10 +4,9 @@ import pytest
 from texbake.errors import FileError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.effects.surfaces import place_object
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render
-from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
+from texbake.rendering.scene.scene import Scene, SceneObject, camera_of, place_mesh
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import Image, read_image, write_image
 
@@ -147,18 +146,20 @@ def test_progress_tells_the_stages():
 
 @pytest.mark.parametrize("stops", [FileError("it is gone"), KeyboardInterrupt()])
 def test_what_was_loaded_before_an_error_is_not_loaded_again(monkeypatch, stops):
-    load, loaded, faults = place_object.compute, [], [stops]
+    loaded, faults = [], [stops]
 
-    def spy(state, target):
-        if target == 2 and faults:
+    def spy(item, **options):
+        if len(loaded) == 2 and faults:
             raise faults.pop()
-        loaded.append(target)
-        return load(state, target)
+        loaded.append(item.name)
+        return place_mesh(item, **options)
 
-    monkeypatch.setitem(vars(place_object), "compute", spy)
-    prepared = prepare(Scene(objects=(SceneObject(mesh=cube()),) * 4), SMALL)
+    monkeypatch.setattr("texbake.rendering.effects.surfaces.place_mesh", spy)
+    prepared = prepare(
+        Scene(objects=tuple(SceneObject(mesh=cube(), name=n) for n in "0123")), SMALL
+    )
     camera = camera_of(prepared.scene, SMALL)
     with pytest.raises(type(stops)):
         draw(prepared, camera)
     draw(prepared, camera)
-    assert loaded == [0, 1, 2, 3]
+    assert loaded == list("0123")
