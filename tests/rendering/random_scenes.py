@@ -1,4 +1,4 @@
-"""Random scenes over all keys, and each of their parts taken away in turn.
+"""Random scenes over all keys.
 
 A scene follows from its seed alone. About a third of all values are at their neutral end, such as a
 strength of 0 or a black color, because these are what a plan has to recognize.
@@ -6,8 +6,8 @@ strength of 0 or a black color, because these are what a plan has to recognize.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,11 +58,6 @@ from texbake.texture.image import write_image
 
 Rng = np.random.Generator
 N_IMAGES = 12
-_CORNERS = ((40.0, 40.0, 40.0), (-40.0, -40.0, 40.0), (-40.0, 40.0, -40.0), (40.0, -40.0, -40.0))
-# A projector matrix whose picture covers 100 units along x and y.
-_OVER_ALL = np.array(
-    [[0.01, 0.0, 0.0, 0.5], [0.0, 0.01, 0.0, 0.5], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
 _COLORED = ("base_color", "specular", "emission", "light_map")
 _PLAIN = ("exponent", "gloss", "roughness", "metalness", "occlusion", "opacity")
 
@@ -91,100 +86,6 @@ def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
     return scene, options
 
 
-def without_each_part(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """Yield the name of each part of a scene, and the scene without it or with its default."""
-    yield from _without_lighting(scene)
-    for i, item in enumerate(scene.objects):
-        for name, bare in _without_fields(item.material, Material()):
-            yield f"objects[{i}].{name}", with_object(scene, i, replace(item, material=bare))
-        if item.mapping is not None:
-            yield f"objects[{i}].mapping", with_object(scene, i, replace(item, mapping=None))
-        for name in "casts_shadows", "receives_shadows":
-            if getattr(item, name):
-                changed = replace(item, **{name: False})
-                yield f"objects[{i}].{name}", with_object(scene, i, changed)
-
-
-def _without_fields(part: Any, default: Any) -> Iterator[tuple[str, Any]]:
-    for item in fields(part):
-        value, bare = getattr(part, item.name), getattr(default, item.name)
-        # Whether back faces are drawn decides what is visible, and the model what is computed.
-        # Displacement runs before it is known what is seen.
-        moves = item.name == "displacement" and value is not None and value.height != 0.0
-        if value is not bare and item.name not in ("name", "shading", "double_sided") and not moves:
-            yield item.name, replace(part, **{item.name: bare})
-
-
-def _without_lighting(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    lighting = scene.lighting
-    for name, bare in _without_fields(lighting, Lighting()):
-        if name != "lights":
-            yield name, replace(scene, lighting=bare)
-    for i, light in enumerate(lighting.lights):
-        if light.intensity != 0.0 and any(light.color):
-            continue  # only the pixels tell what it reaches
-        changed = {"": None}
-        changed |= {f".{name}": replace(light, **{name: None}) for name in ("shadow", "profile")
-                    if getattr(light, name) is not None}  # fmt: skip
-        for name, value in changed.items():
-            # A light that is gone keeps its place, so that the others keep their indices.
-            other = value or replace(light, intensity=0.0, shadow=None, profile=None)
-            yield f"lights[{i}]{name}", with_light(scene, i, other)
-    environment = lighting.environment
-    if environment is not None and environment.lighting:
-        dark = replace(lighting, environment=replace(environment, lighting=False))
-        yield "environment.lighting", replace(scene, lighting=dark)
-
-
-def well_lit(scene: Scene, *, aims: bool, only: int | None = None) -> Scene:
-    """Return a scene with light from all sides, and mirrors that show something.
-
-    With `aims`, the objects stand apart, and projected pictures fall on everything. With `only`,
-    there is but one of them.
-    """
-    objects = []
-    for i, item in enumerate(scene.objects):
-        if only not in (None, i):
-            continue
-        assert item.transform is not None
-        transform = item.transform.copy()
-        if aims:
-            transform[:3, 3] = 6.0 * i, 0.0, 0.0
-        projected = item.material.projected
-        if aims:
-            projected = tuple(
-                replace(picture, matrix=_OVER_ALL, facing=False, occlusion=False)
-                for picture in projected
-            )
-        material = replace(item.material, projected=projected, double_sided=True)
-        for name in "reflection", "refraction":
-            mirror = getattr(material, name)
-            if mirror is not None and mirror.environment == "rendered":
-                material = replace(material, **{name: replace(mirror, environment="scene")})
-        visible = item.visible or has_rendered_environments(scene)
-        objects.append(replace(item, transform=transform, material=material, visible=visible))
-    lights = [
-        Light(name=light.name, kind="point", color=light.color, position=corner, decay=0.0)
-        for light in scene.lighting.lights
-        if light.intensity != 0.0 and any(light.color)
-        for corner in _CORNERS
-    ]
-    above, below = scene.lighting.ambient.color, scene.lighting.ambient.ground
-    red, green, blue = map(max, zip(above, below or above, strict=True))
-    half = None if below in (None, above) else (red / 2.0, green / 2.0, blue / 2.0)
-    ambient = Ambient(color=(red, green, blue), ground=half)
-    lighting = replace(scene.lighting, lights=tuple(lights), ambient=ambient)
-    if lighting.environment is not None:
-        lighting = replace(lighting, environment=replace(lighting.environment, background=False))
-    if has_rendered_environments(scene):
-        around = np.random.default_rng(0).random((4, 8, 3)).astype(np.float32)
-        lighted = lighting.environment is not None and lighting.environment.lighting
-        lighting = replace(
-            lighting, environment=Environment(image=around, lighting=lighted, background=False)
-        )
-    return replace(scene, objects=tuple(objects), lighting=lighting)
-
-
 def has_rendered_environments(scene: Scene) -> bool:
     """Whether a mirror shows pictures of the scene itself."""
     mirrors = [
@@ -193,12 +94,6 @@ def has_rendered_environments(scene: Scene) -> bool:
         for mirror in (item.material.reflection, item.material.refraction)
     ]
     return any(mirror is not None and mirror.environment == "rendered" for mirror in mirrors)
-
-
-def with_light(scene: Scene, place: int, light: Light) -> Scene:
-    """Return a scene with another light in the place of one."""
-    lights = (*scene.lighting.lights[:place], light, *scene.lighting.lights[place + 1 :])
-    return replace(scene, lighting=replace(scene.lighting, lights=lights))
 
 
 def with_object(scene: Scene, place: int, item: SceneObject) -> Scene:
