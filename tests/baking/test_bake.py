@@ -5,22 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from displaced_mesh import displace
-from embreex_oracle import EmbreexScene
 
 import texbake
-from texbake.baking import scenes
 from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import checked_cage
 from texbake.errors import CageError, MissError, OptionError, UvError
 from texbake.mesh.compose import turned_over
-from texbake.mesh.distance import surface_distance
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
-from texbake.rendering.maps import heights_from
 from texbake.texture.encoding import encode_normals
 
 
@@ -72,21 +66,6 @@ def test_high_equal_to_low_is_flat_everywhere(shape, samples, convention):
     # float32 interpolation of unit vectors, and of offsets as long as the rounding of positions
     np.testing.assert_allclose(normals, np.broadcast_to([0, 0, 1], normals.shape), atol=3e-6)
     np.testing.assert_allclose(result.maps["displacement"].values, 0, atol=1e-12 * mesh.diagonal)
-
-
-def test_high_equal_to_low_in_object_space_is_the_shading_normal():
-    mesh = SHAPES["sphere"]
-    result = bake(
-        mesh, mesh, BakeOptions(size=64, space="object", front=0.1, back=0.1, keep_hits=True)
-    )
-    normals, corners = shading_normals(mesh)
-    hits = result.hits
-    b = hits.low_barycentrics.astype(float)
-    weights = np.column_stack([1 - b.sum(axis=1), b])
-    expected = np.einsum("ni,nij->nj", weights, normals[corners[hits.low_faces]])
-    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    values = result.maps["normal"].values.reshape(-1, 3)[hits.texel_ids]
-    np.testing.assert_allclose(values, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("height", [0.03, -0.02])
@@ -246,22 +225,6 @@ def test_a_cage_and_a_front_distance_contradict_each_other():
         bake(icosphere(3), low, BakeOptions(front=0.1), cage=low)
 
 
-def test_a_bake_through_embreex_is_the_same(monkeypatch):
-    """embreex's public interface as an independent oracle."""
-    high, low = icosphere(5), uv_sphere(8, 12)
-    options = BakeOptions(size=64, samples=4, maps=("normal", "displacement"))
-    native = bake(high, low, options)
-    monkeypatch.setattr(scenes, "RayScene", EmbreexScene)
-    through_embreex = bake(high, low, options)
-    assert (native.report.caster, through_embreex.report.caster) == ("tile bundles", "embreex")
-    np.testing.assert_array_equal(native.has_data, through_embreex.has_data)
-    for name in options.maps:
-        # A ray on an edge may take either face: the same point and normal to float32 rounding.
-        np.testing.assert_allclose(
-            native.maps[name].values, through_embreex.maps[name].values, atol=1e-5
-        )
-
-
 def test_tangents_of_the_file_are_used():
     """Turned by a quarter, they turn the map's x and y by a quarter."""
     high = plane(40, 40, lambda x, y: 0.02 * np.sin(6 * x + 3 * y))
@@ -275,21 +238,6 @@ def test_tangents_of_the_file_are_used():
     np.testing.assert_allclose(own[..., 0], usual[..., 1], atol=1e-6)
     np.testing.assert_allclose(own[..., 1], -usual[..., 0], atol=1e-6)
     assert np.abs(usual[..., 0] - usual[..., 1]).max() > 0.05
-
-
-def test_displacing_the_low_poly_mesh_gives_the_high_poly_surface(tmp_path):
-    def bumps(theta, phi):
-        return 1 + 0.04 * np.sin(5 * theta) ** 2 * np.sin(6 * phi)
-
-    high, low = uv_sphere(100, 200, bumps), uv_sphere(12, 24)
-    baked = bake(high, low, BakeOptions(size=200, maps=("displacement",), samples=4))
-    for name in "heights.exr", "heights.png":
-        baked.maps["displacement"].write(tmp_path / name)
-        displaced = displace(low, heights_from(tmp_path / name), edge_texels=1.0)
-        before, after = surface_distance(high, low), surface_distance(high, displaced)
-        # What is left is the size of the pieces, a texel, and heights between texels.
-        assert after.rms < before.rms / 30
-        assert after.max < before.max / 8
 
 
 def test_a_cage_takes_the_place_of_the_front_distance():

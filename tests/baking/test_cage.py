@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
 from texbake.baking.cage import fit_cage
-from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, orange, plane, uv_sphere
@@ -91,18 +89,6 @@ def test_no_vertex_could_move_in_on_its_own(peel: tuple[Mesh, Mesh]) -> None:
     assert loose <= 1
 
 
-def test_rays_from_a_cage_miss_nothing_and_are_shorter(peel: tuple[Mesh, Mesh]) -> None:
-    high, _ = peel
-    low = uv_sphere(8, 12)
-    options = BakeOptions(size=64)
-    cage = fit_cage(high, low)
-    result = bake(high, low, options, cage=cage.mesh)
-    assert result.report.texels_missed == 0
-    front = bake(high, low, options).report.front
-    assert front is not None
-    assert np.median(cage.distances) < front
-
-
 def test_vertices_of_one_position_move_together() -> None:
     """A mesh whose faces share no vertices stays closed."""
     low = icosphere(1)
@@ -117,21 +103,6 @@ def test_vertices_of_one_position_move_together() -> None:
     high = icosphere(4)
     cage = fit_cage(high, split).mesh
     assert len(np.unique(cage.positions, axis=0)) == low.n_vertices
-
-
-def test_scaling_and_moving_both_meshes_scales_the_distances(peel: tuple[Mesh, Mesh]) -> None:
-    """The same pair, a million times smaller and away from the origin."""
-    high, low = peel
-    cage = fit_cage(high, low)
-    small = [
-        m.replace(positions=m.positions * 2.0**-20 + 2.0**-10, normals=None, normal_faces=None)
-        for m in peel
-    ]
-    again = fit_cage(*small)
-    # Positions lose 10 bits by the move, of 52.
-    np.testing.assert_allclose(
-        again.distances * 2.0**20, cage.distances, rtol=1e-4, atol=1e-6 * high.diagonal
-    )
 
 
 def test_the_number_of_threads_changes_no_byte(peel: tuple[Mesh, Mesh]) -> None:

@@ -66,15 +66,6 @@ def test_a_room_that_is_seen_from_within_stays_one():
     assert result.report.warnings == []
 
 
-def test_two_sided_faces_are_not_turned_over():
-    high = join_meshes([flipped(dented()), dented()])
-    result, right = bake(high, uv_sphere(8, 12), OPTIONS), bake(dented(), uv_sphere(8, 12), OPTIONS)
-    assert result.report.warnings == []
-    np.testing.assert_allclose(
-        result.maps["displacement"].values, right.maps["displacement"].values, atol=2e-6
-    )
-
-
 def test_parts_are_turned_over_one_by_one():
     low, high = uv_sphere(8, 12), dented()
     right = bake_parts([high], [low], OPTIONS)

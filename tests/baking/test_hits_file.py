@@ -62,30 +62,9 @@ def test_the_same_result_writes_the_same_bytes(kept, tmp_path):
     assert (tmp_path / "b.npz").read_bytes() == path.read_bytes()
 
 
-def test_files_of_two_equal_bakes_differ_only_in_times(painted, kept, tmp_path):
-    high, low, materials = painted
-    options = replace(OPTIONS, keep_hits=True, threads=1)
-    write_hits(bake(high, low, options, materials=materials), tmp_path / "b.npz")
-    with np.load(kept[0]) as one, np.load(tmp_path / "b.npz") as other:
-        assert one.files == other.files
-        for name in set(one.files) - {"header"}:
-            assert one[name].tobytes() == other[name].tobytes(), name
-
-
 def test_the_report_is_read_as_it_was_written(kept):
     path, result = kept
     assert read_hits(path).report == result.report
-
-
-def test_a_sample_takes_forty_bytes(kept):
-    with np.load(kept[0]) as archive:
-        of_samples = [
-            archive[name]
-            for name in ("texel_ids", "low_faces", "low_barycentrics", "high_faces",
-                         "high_barycentrics", "offsets")
-        ]  # fmt: skip
-    n = len(kept[1].hits)
-    assert sum(array.nbytes for array in of_samples) == 40 * n
 
 
 def test_only_the_faces_that_were_hit_are_kept(painted, tmp_path):

@@ -1,6 +1,5 @@
 """Each map without secondary rays against closed forms and exact counts."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.codings import id_colors
-from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MAP_NAMES, MAPS
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
@@ -20,9 +18,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
 )
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import icosphere, plane, uv_sphere
-from texbake.metadata import CURVATURE_MID, CURVATURE_SCALE
-from texbake.texture.encoding import decode_heights
+from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.image import read_image, write_image
 
 N = 64
@@ -53,17 +49,6 @@ def test_every_map_is_declared_as_its_channel_is(name):
         black = (0.0, 0.0, 0.0)
         assert kind.neutral(BakeOptions()) == (black if channel.is_color else channel.default)
         assert (kind.coding == "color") == channel.is_color
-
-
-def test_a_normal_map_computes_nothing_of_the_others():
-    high = halves()
-    options = BakeOptions(size=N, keep_hits=True)
-    kept = bake(high, plane(), options).inputs
-    allowed = {"normals", "_smooth_normals", "tangents", "charts"}
-    for surface in (kept.high_surface, kept.low_surface):
-        computed = set(surface.__dict__) - {field.name for field in fields(surface)}
-        assert computed <= allowed
-    assert "bounds" not in kept.__dict__
 
 
 # Position
@@ -110,29 +95,6 @@ def test_flat_is_the_middle_code(tmp_path, bits, flat):
     baked(plane(4, 4), "curvature")["curvature"].write(tmp_path / "c.png", bits=bits)
     pixels = read_image(tmp_path / "c.png", color=False).pixels
     assert (np.rint(pixels * (2**bits - 1)) == flat).all()
-
-
-def test_the_given_curvature_is_white_and_its_file_decodes(tmp_path):
-    high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
-    item = baked(high, "curvature", curvature_scale=100.0)["curvature"]
-    written = item.write(tmp_path / "c.png")
-    mid, scale = written.metadata[CURVATURE_MID], written.metadata[CURVATURE_SCALE]
-    assert (1.0 - mid) * scale == pytest.approx(100.0, rel=1e-15)
-    stored = read_image(tmp_path / "c.png", color=False).pixels
-    decoded = decode_heights(stored, mid=mid, scale=scale)
-    assert np.abs(item.values).max() < 100.0
-    # Levels are read as float32: 3e-8 of the whole range about the middle.
-    np.testing.assert_allclose(decoded, item.values, atol=scale * (0.5 / 65535 + 6e-8))
-
-
-def test_without_a_scale_one_texel_of_a_hundred_may_clip(tmp_path):
-    high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
-    item = baked(high, "convexity")["convexity"]
-    written = item.write(tmp_path / "c.png")
-    assert (written.metadata[CURVATURE_MID], written.n_clipped) == (0.0, 0)
-    share = (item.values > written.metadata[CURVATURE_SCALE]).mean()
-    # The percentile lies between two texels.
-    assert 0.0 < share <= 0.01 + 1.0 / item.values.size
 
 
 # Ids
@@ -247,18 +209,6 @@ def test_a_linear_ramp_is_interpolated_in_linear_light(tmp_path):
     np.testing.assert_allclose(values[5, inside, 1], expected, atol=1e-6)
 
 
-def test_a_factor_multiplies_and_a_placing_moves_an_image(tmp_path):
-    pixels = np.zeros((2, 2, 3), dtype=np.float32)
-    pixels[:, 1] = 1.0  # white on the right
-    turned = ((0.0, 1.0, 0.0), (-1.0, 0.0, 1.0))  # u of the image is v of the mesh
-    high, materials = textured(
-        tmp_path, pixels, factor=(0.5, 1.0, 0.25), wraps=("clamp", "clamp"), placing=turned
-    )
-    values = baked(high, "base-color", materials=materials)["base-color"].values
-    np.testing.assert_allclose(values[:16], np.broadcast_to((0.5, 1.0, 0.25), (16, N, 3)))
-    np.testing.assert_allclose(values[-16:], 0.0, atol=1e-7)
-
-
 @pytest.mark.parametrize(
     ("name", "message"),
     [("vertex-color", "no vertex colors"), ("base-color", "names no base color")],
@@ -294,18 +244,6 @@ def test_opacity_is_the_share_of_samples_that_hit(samples, share):
     assert (item.values[:, :10] == 1.0).all()
     assert (item.values[:, 10] == share).all()
     assert (item.values[:, 11:] == 0.0).all()
-
-
-def test_hits_of_the_retry_count_once():
-    kind, inputs = MAPS["opacity"], BakeInputs.of(plane(), plane(), BakeOptions(size=N))
-    ball, low = icosphere(4), uv_sphere(16, 32)
-    result = bake(ball, low, BakeOptions(size=128, samples=4, maps=("opacity",), keep_hits=True,
-                                         padding=0))  # fmt: skip
-    assert len(result.hits) == result.report.counts.samples_covered
-    values = result.maps["opacity"].values
-    assert set(np.unique(values).tolist()) <= {0.0, 0.25, 0.5, 0.75, 1.0}
-    n = len(result.hits)
-    assert kind.values(result.hits, inputs).sum() == n - result.report.counts.rays_missed
 
 
 def test_padding_of_opacity_repeats_holes_too():

@@ -44,10 +44,6 @@ def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
     assert not same(half, smooth) and not same(half, face)
 
 
-def test_a_mask_starts_from_the_rays_of_the_options():
-    assert same(baked(skew_mask=image(0.0), rays="vertex"), baked(rays="vertex"))
-
-
 def test_a_map_of_ones_changes_nothing():
     assert same(baked(offset_map=image(1.0)), baked())
     cage = LOW.replace(positions=LOW.positions * 1.2)
@@ -57,23 +53,6 @@ def test_a_map_of_ones_changes_nothing():
 def test_an_offset_is_a_factor_of_the_front_distance():
     assert same(baked(offset_map=image(0.5)), baked(front=0.05))
     assert same(baked(offset_map=image(2.0)), baked(front=0.2))
-
-
-def test_an_offset_scales_a_cage_about_the_surface():
-    """Half as far out along the same directions finds the same points; rays start elsewhere."""
-    samples = Samples(np.zeros(1, np.int32), np.full(1, 40, np.int32), np.full((1, 2), 0.25))
-    frame, cage = LocalFrame.around(LOW), LOW.replace(positions=LOW.positions * 1.5)
-    rays, halves = (
-        RayField(
-            LOW, frame, kind="smooth", front=0.0, back=0.1, cage=cage,
-            maps=RayMaps.of(offset_map=image(factor)),
-        ).rays(samples)
-        for factor in (1.0, 0.5)
-    )  # fmt: skip
-    assert halves.fronts[0] == 0.5 * rays.fronts[0]
-    # The point on the surface is the same, to rounding in the unit cube.
-    through = [r.origins + r.fronts[:, np.newaxis] * r.directions for r in (rays, halves)]
-    np.testing.assert_allclose(through[0], through[1], atol=1e-15)
 
 
 def test_a_blend_lies_between_both_directions():

@@ -81,16 +81,6 @@ def test_a_face_without_a_direction_sends_no_ray():
         np.testing.assert_array_equal(rays.directions, 0)
 
 
-def test_a_cage_that_touches_the_surface_starts_there():
-    mesh = uv_sphere(6, 8)
-    frame = LocalFrame.around(mesh)
-    samples, points = samples_on(mesh, 50)
-    field = RayField(mesh, frame, kind="smooth", front=0.0, back=0.2, cage=mesh)
-    rays = field.rays(samples)
-    np.testing.assert_allclose(frame.to_model(rays.origins), points, atol=1e-14)
-    np.testing.assert_allclose(frame.length_to_model(rays.lengths), 0.2, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("height", "faces_up", "front", "back"),
     [(0.3, False, 0.3, 0.7), (0.3, True, 0.8, 0.7), (-0.2, False, 0.8, 0.2), (-0.2, True, 0.8, 0.7),

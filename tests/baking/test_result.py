@@ -1,5 +1,7 @@
 """Maps as files: in every encoding, the values that are read are those that were written."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,6 +91,7 @@ def test_every_map_comes_back_within_half_a_step(every, tmp_path, suffix, bits):
             white = (1.0 - image.metadata[CURVATURE_MID]) * image.metadata[CURVATURE_SCALE]
             clipped = np.abs(expected) > white
             assert clipped[item.has_data].mean() <= 0.011
+            assert clipped.any() or name != "curvature"
             values[clipped], expected[clipped] = 0.0, 0.0
         off = np.abs(values - expected)[item.has_data]
         assert (off <= tolerance).all(), (name, off.max())
@@ -116,6 +119,10 @@ def test_given_mid_and_scale_are_used_and_clipped_values_are_counted(every, tmp_
     assert written.n_clipped == below.sum() + above.sum() > 0
     image = read_image(tmp_path / "d.png", color=False)
     assert (image.pixels[below] == 0).all()
+    curvature = every["curvature"]
+    white = replace(curvature, options=replace(curvature.options, curvature_scale=100.0))
+    levels = white.write(tmp_path / "c.png").metadata
+    assert (1.0 - levels[CURVATURE_MID]) * levels[CURVATURE_SCALE] == pytest.approx(100.0)
 
 
 def test_write_takes_from_the_options_what_is_not_given(tmp_path):

@@ -30,34 +30,6 @@ def owners_of(mesh, width, height, per_side=1):
     return rasterize_uv(snap_uvs(mesh, grid), grid)
 
 
-@pytest.mark.parametrize("faces", [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [3, 0, 1]]])
-@pytest.mark.parametrize("size", [(1, 1), (7, 5), (64, 64), (33, 128)])
-@pytest.mark.parametrize("per_side", [1, 2, 4, 8])
-def test_split_quad_owns_each_sample_once(faces, size, per_side):
-    owners, n_overlaps = owners_of(
-        mesh_of([[0, 0], [1, 0], [1, 1], [0, 1]], faces), *size, per_side
-    )
-    assert n_overlaps == 0
-    assert (owners != NO_FACE).all()
-    assert owners.shape == (size[1] * per_side, size[0] * per_side)
-
-
-def test_shared_edges_through_sample_centers_belong_to_one_face():
-    # A fan around a texel center, with edges along rows, columns and diagonals of centers.
-    center = [8.5 / 16, 8.5 / 16]
-    ring = [
-        [8.5 + dx, 8.5 + dy]
-        for dx, dy in ((6, 0), (6, 6), (0, 6), (-6, 6), (-6, 0), (-6, -6), (0, -6), (6, -6))
-    ]
-    uvs = [center, *(np.array(ring) / 16).tolist()]
-    for winding in (1, -1):
-        faces = [[0, 1 + i, 1 + (i + 1) % 8][::winding] for i in range(8)]
-        owners, n_overlaps = owners_of(mesh_of(uvs, faces), 16, 16)
-        assert n_overlaps == 0
-        # A half-open square of 12 by 12 centers, whichever side of it is open.
-        assert (owners != NO_FACE).sum() == 144
-
-
 @settings(max_examples=60)
 @given(st.lists(st.tuples(st.integers(-40, 200), st.integers(-40, 200)), min_size=3, max_size=3))
 def test_coverage_matches_rational_edge_functions(points):
@@ -147,18 +119,6 @@ def test_no_uvs_says_what_to_do():
         UvError, match=r"^low\.obj: it has no texture coordinates; .*unwrap low\.obj"
     ):
         owners_of(mesh, 16, 16)
-
-
-def test_needle_thinner_than_a_texel_owns_the_centers_it_covers():
-    y = 1 - 10.5 / 32
-    thin = 1e-3 / 32
-    mesh = mesh_of(
-        [[0, y - thin], [1, y - thin], [1, y + thin], [0, y + thin]], [[0, 1, 2], [0, 2, 3]]
-    )
-    owners, n_overlaps = owners_of(mesh, 32, 32)
-    assert n_overlaps == 0
-    assert (owners[10] != NO_FACE).all()
-    assert (owners != NO_FACE).sum() == 32
 
 
 def test_rows_come_out_the_same_alone_or_together_and_for_any_threads():

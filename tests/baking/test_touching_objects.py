@@ -164,11 +164,3 @@ def test_a_bake_names_the_cause_of_missed_texels(tmp_path, change, settings, cau
     options = BakeOptions(size=128, **bake_settings)
     done = bake_files(files[0], files[1], tmp_path, options, others, **more)
     assert len([line for line in done.warnings if re.search(cause, line)]) == 1
-
-
-def test_objects_that_are_joined_miss():
-    high, low = (join_meshes(meshes) for meshes in SCENES["lid"])
-    low = unwrap(low, size=128)
-    options = BakeOptions(size=128)
-    joined = bake(high, joined_objects(low), options).report
-    assert joined.texels_missed > bake(high, low, options).report.texels_missed

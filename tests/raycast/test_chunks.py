@@ -86,14 +86,6 @@ def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
         assert set(np.unique(hits.faces)) - {NO_HIT} == {0, 1}
 
 
-def test_chunks_hold_each_face_once(layered: Mesh, frame: LocalFrame) -> None:
-    for size in (1000, 1001, layered.n_faces):
-        trees = list(RayScene.build(layered, frame, chunk_faces=size).trees())
-        faces = [tree.ids[tree.ids >= 0] for tree in trees]
-        assert max(map(len, faces)) <= size
-        assert np.array_equal(np.sort(np.concatenate(faces)), np.arange(layered.n_faces))
-
-
 @pytest.fixture(scope="module")
 def pair() -> tuple[Mesh, Mesh]:
     high = uv_sphere(100, 160, lambda theta, phi: 1 + 0.02 * np.sin(9 * theta) * np.sin(8 * phi))

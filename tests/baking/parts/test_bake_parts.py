@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tests.artist_models import bumpy, write_model
-from tests.models import model, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
@@ -122,13 +121,6 @@ def test_a_part_of_any_outline_is_there_to_its_last_texel(corner):
     whole = bake_parts(highs, lows, chosen, MATCH).targets[ONLY]
     seen = [assert_shows(whole, bake(*both, chosen)) for both in zip(highs, lows, strict=True)]
     assert np.array_equal(whole.has_data, seen[0] | seen[1]) and seen[1].sum() > 250
-
-
-def test_without_matching_rays_hit_all_parts():
-    chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
-    plain = bake_parts([HIGH], [LOW], chosen, PartsOptions(join_objects=True)).targets[ONLY]
-    matched = bake_parts([HIGH], [LOW], chosen, MATCH).targets[ONLY]
-    assert not np.array_equal(plain.maps["normal"].values, matched.maps["normal"].values)
 
 
 def renamed(mesh, *names):
@@ -327,15 +319,6 @@ def test_a_hit_of_another_part_replaces_a_miss():
     assert result.report.n_overlapping == 64
 
 
-def test_ids_of_objects_are_the_same_for_all_parts():
-    found = bake_parts([HIGH], [LOW], options(maps=("object-id",), padding=0), MATCH).targets[ONLY]
-    baked = found.maps["object-id"]
-    assert baked.legend == ("LEFT_high", "right_high_01")
-    middle = baked.values.shape[1] // 2
-    assert set(np.unique(baked.values[:, :middle])) == {0, 1}
-    assert set(np.unique(baked.values[:, middle:])) == {0, 2}
-
-
 def test_integer_files_of_tiles_share_one_scale(tmp_path):
     low = join_meshes([plane(), plane().replace(positions=plane().positions + np.array([2, 0, 0]),
                                                 uvs=plane().uvs + np.array([1, 0]))])  # fmt: skip
@@ -449,19 +432,3 @@ def test_groups_of_one_name_are_one_set():
     assert list(result.targets) == [BakeTarget("body", 1001)]
     (found,) = result.targets.values()
     assert_same(found, bake(HIGH, LOW, options(maps=("normal",))))
-
-
-def test_pairs_baked_together_equal_each_baked_alone():
-    """Two models of one asset with separate sets of maps, to the last byte of padding."""
-    meshes = {"figure": pair("figure"), "ball": (model("scan"), uv_sphere(16, 24))}
-    pairs = {
-        name: [mesh.replace(name=f"{name}_{end}.obj") for mesh, end in zip(both, ends, strict=True)]
-        for (name, both), ends in zip(meshes.items(), [("HIGH", "low")] * 2, strict=True)
-    }
-    chosen = BakeOptions(size=64, maps=("normal", "displacement"), fill="push-pull")
-    parts = PartsOptions(match_by_name=True, texture_sets="groups")
-    highs, lows = zip(*pairs.values(), strict=True)
-    result = bake_parts(highs, lows, chosen, parts)
-    assert [target.texture_set for target in result.targets] == list(pairs)
-    for found, (high, low) in zip(result.targets.values(), pairs.values(), strict=True):
-        assert_same(found, bake(high, low, chosen))

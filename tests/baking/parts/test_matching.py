@@ -30,11 +30,6 @@ def test_numbers_may_follow_and_letters_may_not():
     assert found["high_left_over"] == ["body_highlight"]
 
 
-def test_a_name_that_begins_with_another_is_not_it():
-    found = matched(["arm_high", "arm_left_high"], ["arm_low", "arm_left_low"])
-    assert [match["high"] for match in found["matches"]] == [["arm_high"], ["arm_left_high"]]
-
-
 def test_ignored_parts_are_not_matched():
     found = matched(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
     assert found["matches"] == [{"base": "a", "low": "a_low", "high": ["a_high"]}]

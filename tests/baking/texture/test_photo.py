@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.baking.texture.photos import PhotoCamera, read_camera
-from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.mapping.classical.projector import camera_matrix
+from texbake.errors import FileError, FileFormatError
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
@@ -28,13 +27,6 @@ def test_a_camera_projects_as_a_preview_does() -> None:
     s, t, _, q = camera.matrix(1.5) @ homogeneous.T
     np.testing.assert_allclose(s / q, (clip[:, 0] / clip[:, 3] + 1) / 2, atol=1e-12)
     np.testing.assert_allclose(t / q, (clip[:, 1] / clip[:, 3] + 1) / 2, atol=1e-12)
-
-
-def test_a_camera_projects_as_unwrap_does() -> None:
-    mesh = uv_sphere(8, 8)
-    camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0), fov=40.0)
-    expected = camera_matrix(mesh, (0.0, 0.0, 4.0), 40.0)
-    np.testing.assert_allclose(camera.matrix(), expected, atol=1e-12)
 
 
 def test_cameras_are_read_from_toml_and_from_matrices(tmp_path: Path) -> None:
@@ -84,11 +76,6 @@ def test_an_error_in_a_file_names_the_key(tmp_path: Path, text: str, message: st
 def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"no\.toml: "):
         read_camera(tmp_path / "no.toml")
-
-
-def test_wrong_values_are_an_error_in_python_too() -> None:
-    with pytest.raises(OptionError, match="fov"):
-        PhotoCamera(position=(0, 0, 1), target=(0, 0, 0), fov=0.0)
 
 
 def test_a_camera_at_any_distance_has_the_same_axes() -> None:

@@ -9,8 +9,7 @@ import pytest
 
 from texbake import write_image
 from texbake.baking.rays import RayField
-from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.canvas import TextureBake, TextureCanvas, sample_steps
+from texbake.baking.texture.canvas import TextureBake, TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.core import core
@@ -66,19 +65,6 @@ def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, heig
     picture[hit, :3] = colors(points[hit])
     picture[hit, 3] = 1.0
     return picture.reshape(height, width, 4)
-
-
-def waves(points: Array) -> Array:
-    return (0.5 + 0.4 * np.sin(points * (3.0, 4.0, 5.0) + (0.0, 1.0, 2.0))).astype(np.float32)
-
-
-def around(target: Array, distance: float, n: int) -> list[PhotoCamera]:
-    angles = 2 * np.pi * np.arange(n) / n
-    directions = np.stack([np.sin(angles), 0.3 * (-1.0) ** np.arange(n), np.cos(angles)], axis=1)
-    return [
-        PhotoCamera(position=tuple(target + distance * direction), target=tuple(target), fov=45.0)
-        for direction in directions
-    ]
 
 
 def two_walls() -> Mesh:
@@ -249,47 +235,14 @@ def test_transparent_pixels_give_no_color() -> None:
     np.testing.assert_allclose(result.values[result.has_color] - RED, 0.0, atol=1e-6)
 
 
-def test_photographs_from_all_sides_reproduce_the_colors_of_a_mesh() -> None:
-    sphere = uv_sphere(32, 48)
-    cameras = around(np.zeros(3), 3.0, 6)
-    photos = [
-        Photo(image=take_photo(sphere, camera, waves, 320, 320), camera=camera)
-        for camera in cameras
-    ]
-    # One sample, at the center of each texel, where the colors are known.
-    result = bake_photos(sphere, photos, PhotoOptions(size=512, samples=1))
-    difference = np.abs(result.values - waves(texel_positions(sphere, result)))
-    error = difference[result.has_color].max(axis=1)
-    # A pixel covers 1/130 of the radius, and up to 1/23 where the surface is at 80 degrees to it:
-    # waves 0.4 sin 5x bend by up to 0.4 * 5² / 23² / 8 = 0.0024 between pixels.
-    assert np.percentile(error, 99) < 0.0024
-    assert np.median(error) < 2e-4
-    assert result.report.unseen_percent < 3.0  # the poles are seen at more than 80 degrees
-    assert result.report.seconds > 0.0
-
-
-def test_unseen_texels_are_filled_and_reported() -> None:
+def test_unseen_texels_are_filled() -> None:
     sphere = uv_sphere(16, 24)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
     options = dataclasses.replace(EVEN, fill="push-pull", padding=2)
     result = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], options)
     np.testing.assert_allclose(result.values, np.broadcast_to(RED, result.values.shape), atol=1e-6)
-    report = result.report
-    assert any("no photograph shows" in warning for warning in report.warnings)
-    assert dict(report.table())["texels unseen"].startswith(f"{report.texels_unseen:,} ")
-    assert report.to_json()["photos"][0]["texels_seen"] == result.has_color.sum()
-    picture = result.unseen_map()
-    assert (picture[result.unseen] == (255, 40, 60)).all()
-
-
-def test_a_photograph_that_shows_no_texel_is_a_warning() -> None:
-    away = PhotoCamera(position=(0.5, 0.5, 3.0), target=(0.5, 0.5, 6.0))
-    photo = Photo(image=solid(RED), camera=away, name="sky.jpg")
-    result = bake_photos(plane(), [photo], EVEN)
-    assert not result.has_color.any()
-    assert any(
-        warning.startswith("sky.jpg: it shows no texel") for warning in result.report.warnings
-    )
+    assert result.report.photos[0].texels_seen == result.has_color.sum()
+    assert ((result.unseen_map() == (255, 40, 60)).all(axis=2) == result.unseen).all()
 
 
 def test_a_photograph_can_have_a_mesh_unwrapped_onto_it() -> None:
@@ -300,14 +253,6 @@ def test_a_photograph_can_have_a_mesh_unwrapped_onto_it() -> None:
     turned = mesh.replace(uvs=np.stack([mesh.uvs[:, 1], 1 - mesh.uvs[:, 0]], axis=1))
     result = bake_photos(mesh, [Photo(image=image, mapped=turned)], EVEN)
     np.testing.assert_allclose(result.values, np.rot90(image), atol=1e-5)
-
-
-def test_coordinates_outside_a_photograph_are_unseen() -> None:
-    mesh = plane(2, 1)
-    assert mesh.uvs is not None
-    moved = mesh.replace(uvs=mesh.uvs * (2.0, 1.0))
-    result = bake_photos(mesh, [Photo(image=solid(RED), mapped=moved)], EVEN)
-    assert result.has_color[:, :32].all() and not result.has_color[:, 32:].any()
 
 
 def test_a_photograph_counts_by_the_area_that_it_gives_a_face() -> None:
@@ -332,7 +277,9 @@ def test_a_photograph_counts_by_the_area_that_it_gives_a_face() -> None:
 def test_the_number_of_threads_changes_no_byte() -> None:
     sphere = uv_sphere(16, 24)
     image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
-    photos = [Photo(image=image, camera=camera) for camera in around(np.zeros(3), 3.0, 3)]
+    photos = [
+        Photo(image=image, camera=dataclasses.replace(FRONT, fov=fov)) for fov in (20.0, 70.0)
+    ]
     photos.append(Photo(image=image, mapped=sphere))
     bakes = [
         bake_photos(sphere, photos, PhotoOptions(size=128, threads=threads)) for threads in (1, 3)
@@ -392,12 +339,6 @@ def test_an_exact_shift_changes_no_bit():
     np.testing.assert_array_equal(baked(there, shift), baked(here, np.zeros(3)))
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e300])
-def test_a_camera_as_far_away_as_numbers_go_looks_at_its_target(size):
-    axes = PhotoCamera(position=(0.0, 0.0, size), target=(0.0, 0.0, -size / 2.0)).axes()
-    np.testing.assert_array_equal(axes, np.eye(3))
-
-
 def test_a_mesh_of_any_size_takes_the_same_colors_from_a_mesh_unwrapped_onto_a_photograph() -> None:
     mesh = uv_sphere(6, 8)
     image = np.random.default_rng(0).random((8, 8, 4)).astype(np.float32)
@@ -409,11 +350,3 @@ def test_a_mesh_of_any_size_takes_the_same_colors_from_a_mesh_unwrapped_onto_a_p
         for scale in (1.0, 2.0**900)
     )
     np.testing.assert_array_equal(small, large)
-
-
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_coordinates_beyond_what_areas_can_hold_give_no_steps(scale: float) -> None:
-    mesh = plane()
-    huge = mesh.replace(uvs=mesh.uvs * scale)
-    steps = sample_steps(huge, huge.positions[huge.faces], SampleGrid(8, 8, 1))
-    assert (steps == 0.0).all()

@@ -5,17 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from texbake.baking.inputs import BakeInputs
-from texbake.baking.options import BakeOptions
 from texbake.baking.texels import SampleGrid
-from texbake.baking.texture.canvas import TextureCanvas, greatest_lengths, sample_steps
+from texbake.baking.texture.canvas import greatest_lengths, sample_steps
 from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
-from texbake.baking.trace import BakeSetup, Trace
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.progress import Stages
 from texbake.texture.procedures import evaluate
 
 Array = np.ndarray
@@ -79,18 +75,6 @@ def test_scaling_the_mesh_changes_nothing_by_default() -> None:
     assert two.report.scale == (2.0**-10,) * 3
 
 
-def test_the_number_of_threads_changes_no_byte() -> None:
-    options = SolidOptions(procedure="marble", size=128)
-    one = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=1))
-    three = bake_solid(uv_sphere(12, 16), dataclasses.replace(options, threads=3))
-    assert one.values.tobytes() == three.values.tobytes()
-
-
-def test_detail_far_finer_than_a_texel_fades_to_its_mean() -> None:
-    options = SolidOptions(procedure="noise", scale=1e4, size=16, samples=1)
-    assert np.ptp(bake_solid(plane(), options).values) < 1e-3
-
-
 def test_sample_steps_of_a_stretched_plane() -> None:
     # A plane 6 wide and 2 high on a texture of 3 x 4 samples: 2 and 0.5 per sample.
     mesh = plane().replace(positions=plane().positions * (6.0, 2.0, 1.0))
@@ -103,17 +87,6 @@ def test_sample_steps_of_a_stretched_plane() -> None:
     np.testing.assert_allclose(
         greatest_lengths(random), [np.linalg.svd(m)[1][0] for m in random], rtol=1e-12
     )
-
-
-def test_coverage_agrees_with_a_trace() -> None:
-    mesh, options = uv_sphere(6, 6), SolidOptions(size=32, samples=16)
-    canvas = TextureCanvas(mesh, options, 1)
-    n_samples = sum(len(band.samples) for band in canvas.bands())
-    trace = Trace(
-        BakeSetup([], BakeInputs.of(mesh, mesh, BakeOptions(size=32, samples=16)), Stages())
-    )
-    assert sum(len(hits) for hits in trace.hits()) == n_samples
-    np.testing.assert_array_equal(canvas.texel_faces, trace.texel_faces)
 
 
 def test_wrong_input_is_one_clear_error() -> None:
