@@ -38,7 +38,7 @@ from texbake.mesh.files.gltf_primitives import (
     triangle_count,
 )
 from texbake.mesh.files.source import short_name, without_cycle_search
-from texbake.mesh.files.unread_parts import warn_of_gltf
+from texbake.mesh.files.unread_parts import warn_of_pose
 from texbake.mesh.join import MeshPart, join_parts
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count, require_few_sets
 
@@ -61,7 +61,7 @@ def read_gltf(path: PathLike) -> Mesh:
         parts = _read_parts(placed)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    warn_of_gltf(placed.document)
+    warn_of_pose(placed.document)
     pieces, names, nodes = zip(*parts, strict=True)
     require_few_sets(len({name for piece in pieces for name in piece.uv_sets}), Path(path).name)
     matrices = placed.mesh_matrices(placed.matrices())[list(nodes)]

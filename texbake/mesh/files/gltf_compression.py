@@ -100,30 +100,21 @@ def decode_view(
         return f"rotations of {stride} bytes are not known"
     if count == 0:
         return np.zeros(0, np.uint8)
+    meshoptimizer, content = _library(), data.tobytes()
     try:
-        return _decoded(data.tobytes(), mode, filter_name, count, stride)
+        if mode == ATTRIBUTES:
+            kind = np.dtype((np.void, stride))
+            rows = meshoptimizer.decode_vertex_buffer(count, stride, content, dtype=kind)
+            if filter_name != "NONE":
+                rows = getattr(meshoptimizer, _FILTERS[filter_name])(rows, count, stride)
+        elif mode == TRIANGLES:
+            rows = meshoptimizer.decode_index_buffer(count, stride, content)
+        else:
+            rows = meshoptimizer.decode_index_sequence(count, stride, content)
     except (RuntimeError, ValueError):
         return "a compressed view is damaged"
-
-
-def _decoded(
-    data: bytes, mode: str, filter_name: str, count: int, stride: int
-) -> npt.NDArray[np.uint8]:
-    meshoptimizer = _library()
-    if mode == ATTRIBUTES:
-        rows = meshoptimizer.decode_vertex_buffer(
-            count, stride, data, dtype=np.dtype((np.void, stride))
-        )
-        if filter_name != "NONE":
-            rows = getattr(meshoptimizer, _FILTERS[filter_name])(rows, count, stride)
-        return np.frombuffer(rows.tobytes(), np.uint8)
-    decode = (
-        meshoptimizer.decode_index_buffer
-        if mode == TRIANGLES
-        else meshoptimizer.decode_index_sequence
-    )
     # Of 16-bit indices the first half of the array is filled.
-    return np.frombuffer(decode(count, stride, data).tobytes()[: count * stride], np.uint8)
+    return np.frombuffer(rows.tobytes()[: count * stride], np.uint8)
 
 
 def _library() -> Any:
@@ -182,11 +173,15 @@ class Quantization:
         if materials is not None:
             sets |= {number: [uvs] for number, uvs in materials.uv_sets.items()}
             images = materials.image_uv_sets
-        grids = {
-            uv_set: _uv_grid(np.concatenate(uvs), can_move=uv_set in images)
-            for uv_set, uvs in sets.items()
-            if len(uvs) and not _is_in_square(uvs)
-        }
+        grids: dict[int, Grid | None] = {}
+        for uv_set, parts in sets.items():
+            rows = np.concatenate([np.zeros((0, 2)), *parts])
+            if len(rows) == 0 or (rows.min() >= 0.0 and rows.max() <= 1.0):
+                continue
+            turned = np.stack([rows[:, 0], 1.0 - rows[:, 1]], axis=1)
+            low, high = turned.min(axis=0), turned.max(axis=0)
+            is_moved = uv_set in images and (high - low).max() <= _MAX_SIDE
+            grids[uv_set] = Grid.around(low, high) if is_moved else None
         return cls(Grid.around(bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)), grids)
 
     def place(self) -> dict[str, Any]:
@@ -220,14 +215,3 @@ def unit_codes(values: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
 def color_codes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
     """Components in [0, 1] as normalized bytes."""
     return np.rint(255.0 * values).astype(np.uint8)
-
-
-def _is_in_square(uvs: Sequence[FloatArray]) -> bool:
-    return all(len(rows) == 0 or (rows.min() >= 0.0 and rows.max() <= 1.0) for rows in uvs)
-
-
-def _uv_grid(uvs: FloatArray, *, can_move: bool) -> Grid | None:
-    """Grid over a square around texture coordinates; None where they stay floats."""
-    turned = np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    return Grid.around(low, high) if can_move and (high - low).max() <= _MAX_SIDE else None

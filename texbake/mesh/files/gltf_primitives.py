@@ -135,14 +135,17 @@ def _weld(
             return [None] * len(batch)
         return [rows[start:stop] for start, stop in pairwise(bounds.tolist())]
 
-    colors = values.get("COLOR_0")
+    colors, tangents = values.get("COLOR_0"), values.get("TANGENT")
+    if tangents is not None and not np.isfinite(tangents).all():
+        warn_of(document.path, "some tangents are not finite; computed ones replace all of them")
+        tangents = None
     columns = {
         "positions": pieces(values["POSITION"][is_kept], kept_bounds),
         "faces": pieces(faces, _bounds(n_faces)),
         "corners": pieces(corners, _bounds(n_faces)),
         "uvs": pieces(flip_v(values.get(f"{_UVS}_{request.uv_set}")), bounds),
         "normals": pieces(values.get("NORMAL"), bounds),
-        "tangents": pieces(_finite_tangents(document, values.get("TANGENT")), bounds),
+        "tangents": pieces(tangents, bounds),
         "colors": pieces(
             None if colors is None else colors[is_kept].astype(np.float32), kept_bounds
         ),
@@ -297,13 +300,6 @@ def _finite_positions(document: Document, positions: FloatArray, corners: IntArr
         raise MeshError(f"{document.path}: a value of POSITION is not finite; export it again")
     warn_unused(document.path, f"{np.count_nonzero(is_bad):,} of {len(positions):,}")
     return np.where(is_bad[:, None], positions[corners[0, 0]], positions)
-
-
-def _finite_tangents(document: Document, tangents: FloatArray | None) -> FloatArray | None:
-    if tangents is None or np.isfinite(tangents).all():
-        return tangents
-    warn_of(document.path, "some tangents are not finite; computed ones replace all of them")
-    return None
 
 
 def _triangles(indices: npt.NDArray[Any], mode: int) -> IntArray:

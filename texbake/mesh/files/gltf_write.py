@@ -140,11 +140,9 @@ def _add_groups(
     origin = far_origin(mesh)
     float32_positions(mesh, origin)  # raises where it does not hold them
     vertices = CornerVertices(mesh, origin, materials, quantization)
-    place: dict[str, Any] = {}
+    place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}
     if quantization is not None:
         place = quantization.place()
-    elif vertices.origin.any():
-        place["translation"] = vertices.origin.tolist()
     numbers = {} if materials is None else uv_numbers(materials)
     uv_matrices = {} if quantization is None else quantization.uv_matrices()
     written: dict[int, int] = {}

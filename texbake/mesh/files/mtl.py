@@ -52,6 +52,7 @@ _LEFT_OUT = {
     "disp": "displacement", "refl": "environment", "decal": "base-color",
 }  # fmt: skip
 _RED = (0,)
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 # Options of a map, by how many words follow them at most.
 _OPTION_WORDS = {
     "-blendu": 1, "-blendv": 1, "-boost": 1, "-bm": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
@@ -212,20 +213,12 @@ def map_name(words: str) -> tuple[str, str]:
         option, rest = parts[0], parts[1] if len(parts) > 1 else ""
         for _ in range(_OPTION_WORDS[option]):
             value, _, after = rest.partition(" ")
-            if _OPTION_WORDS[option] > 1 and not _is_number(value):
+            if _OPTION_WORDS[option] > 1 and not _NUMBER.fullmatch(value):
                 break
             if option == "-clamp" and value == "on":
                 wrap = "clamp"
             rest = after.lstrip()
     return rest.replace("\\", "/"), wrap
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 MTL_CHANNELS = ("base-color", "emissive", "alpha", "roughness", "metallic", "normal")

@@ -56,7 +56,11 @@ def read_off(path: PathLike) -> Mesh:
     if not (sizes > 2).any():
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
     needed = 3 + (3 if shaded else 0) + (3 if colored else 0) + (2 if textured else 0)
-    table = _vertex_table(path, numbers.values, vertex_rows, needed)
+    # The numbers that every vertex line has.
+    width = int(np.diff(vertex_rows).min(initial=needed if n_vertices == 0 else 1 << 20))
+    if width < needed:
+        raise FileFormatError(f"{path}: a vertex has {width} numbers; {needed} are needed")
+    table = numbers.values[vertex_rows[:-1, None] + np.arange(width)]
     positions = np.ascontiguousarray(table[:, :3])
     slots, polygons = triangulated(path, positions, corners, sizes)
     faces = corners[slots]
@@ -89,17 +93,6 @@ def _counts(path: PathLike, numbers: TextNumbers) -> tuple[int, int]:
     if counts.max() > np.iinfo(np.int32).max:
         raise FileFormatError(f"{path}: it is too large; indices must fit 32 bits")
     return int(counts[0]), int(counts[1])
-
-
-def _vertex_table(
-    path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64], needed: int
-) -> FloatArray:
-    """(V, k) numbers of the vertex lines, k those that every line has."""
-    width = int(np.diff(rows).min(initial=needed if len(rows) < 2 else 1 << 20))
-    if width < needed:
-        raise FileFormatError(f"{path}: a vertex has {width} numbers; {needed} are needed")
-    table: FloatArray = values[rows[:-1, None] + np.arange(width)]
-    return table
 
 
 def _polygons(

@@ -226,14 +226,16 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
     sources, corners, faces = split_vertices(mesh)
     columns = _narrow_columns(mesh.positions[sources], ("x", "y", "z"))
     for values, ids, names in (
-        (mesh.normals, mesh.normal_faces, ("nx", "ny", "nz")),
-        (mesh.uvs, mesh.uv_faces, ("s", "t")),
+        (mesh.normals, mesh.normal_faces, NORMAL_NAMES),
+        (mesh.uvs, mesh.uv_faces, _UV_NAMES[0]),
     ):
         if values is not None and ids is not None:
             columns += _narrow_columns(values_of_vertices(values, ids, corners), names)
-    if mesh.colors is not None:
-        colors = _color_bytes(mesh.colors)[sources]
-        columns += _narrow_columns(colors, ("red", "green", "blue", "alpha"))
+    if mesh.colors is not None:  # as bytes where they read back to the same bits
+        scaled = np.clip(np.nan_to_num(np.round(mesh.colors * 255.0)), 0, 255).astype(np.uint8)
+        read_back = (scaled.astype(np.float64) / 255.0).astype(np.float32)
+        colors = scaled if np.array_equal(read_back, mesh.colors) else mesh.colors
+        columns += _narrow_columns(colors[sources], COLOR_NAMES)
     if len(sources) > mesh.n_vertices:
         columns.append((COPY_OF, sources.astype(np.int32)))
     count = "u1" if polygons.sizes.max() < 256 else "i4"
@@ -253,24 +255,12 @@ _TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
 def _narrow_columns(
     rows: npt.NDArray[Any], names: tuple[str, ...]
 ) -> list[tuple[str, npt.NDArray[Any]]]:
-    narrowed = _narrowed(rows)
-    return [(name, narrowed[:, axis]) for axis, name in enumerate(names[: rows.shape[1]])]
-
-
-def _narrowed(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """As float32 where that loses nothing; integers and float32 are left as they are."""
-    if rows.dtype != np.float64:
-        return rows
-    with np.errstate(over="ignore", under="ignore"):
-        narrow = rows.astype(np.float32)
-    return narrow if np.array_equal(narrow, rows) else rows
-
-
-def _color_bytes(colors: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
-    """As bytes where they read back to the same bits."""
-    scaled = np.clip(np.nan_to_num(np.round(colors * 255.0)), 0, 255).astype(np.uint8)
-    exact = np.array_equal((scaled.astype(np.float64) / 255.0).astype(np.float32), colors)
-    return scaled if exact else colors
+    """Columns by their names, of float64 as float32 where that loses nothing."""
+    if rows.dtype == np.float64:
+        with np.errstate(over="ignore", under="ignore"):
+            narrow = rows.astype(np.float32)
+        rows = narrow if np.array_equal(narrow, rows) else rows
+    return [(name, rows[:, axis]) for axis, name in enumerate(names[: rows.shape[1]])]
 
 
 def _write_rows(file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[Any]]]) -> None:

@@ -8,6 +8,7 @@ Based on: G. Turk, "The PLY Polygon File Format", 1994.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,10 +162,6 @@ def require_rows(path: PathLike, body: npt.NDArray[Any], start: int, element: El
         )
 
 
-def _units(code: str, body: npt.NDArray[Any]) -> int:
-    return 1 if body.dtype.kind == "f" else int(code[1])
-
-
 def _dtype(code: str, order: str) -> np.dtype[Any]:
     return np.dtype(order + code if order else "f8")
 
@@ -173,47 +170,34 @@ def _uniform_columns(
     body: npt.NDArray[Any], start: int, element: Element, order: str
 ) -> tuple[Columns, int] | None:
     """Views of the body, if every row's lists are as long as those of the first row."""
-    at = start
-    places: list[tuple[str, int, str, int | None]] = []  # name, unit, type, length of the list
-    counts: list[tuple[int, str, int]] = []  # unit, type, length
-    for prop in element.properties:
-        length = None
+    data, first = body.view(np.uint8), start * body.itemsize
+    row: list[tuple[str, Any, tuple[int, ...]]] = []  # fields; properties may have equal names
+    lengths: dict[str, int] = {}
+    at = first
+    for number, prop in enumerate(element.properties):
+        shape: tuple[int, ...] = ()
         if prop.count_type is not None:
-            if at + _units(prop.count_type, body) > len(body):
+            dtype = _dtype(prop.count_type, order)
+            if at + dtype.itemsize > len(data):
                 return None
-            count = _view(body, at, _dtype(prop.count_type, order), 1, 0)[0]
-            if not 0 <= count <= len(body):
+            length = data[at : at + dtype.itemsize].view(dtype)[0]
+            if not 0 <= length <= len(data):
                 return None
-            length = int(count)
-            counts.append((at, prop.count_type, length))
-            at += _units(prop.count_type, body)
-        places.append((prop.name, at, prop.type, length))
-        at += _units(prop.type, body) * (1 if length is None else length)
-    n_rows, row_size = element.n_rows, at - start
-    if n_rows * row_size > len(body) - start:
+            shape = (int(length),)
+            row.append((f"length {number}", dtype, ()))
+            lengths[f"length {number}"] = int(length)
+            at += dtype.itemsize
+        dtype = _dtype(prop.type, order)
+        row.append((f"{number}", dtype, shape))
+        at += dtype.itemsize * math.prod(shape)
+    end = first + element.n_rows * (at - first)
+    if max(at, end) > len(data):
         return None
-    for at, code, length in counts:
-        if (_view(body, at, _dtype(code, order), n_rows, row_size) != length).any():
-            return None
-    columns: Columns = {
-        name: _view(body, at, _dtype(code, order), n_rows, row_size, length)
-        for name, at, code, length in places
-    }
-    return columns, start + n_rows * row_size
-
-
-def _view(
-    body: npt.NDArray[Any],
-    start: int,
-    dtype: np.dtype[Any],
-    n_rows: int,
-    row_size: int,
-    length: int | None = None,
-) -> npt.NDArray[Any]:
-    """(n_rows,) or (n_rows, length) values, one row `row_size` units behind the other."""
-    shape = (n_rows,) if length is None else (n_rows, length)
-    strides = (row_size * body.itemsize, dtype.itemsize)[: len(shape)]
-    return np.ndarray(shape, dtype, buffer=body.data, offset=start * body.itemsize, strides=strides)
+    rows = np.ndarray(element.n_rows, np.dtype(row), data, first)
+    if any((rows[name] != length).any() for name, length in lengths.items()):
+        return None
+    columns: Columns = {prop.name: rows[f"{i}"] for i, prop in enumerate(element.properties)}
+    return columns, end // body.itemsize
 
 
 def _list_columns(
@@ -224,9 +208,9 @@ def _list_columns(
     layout = np.array(
         [
             (
-                _units(prop.count_type, body) if prop.count_type else 0,
+                _dtype(prop.count_type, order).itemsize // body.itemsize if prop.count_type else 0,
                 not text and prop.count_type is not None and prop.count_type[0] == "i",
-                _units(prop.type, body),
+                _dtype(prop.type, order).itemsize // body.itemsize,
             )
             for prop in element.properties
         ],

@@ -36,25 +36,28 @@ _POSES = ("skin", "shape key")
 def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
 
-    Empty for other formats. For a path, those that `warn_of_gltf` and `warn_of_fbx` name are left
+    Empty for other formats. For a path, those that `warn_of_pose` and `warn_of_fbx` name are left
     out.
     """
-    if isinstance(source, Document):
-        return _named(_counts_of_gltf(source))
-    if isinstance(source, FbxScene):
-        return _named(_counts_of_fbx(source))
-    suffix, counts = Path(source).suffix.lower(), {}
+    if isinstance(source, Document | FbxScene):
+        return _named(_counts(source))
+    suffix = Path(source).suffix.lower()
+    counts: Mapping[str, int] = {}
     if suffix in (".gltf", ".glb"):
-        counts = _counts_of_gltf(read_document(source))
+        counts = _counts(read_document(source))
     elif suffix == ".fbx":
-        counts = _counts_of_fbx(read_scene(source))
+        counts = _counts(read_scene(source))
     return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
 
 
-def warn_of_gltf(document: Document) -> None:
-    """Warn of unread parts of a glTF document that would change its surface."""
-    if (note := _pose_note(_counts_of_gltf(document))) is not None:
-        warn_of(document.path, note)
+def warn_of_pose(source: Document | FbxScene) -> Mapping[str, int]:
+    """Warn of skins and shape keys, which would change the surface; return the counts of parts."""
+    counts = _counts(source)
+    found = _named({noun: counts[noun] for noun in _POSES})
+    if found:
+        line = f"left out {' and '.join(found)}; the mesh is read in the pose it is stored in"
+        warn_of(source.path, line)
+    return counts
 
 
 def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
@@ -62,16 +65,12 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
 
     `models` are the visible ones.
     """
-    counts = _counts_of_fbx(scene)
-    if (note := _pose_note(counts)) is not None:
-        warn_of(scene.path, note)
-    if (n := counts[_NURBS]) > 0:
+    if (n := warn_of_pose(scene)[_NURBS]) > 0:
         warn_of(scene.path, f"left out {counted(n, _NURBS)}; only polygons are read")
-    meshes = [item.key for item in scene.objects.values() if has_polygons(item)]
-    cages = sum(_is_subdivided(scene.objects[key]) for key in meshes)
-    warn_of_cages(scene.path, cages)
-    shown = {item.key for placed in models for item in model_geometry(scene, placed.model)}
-    if hidden := len(set(meshes) - shown):
+    meshes = set(filter(has_polygons, scene.objects.values()))
+    warn_of_cages(scene.path, sum(map(_is_subdivided, meshes)))
+    shown = {item for placed in models for item in model_geometry(scene, placed.model)}
+    if hidden := len(meshes - shown):
         warn_of(scene.path, f"left out {counted(hidden, 'hidden mesh', 'hidden meshes')}")
 
 
@@ -92,11 +91,8 @@ def _is_subdivided(item: FbxObject) -> bool:
     return bool(item.node.numbers("Smoothness").any()) and any(level.any() for level in levels)
 
 
-def _pose_note(counts: Mapping[str, int]) -> str | None:
-    found = _named({noun: counts[noun] for noun in _POSES})
-    if not found:
-        return None
-    return f"left out {' and '.join(found)}; the mesh is read in the pose it is stored in"
+def _counts(source: Document | FbxScene) -> Mapping[str, int]:
+    return _counts_of_gltf(source) if isinstance(source, Document) else _counts_of_fbx(source)
 
 
 def _counts_of_gltf(document: Document) -> dict[str, int]:

@@ -70,25 +70,24 @@ def write_usd(
         require_uvs(mesh)
     if normal_map is not None:
         check_normal_map(normal_map)
-    media = {slot: image_file(file)[1] for slot, file in textures.items()}
     name = Path(path).stem if name is None else name
     factors = None
     if base_color is not None and "base_color" not in textures:
         factors = color_factors(base_color)  # type: ignore[arg-type]
-    if Path(path).suffix.lower() == ".usdz":
-        inside = {slot: f"textures/{slot}{_EXTENSIONS[media[slot]]}" for slot in textures}
-        stage = _stage(path, mesh, name, inside, factors)
-        with replacing(path) as temporary:
-            _package(stage, temporary, {inside[slot]: textures[slot] for slot in textures})
-        return
+    is_package = Path(path).suffix.lower() == ".usdz"
     folder = Path(os.path.realpath(path)).parent
-    beside = {
-        slot: Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
-        for slot, file in textures.items()
-    }
-    stage = _stage(path, mesh, name, beside, factors)
+    places = {}
+    for slot, file in textures.items():
+        suffix = _EXTENSIONS[image_file(file)[1]]
+        places[slot] = f"textures/{slot}{suffix}"
+        if not is_package:
+            places[slot] = Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
+    stage = _stage(path, mesh, name, places, factors)
     with replacing(path) as temporary:
-        stage.GetRootLayer().Export(str(temporary))
+        if is_package:
+            _package(stage, temporary, {places[slot]: textures[slot] for slot in textures})
+        else:
+            stage.GetRootLayer().Export(str(temporary))
 
 
 def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:

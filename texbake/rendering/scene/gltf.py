@@ -26,7 +26,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_materials import material_index
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name
-from texbake.mesh.files.unread_parts import warn_of_gltf
+from texbake.mesh.files.unread_parts import warn_of_pose
 from texbake.mesh.join import MeshPart
 from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.normals import with_flat_normals
@@ -72,7 +72,7 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
-        warn_of_gltf(document)
+        warn_of_pose(document)
         self.notes = [
             f"it uses {shortened(name)}, which the renderer does not support"
             for name in dict.fromkeys(
