@@ -90,7 +90,7 @@ class Comparison:
     # (H, W) float32: angle in degrees between the normals of `high_frame` and `mapped_frame`; NaN
     # where they do not show the same part
     angles_deg: FloatImage
-    names: tuple[str, str]  # captions of the pictures of the high-poly and the low-poly mesh
+    names: tuple[str, ...]  # captions of the pictures of the high-poly and the low-poly mesh
     # maps that `mapped` shows: `normal map`, `color map` or `displacement map`
     maps: tuple[str, ...] = ()
     # with all of its maps; None unless there is a displacement map beside another one
@@ -115,19 +115,14 @@ class Comparison:
             shown.append((self.mapped_frame, caption, self.mapped))
         if self.displaced_frame is not None:
             shown.append((self.displaced_frame, "... and displaced as well", self.displaced))
-        panels = [Panel(frame.color, caption, _note(close)) for frame, caption, close in shown]
+        panels = []
+        for frame, caption, close in shown:
+            note = "" if close is None else f"normals off by {close.mean_deg:.2f}° in the mean"
+            panels.append(Panel(frame.color, caption, note))
         if difference:
             panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
         seen = np.logical_or.reduce([frame.coverage > 0 for frame, _, _ in shown])
         return side_by_side(panels, seen)
-
-
-def _caption(mesh: Mesh) -> str:
-    return f"{mesh.name}: {mesh.n_faces:,} triangles"
-
-
-def _note(closeness: Closeness | None) -> str:
-    return "" if closeness is None else f"normals off by {closeness.mean_deg:.2f}° in the mean"
 
 
 def compare(
@@ -229,7 +224,7 @@ def compare(
         bare_frame=frames[1],
         mapped_frame=frames[1 + mapped],
         angles_deg=pictured[mapped].angles,
-        names=(_caption(high), _caption(low)),
+        names=tuple(f"{mesh.name}: {mesh.n_faces:,} triangles" for mesh in (high, low)),
         maps=tuple(_MAP_NAMES[name] for name in uses[mapped]),
         displaced=others[1] if len(others) > 1 else None,
         displaced_frame=frames[3] if len(others) > 1 else None,
@@ -263,7 +258,8 @@ def _draw_models(
     """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
     camera = Camera.framing(*meshes, options=options)
     frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
-    tolerance = _SAME_PART * _joint_diagonal(*meshes)
+    bounds = np.concatenate([mesh.bounds for mesh in meshes])
+    tolerance = _SAME_PART * float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
     return frames, [_errors(frames[0], frame, tolerance) for frame in frames[1:]]
 
 
@@ -303,27 +299,18 @@ def _views_around(options: RenderOptions) -> tuple[tuple[float, float], ...]:
 
 
 def _errors(high: Frame, low: Frame, depth_tolerance: float) -> _Errors:
-    either = (high.coverage > 0) | (low.coverage > 0)
-    both = (high.coverage > 0) & (low.coverage > 0)
-    angles = _angles(high, low, depth_tolerance)
-    return _Errors(angles, int(np.count_nonzero(either)), int(np.count_nonzero(both)))
-
-
-def _angles(a: Frame, b: Frame, depth_tolerance: float) -> FloatImage:
-    """(H, W) float32: angle between normals in degrees; NaN where different parts are seen."""
-    same = (a.coverage > 0) & (b.coverage > 0)
-    same[same] = np.abs(a.depths[same] - b.depths[same]) <= depth_tolerance
-    first, second = a.normals[same].astype(np.float64), b.normals[same].astype(np.float64)
+    """Angles between the normals of two frames; NaN where different parts are seen."""
+    either, both = (
+        combine(high.coverage > 0, low.coverage > 0) for combine in (np.logical_or, np.logical_and)
+    )
+    same = both.copy()
+    same[both] = np.abs(high.depths[both] - low.depths[both]) <= depth_tolerance
+    first, second = high.normals[same].astype(np.float64), low.normals[same].astype(np.float64)
     # From the chord length, which is accurate for small angles where the arc cosine is not.
     apart = pm.norm(first - second, axis=1)
     angles = np.full(same.shape, np.nan, np.float32)
     angles[same] = np.degrees(2.0 * pm.arctan2(apart, pm.norm(first + second, axis=1)))
-    return angles
-
-
-def _joint_diagonal(*meshes: Mesh) -> float:
-    bounds = np.concatenate([mesh.bounds for mesh in meshes])
-    return float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
+    return _Errors(angles, int(np.count_nonzero(either)), int(np.count_nonzero(both)))
 
 
 # A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches.

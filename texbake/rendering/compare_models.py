@@ -22,7 +22,7 @@ from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import Prepared, draw, prepare, share_environment
+from texbake.rendering.draw import draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.gltf import read_gltf_scene
@@ -50,12 +50,10 @@ class ModelComparison:
     psnr_db: tuple[float, ...]
     mean_db: float  # PSNR of all those pixels of all views together
     views: tuple[tuple[float, float], ...]  # in degrees
-    before: tuple[
-        Picture, ...
-    ]  # tuple of (H, W, 3) uint8: the pictures of each view, coded in sRGB
+    before: tuple[Picture, ...]  # (H, W, 3) uint8: the pictures of each view, coded in sRGB
     after: tuple[Picture, ...]
     names: tuple[str, str]  # of the files
-    n_faces: tuple[int, int]  # triangles of each
+    n_faces: tuple[int, ...]  # triangles of each
     notes: tuple[str, ...] = ()  # what of the files the pictures do not show
 
     @property
@@ -112,7 +110,7 @@ def compare_models(
         before=tuple(pictures[0]),
         after=tuple(pictures[1]),
         names=(Path(before).name, Path(after).name),
-        n_faces=(_n_faces(models[0]), _n_faces(models[1])),
+        n_faces=tuple(sum(item.mesh.n_faces for item in scene.objects) for scene in scenes),
         notes=tuple(f"{scene.name}: {note}" for scene in scenes for note in scene.notes),
     )
 
@@ -133,10 +131,7 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
     ((0.0, 0.0),)
     """
     return tuple(
-        (
-            i * _GOLDEN_ANGLE % 360.0,
-            math.degrees(pm.arcsin(1.0 - (2 * i + 1) / n)),
-        )
+        (i * _GOLDEN_ANGLE % 360.0, math.degrees(pm.arcsin(1.0 - (2 * i + 1) / n)))
         for i in range(n)
     )
 
@@ -152,10 +147,6 @@ def model_scene(path: PathLike) -> Scene:
         scene = replace(scene_from_materials(mesh, materials), files=(Path(path),))
     room = Environment(image=STUDIO_ROOM, background=False, lighting=True, size=_ROOM_PX)
     return replace(scene, lighting=Lighting(environment=room), view=None, name=Path(path).name)
-
-
-def _n_faces(model: Prepared) -> int:
-    return sum(item.mesh.n_faces for item in model.scene.objects)
 
 
 def _codes(frame: Frame) -> Picture:

@@ -6,7 +6,7 @@ normalized; displacement maps are baked along the same direction. A vector map m
 The surface stays watertight. Triangles that meet at a position share a vertex, whatever their
 texture coordinates; at a UV seam the vertex moves by the mean of the map's values on all sides.
 The caller of `displaced` chooses which edges are too long: by their length in the picture
-(`EdgeView`), or by the texels of the map alone (`MapView`).
+(`EdgeView`), or by the texels of the map alone (`texel_lengths`).
 
 Edges that are too long are cut in the middle. A triangle is then divided into two, three or four
 pieces, depending on which of its edges were cut. The triangles on both sides of an edge always
@@ -332,17 +332,3 @@ class EdgeView:
 
         run_bands(measure, len(out), band=_BAND, threads=threads)
         return out
-
-
-class MapView:
-    """Limits the length of edges to a texel of the map, for any camera."""
-
-    def widths(self, points: FloatArray) -> FloatArray:
-        """(n,): 0, so that maps are read at full resolution."""
-        return np.zeros(len(points))
-
-    def excess(
-        self, now: Displaced, texels: FloatArray | None, *, threads: int | None = None
-    ) -> FloatArray:
-        """(E,): length of each edge in texels."""
-        return texel_lengths(now.pieces, texels, np.zeros(len(now.points), np.uint8))

@@ -125,13 +125,11 @@ def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
     return without_gaps(_channels(pixels, name, 3))
 
 
-def data_from(source: MapSource, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: the first channel of a map. Values that are not finite become 0."""
-    return channel_of(source, 0, color=color)
-
-
 def channel_of(source: MapSource, channel: int, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: one channel of a map; its last channel if it has fewer."""
+    """(H, W, 1) float32: one channel of a map; its last channel if it has fewer.
+
+    Values that are not finite become 0.
+    """
     pixels, name = _pixels_of(source, color=color)
     image = _channels(pixels, name, 1, cut=False)
     channel = min(channel, image.shape[2] - 1)

@@ -13,7 +13,7 @@ from typing import Any
 
 from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Costs, Target
+from texbake.rendering.results import Costs, PassCost, Target
 from texbake.rendering.scene_simplification import SkippedEffect
 
 # Passes that every picture has, in the order in which they run.
@@ -92,27 +92,24 @@ class PlanRow:
 
 def plan_rows(plan: Plan, costs: Costs | None = None) -> list[PlanRow]:
     """Return the passes of a plan in order, with their costs if they have run."""
-    rows = [_row(name, does, ("every picture",), costs) for name, does in EVERY_PICTURE.items()]
-    moving = [item for item in plan.passes if item.effect.moves_surface]
-    others = [item for item in plan.passes if not item.effect.moves_surface]
-    named = [
+
+    def row(name: str, does: str, reasons: Iterable[str]) -> PlanRow:
+        if costs is None:
+            return PlanRow(name, does, tuple(reasons), None, None, "")
+        cost = costs.by_name.get(name, PassCost())
+        skipped = "" if cost.has_run else cost.skipped
+        return PlanRow(name, does, tuple(reasons), 1e3 * cost.seconds, cost.n_bytes, skipped)
+
+    every = [row(name, does, ["every picture"]) for name, does in EVERY_PICTURE.items()]
+    moving, others = (
         [
-            _row(item.name, item.effect.does, tuple(_reasons(item.activations)), costs)
-            for item in passes
+            row(item.name, item.effect.does, _reasons(item.activations))
+            for item in plan.passes
+            if item.effect.moves_surface == moves
         ]
-        for passes in (moving, others)
-    ]
-    return [*named[0], *rows[:2], *named[1], rows[2]]
-
-
-def _row(name: str, does: str, reasons: tuple[str, ...], costs: Costs | None) -> PlanRow:
-    cost = costs.by_name.get(name) if costs is not None else None
-    if costs is None:
-        return PlanRow(name, does, reasons, None, None, "")
-    if cost is None:
-        return PlanRow(name, does, reasons, 0.0, 0, "")
-    skipped = "" if cost.has_run else cost.skipped
-    return PlanRow(name, does, reasons, 1e3 * cost.seconds, cost.n_bytes, skipped)
+        for moves in (True, False)
+    )
+    return [*moving, *every[:2], *others, every[2]]
 
 
 def _reasons(activations: Iterable[Activation]) -> list[str]:
@@ -120,14 +117,13 @@ def _reasons(activations: Iterable[Activation]) -> list[str]:
     requested_by: dict[str, list[str]] = {}
     for item in activations:
         requested_by.setdefault(item.why, []).append(item.requested_by)
-    return [f"{why} ({_some(names)})" for why, names in requested_by.items()]
-
-
-def _some(names: list[str]) -> str:
-    names = list(dict.fromkeys(names))
-    if len(names) <= _MOST_REASONS:
-        return ", ".join(names)
-    return f"{names[0]} and {len(names) - 1} others"
+    found = []
+    for why, repeated in requested_by.items():
+        names = list(dict.fromkeys(repeated))
+        few = len(names) <= _MOST_REASONS
+        some = ", ".join(names) if few else f"{names[0]} and {len(names) - 1} others"
+        found.append(f"{why} ({some})")
+    return found
 
 
 def plan_table(

@@ -147,14 +147,6 @@ class Window:
         return Window(self.top * side, self.bottom * side, self.left * side, self.right * side)
 
 
-@dataclass(frozen=True, eq=False)
-class _Bands:
-    """Faces of each band of rows, ascending; band b has those at starts[b] to starts[b + 1]."""
-
-    faces: IntArray
-    starts: npt.NDArray[np.int64]
-
-
 def _sorted_into_bands(
     world: World,
     modes: npt.NDArray[np.uint8],
@@ -163,8 +155,8 @@ def _sorted_into_bands(
     size: tuple[int, int],
     window: Window,
     threads: int | None,
-) -> _Bands:
-    """Sort the faces into bands of rows."""
+) -> tuple[IntArray, npt.NDArray[np.int64]]:
+    """Faces of each band of rows, ascending; band b has those at starts[b] to starts[b + 1]."""
     n_rows, n_columns = window.shape
     n_faces, n_bands = world.n_faces, -(-n_rows // BAND_ROWS)
     n_chunks = -(-n_faces // _CHUNK)
@@ -193,7 +185,7 @@ def _sorted_into_bands(
         core.scatter_triangles(survivors[kept], spans[kept], places[chunk], sorted_faces)
 
     run_bands(scatter, n_faces, band=_CHUNK, threads=threads)
-    return _Bands(sorted_faces, np.append(0, ends[:, -1]))
+    return sorted_faces, np.append(0, ends[:, -1])
 
 
 def rasterize(
@@ -219,7 +211,7 @@ def rasterize(
     """
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)
-    bands = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)
+    faces, starts = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)
     n_rows, n_columns = window.shape
     face_ids = np.full((n_rows, n_columns), -1, np.int32)
     depths = np.zeros((n_rows, n_columns), np.float32)
@@ -229,11 +221,11 @@ def rasterize(
 
     def draw(start: int, stop: int) -> None:
         for band in range(start, stop):
-            first, last = bands.starts[band : band + 2]
+            first, last = starts[band : band + 2]
             rows = band * BAND_ROWS, min((band + 1) * BAND_ROWS, n_rows)
             core.draw_triangles(
                 world.positions, world.faces, world.starts, modes, clip_from_world, grid,
-                vertex_depths, *size, window.left, window.top, bands.faces[first:last], *rows,
+                vertex_depths, *size, window.left, window.top, faces[first:last], *rows,
                 *peel, tries, face_ids, depths,
             )  # fmt: skip
 

@@ -90,8 +90,7 @@ class RenderRequest:
         return tuple(
             index
             for index, light in enumerate(self.scene.lighting.lights)
-            if light.intensity > 0.0
-            and any(light.color)
+            if light.shines
             and (
                 light.kind != "spot"
                 or not light.follows_camera

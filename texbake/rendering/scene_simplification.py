@@ -158,7 +158,7 @@ def _active_lights(scene: Scene, found: list[SkippedEffect]) -> tuple[Light, ...
         if (
             light.kind != "spot"
             or light.follows_camera
-            or not _shines(light)
+            or not light.shines
             or any(lights_object(light, item) for item in scene.objects)
         ):
             active.append(light)
@@ -168,10 +168,6 @@ def _active_lights(scene: Scene, found: list[SkippedEffect]) -> tuple[Light, ...
             )
             active.append(replace(light, intensity=0.0, profile=None, shadow=None))
     return tuple(active)
-
-
-def _shines(light: Light) -> bool:
-    return light.intensity != 0.0 and any(light.color)
 
 
 def _active_lighting(
@@ -193,11 +189,11 @@ def _active_lighting(
 
 def _surroundings(scene: Scene, lighting: Lighting) -> Surroundings:
     ambient, environment = lighting.ambient, lighting.environment
-    lamps = any(map(_shines, lighting.lights))
+    lamps = any(light.shines for light in lighting.lights)
     environment_light = environment is not None and environment.lighting
     return Surroundings(
         lamps=lamps,
-        ambient=any(ambient.color) or any(ambient.ground or ()),
+        ambient=ambient.shines,
         environment_light=environment_light,
         even=not (lamps or environment_light) and ambient.ground in (None, ambient.color),
         environment=environment is not None,
@@ -250,7 +246,7 @@ def _casts_shadows(scene: Scene, item: SceneObject, lighting: Lighting) -> bool:
         for picture in each.material.projected
     ]
     return item.casts_shadows and (
-        any(light.shadow is not None and _shines(light) for light in lighting.lights)
+        any(light.shadow is not None and light.shines for light in lighting.lights)
         or any(picture.occlusion and picture.strength != 0.0 for picture in pictures)
     )
 

@@ -7,6 +7,8 @@ three soft lamps.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from texbake.core import portable_math as pm
@@ -53,25 +55,18 @@ def studio_scene(
     options = options or RenderOptions()
     if normal_map is not None or displacement is not None or albedo is not None:
         mesh.corner_uvs()  # raises if there are none
-    red, green, blue = decode_srgb(options.base_color)
-    material = Material(
-        name=mesh.name,
-        base_color=(float(red), float(green), float(blue))
-        if albedo is None
-        else ImageTexture(image=albedo),
-        roughness=_ROUGHNESS,
-        normal_map=None
-        if normal_map is None
-        else NormalMap(texture=ImageTexture(image=normal_map), space=space),
-        displacement=None
-        if displacement is None
-        else Displacement(texture=ImageTexture(image=displacement), edge_px=edge_px),
-    )
-    return Scene(
-        objects=(SceneObject(mesh=mesh, material=material, name=mesh.name),),
-        lighting=STUDIO,
-        name=mesh.name,
-    )
+    red, green, blue = decode_srgb(options.base_color).tolist()
+    material = Material(name=mesh.name, base_color=(red, green, blue), roughness=_ROUGHNESS)
+    if albedo is not None:
+        material = replace(material, base_color=ImageTexture(image=albedo))
+    if normal_map is not None:
+        holder = NormalMap(texture=ImageTexture(image=normal_map), space=space)
+        material = replace(material, normal_map=holder)
+    if displacement is not None:
+        heights = Displacement(texture=ImageTexture(image=displacement), edge_px=edge_px)
+        material = replace(material, displacement=heights)
+    item = SceneObject(mesh=mesh, material=material, name=mesh.name)
+    return Scene(objects=(item,), lighting=STUDIO, name=mesh.name)
 
 
 STUDIO_ROOM = "studio"

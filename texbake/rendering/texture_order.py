@@ -32,7 +32,7 @@ from texbake.rendering.effects.points import textured_mesh
 from texbake.rendering.rasterize import SHOW_BACK, World, rasterize, read_only
 from texbake.rendering.resolve import Frame, TexelReport
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 
@@ -68,11 +68,6 @@ def base_colors_alone(scene: Scene) -> Scene:
     return replace(scene, objects=objects)
 
 
-def is_textured(item: SceneObject) -> bool:
-    """Whether the base color of an object is an image."""
-    return isinstance(item.material.base_color, ImageTexture)
-
-
 def in_texture_order(frame: Frame, state: RenderState) -> Frame:
     """Return a picture whose textured objects are drawn again, texel by texel."""
     color = frame.color.reshape(-1, 4).copy()
@@ -81,7 +76,7 @@ def in_texture_order(frame: Frame, state: RenderState) -> Frame:
     totals = np.zeros(6, np.int64)
     divides = state.options.mapping_order == "texture-coverage"
     for target in sorted(state.visible.objects):
-        if not is_textured(state.scene.objects[target]):
+        if not isinstance(state.request.material(target).base_color, ImageTexture):
             continue
         first, stop = state.world.starts[target : target + 2]
         covered = (shown >= first) & (shown < stop)

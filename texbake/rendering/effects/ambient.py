@@ -40,7 +40,7 @@ def _occlusion_activations(request: RenderRequest) -> Iterator[Activation | Reje
     lighting = request.scene.lighting
     if lighting.occlusion is None:
         return
-    ambient = any(lighting.ambient.color) or any(lighting.ambient.ground or ())
+    ambient = lighting.ambient.shines
     around = lighting.environment is not None and lighting.environment.lighting
     if not (ambient or around):
         yield Rejection("it has no ambient light to darken", "the scene")
@@ -121,9 +121,7 @@ AMBIENT_OCCLUSION = Effect(
 
 
 def _reflects_ambient(request: RenderRequest, index: int) -> bool:
-    ambient = request.scene.lighting.ambient
-    has_light = any(ambient.color) or any(ambient.ground or ())
-    return has_light and is_diffuse(request.material(index))
+    return request.scene.lighting.ambient.shines and is_diffuse(request.material(index))
 
 
 def _normals_for_ambient(request: RenderRequest, target: int) -> Iterator[str]:

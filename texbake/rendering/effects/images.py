@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
@@ -21,9 +21,9 @@ from texbake.mesh.mesh import FloatArray
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.maps import MapSource, channel_of, colors_from, data_from, normals_from
+from texbake.rendering.maps import MapSource, channel_of, colors_from, normals_from
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.results import Target
+from texbake.rendering.results import Compute, Target
 from texbake.rendering.scene.material import DEFAULT_MATERIAL, Material
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import (
@@ -126,36 +126,32 @@ def without_textures(kind: type, scene: Scene) -> Scene:
 def _load_images(state: RenderState, target: int) -> dict[str, LoadedImage]:
     found: dict[str, LoadedImage] = {}
     for name, texture in state.request.textures_of(target, ImageTexture):
-        others = (*state.results.all(_load_images).values(), found)
-        found[name] = _load_shared(state, target, name, texture, others)
+        origin = _origin(state, target, name, texture)
+        alike = (each for each in _loaded(state, _load_images, found) if each.origin == origin)
+        known = next(alike, None)
+        if known is None:
+            pixels, kind, space = _pixels(state, target, name, texture)
+        else:
+            pixels, kind, space = known.chain.level(0), known.kind, known.space
+        image = placed_image(
+            texture,
+            pixels,
+            kind=kind,
+            filter_name=state.request.filter_of(texture),
+            uvs=textured_mesh(state, target).on_uv_set(texture.uv_set).uvs,
+            name=name,
+            space=space,
+        )
+        found[name] = replace(image, origin=origin, is_shared=known is not None)
     return found
 
 
-def _load_shared(
-    state: RenderState,
-    target: int,
-    name: str,
-    texture: ImageTexture,
-    others: Iterable[Mapping[str, LoadedImage]],
-) -> LoadedImage:
-    """Load an image; images of the same origin share their texels."""
-    origin = _origin(state, target, name, texture)
-    alike = (image for images in others for image in images.values() if image.origin == origin)
-    known = next(alike, None)
-    if known is None:
-        pixels, kind, space = _pixels(state, target, name, texture)
-    else:
-        pixels, kind, space = known.chain.level(0), known.kind, known.space
-    image = placed_image(
-        texture,
-        pixels,
-        kind=kind,
-        filter_name=state.request.filter_of(texture),
-        uvs=textured_mesh(state, target).on_uv_set(texture.uv_set).uvs,
-        name=name,
-        space=space,
-    )
-    return replace(image, origin=origin, is_shared=known is not None)
+def _loaded(
+    state: RenderState, load: Compute[dict[str, LoadedImage]], found: dict[str, LoadedImage]
+) -> Iterator[LoadedImage]:
+    """Images of other targets, and those that are found of this one; equal ones share texels."""
+    for images in (*state.results.all(load).values(), found):
+        yield from images.values()
 
 
 def _origin(state: RenderState, target: int, name: str, texture: ImageTexture) -> Origin:
@@ -228,7 +224,7 @@ def _pixels(
         return channel_of(source, texture.channel or 0, color=texture.color or False), "data", ""
     if is_color:
         return colors_from(source, color=texture.color is not False), "color", ""
-    return data_from(source, color=bool(texture.color)), "data", ""
+    return channel_of(source, 0, color=bool(texture.color)), "data", ""
 
 
 def _broadcast(value: float | tuple[float, ...], n_channels: int, name: str) -> Floats:
@@ -259,11 +255,9 @@ def _load_mip_levels(state: RenderState, target: Target) -> dict[str, LoadedImag
     for name, image in state.of(_load_images, target).items():
         if image.filter not in FILTERS_WITH_LEVELS:
             continue
-        others = (*state.results.all(_load_mip_levels).values(), found)
         alike = (
             other
-            for images in others
-            for other in images.values()
+            for other in _loaded(state, _load_mip_levels, found)
             if (other.origin, other.wrap) == (image.origin, image.wrap)
         )
         known = next(alike, None)

@@ -65,7 +65,7 @@ class PlacedLight:
 
 def _reasons(request: RenderRequest, index: int) -> Iterator[str | Rejection]:
     light = request.light(index)
-    if light.intensity == 0.0 or not any(light.color):
+    if not light.shines:
         yield Rejection("it is dark")
     elif index not in request.shining:
         yield Rejection("its cone meets no object")

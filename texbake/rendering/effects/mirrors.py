@@ -120,20 +120,12 @@ def _render(state: RenderState, target: int) -> PlacedEnvironment:
     return PlacedEnvironment(CubeChain.of([cube]), np.eye(3))
 
 
-def _environment(
-    fragments: Fragments, state: RenderState, mirror: Reflection | Refraction
-) -> PlacedEnvironment | None:
-    """Return the environment that a mirror shows; None means black."""
-    found: PlacedEnvironment | None = None
-    if mirror.environment == "rendered":
-        found = state.get(_rendered_environment, fragments.target)
-    return found or state.get(environment_map)
-
-
 def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
     """Replace a share of the fragments' light by the environment's."""
     mirror = getattr(fragments.drawn.material, name)
-    environment = _environment(fragments, state, mirror)
+    environment = state.get(environment_map)  # None is black
+    if mirror.environment == "rendered":
+        environment = state.get(_rendered_environment, fragments.target) or environment
     strength = slot_values(fragments, state, f"{name}.strength", mirror.strength, 3)
     seen = np.zeros_like(directions) if environment is None else environment.look(directions)
     core.mix_in_environment(

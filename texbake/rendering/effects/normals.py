@@ -34,6 +34,7 @@ from texbake.rendering.fragments import Floats, Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
+from texbake.rendering.scene.material import NormalMap
 
 
 def mesh_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]:
@@ -94,26 +95,22 @@ def same_from_all_sides(request: RenderRequest, index: int) -> str:
     return "" if request.needs_normals(index) else "its light is the same from all sides"
 
 
-def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
+def _map_of(request: RenderRequest, target: int) -> NormalMap:
     holder = request.material(target).normal_map
     assert holder is not None
+    return holder
+
+
+def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
+    holder = _map_of(request, target)
     if (holder.space or normal_space(holder.texture.image)) == "tangent":
         yield from ("vertex normals", "tangents")
 
 
 def _mesh_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
-    mesh = textured_mesh(state, target).on_uv_set(_uv_set_of_map(state.request, target))
-    tangents = shading_tangents(mesh)
+    uv_set = _map_of(state.request, target).texture.uv_set
+    tangents = shading_tangents(textured_mesh(state, target).on_uv_set(uv_set))
     return read_only(tangents, np.float32)
-
-
-def _uv_set_of_map(request: RenderRequest, target: int) -> str | None:
-    holder = request.material(target).normal_map
-    return None if holder is None else holder.texture.uv_set
-
-
-def _coordinates_for_tangents(request: RenderRequest, target: int) -> str:
-    return coordinates_effect(_uv_set_of_map(request, target))
 
 
 def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
@@ -122,8 +119,6 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
     fragments.normals = np.empty((len(fragments), 3), np.float32)
     image = image_of(state, target, "normal_map.texture")
     space = image.space
-    holder = fragments.drawn.material.normal_map
-    assert holder is not None
     if space == "tangent":
         has_own = textured_mesh(state, target).tangents is not None and image.uv_set is None
         if image.turn is not None and not has_own:
@@ -131,7 +126,8 @@ def _look_up_normals(fragments: Fragments, state: RenderState) -> None:
         normals, corners = state.of(mesh_normals, target)
         core.bend_normals(
             normals, corners, state.of(_mesh_tangents, target), fragments.faces,
-            fragments.weights, texels, float(holder.strength), fragments.back_facing,
+            fragments.weights, texels, float(_map_of(state.request, target).strength),
+            fragments.back_facing,
             state.camera.axes[2], fragments.normals,
         )  # fmt: skip
         return
@@ -149,7 +145,10 @@ TANGENTS = Effect(
     does="computes MikkTSpace tangents",
     after="normals",
     left_out="no map in the picture is in tangent space",
-    needs=("vertex normals", _coordinates_for_tangents),
+    needs=(
+        "vertex normals",
+        lambda request, target: coordinates_effect(_map_of(request, target).texture.uv_set),
+    ),
     load=_mesh_tangents,
 )
 

@@ -58,10 +58,11 @@ def _pointless(request: RenderRequest, index: int) -> str:
 
 
 def _texture_slopes(state: RenderState, target: int) -> TextureSlopes:
-    mesh = textured_mesh(state, target)
+    mesh, holder = textured_mesh(state, target), state.request.material(target).parallax
+    assert holder is not None
     corners = mesh.positions[mesh.faces]
     edges = corners[:, 1:] - corners[:, :1]
-    steps = steps_along_texture(mesh.corner_uvs(_uv_set(state.request, target)))
+    steps = steps_along_texture(mesh.corner_uvs(holder.texture.uv_set))
     along = pm.matmul(steps.reshape(-1, 2, 2), edges)  # P_u and P_v
     across = np.cross(along[:, 0], along[:, 1])
     areas = pm.norm(across, axis=1)
@@ -111,12 +112,6 @@ def _move(fragments: Fragments, mesh: Mesh, uv_set: str | None, shifts: FloatArr
             corners = mesh.corner_uvs(name)[fragments.faces]
             shift = pm.vecmat(weights, corners[:, 1:] - corners[:, :1])
         fragments.coordinates[name] = uvs + shift, changes
-
-
-def _uv_set(request: RenderRequest, target: int) -> str | None:
-    holder = request.material(target).parallax
-    assert holder is not None
-    return holder.texture.uv_set
 
 
 def _hit_positions(

@@ -183,19 +183,16 @@ def _place_cookie(state: RenderState, target: int) -> FloatArray:
     return cookie_matrix(state.lights[target], state.of(place_light, target))
 
 
-def _on_cookie(fragments: Fragments, state: RenderState, index: int) -> ProjectedPoints:
-    profile = state.lights[index].profile
-    assert profile is not None
-    filter_name = state.request.filter_of(profile)
-    steps = pixel_steps(fragments, state) if filter_name in FILTERS_WITH_FOOTPRINT else None
-    return project_onto(state.of(_place_cookie, index), fragments.positions, steps, filter_name)
-
-
 def _leave_out(
     fragments: Fragments, state: RenderState, index: int, incident: IncidentLight
 ) -> None:
     """Set a lamp's light to 0 if its cookie falls on no fragment, before drawing its shadow map."""
-    incident.on_cookie = _on_cookie(fragments, state, index)
+    profile = state.lights[index].profile
+    assert profile is not None
+    kind = state.request.filter_of(profile)
+    steps = pixel_steps(fragments, state) if kind in FILTERS_WITH_FOOTPRINT else None
+    matrix = state.of(_place_cookie, index)
+    incident.on_cookie = project_onto(matrix, fragments.positions, steps, kind)
     covered = incident.radiance * incident.on_cookie.coverage[:, None]
     if not reaches_any(fragments, replace(incident, radiance=covered)):
         incident.radiance = covered
@@ -240,28 +237,22 @@ def _projected_images(state: RenderState, target: int) -> list[Deferred[LoadedIm
 
 
 def _projected_image(state: RenderState, target: int, place: int) -> LoadedImage:
-    item = state.request.material(target).projected[place]
+    texture = state.request.material(target).projected[place].texture
     with state.reporting_for(target):
-        picture = _read_picture(state, item, place)
+        colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
+        if opacity is None:
+            opacity = np.ones_like(colors[..., :1])
+        factor = np.broadcast_to(np.asarray(texture.factor, np.float32), 3)
+        # Premultiply before filtering, so that transparent texels do not bleed into opaque ones.
+        picture = load_cookie(
+            replace(texture, factor=1.0, border=(0.0,)),
+            np.concatenate([colors * factor * opacity, opacity], axis=2),
+            filter_name=state.request.filter_of(texture),
+            name=f"projected[{place}].texture",
+            threads=state.threads,
+        )
     state.costs.add("projected textures", 0.0, picture.n_bytes)
     return picture
-
-
-def _read_picture(state: RenderState, item: ProjectedTexture, place: int) -> LoadedImage:
-    texture = item.texture
-    colors, opacity = colors_and_opacity_from(texture.image, color=texture.color is not False)
-    if opacity is None:
-        opacity = np.ones_like(colors[..., :1])
-    factor = np.broadcast_to(np.asarray(texture.factor, np.float32), 3)
-    # Premultiply before filtering, so that transparent texels do not bleed into opaque ones.
-    texels = np.concatenate([colors * factor * opacity, opacity], axis=2)
-    return load_cookie(
-        replace(texture, factor=1.0, border=(0.0,)),
-        texels,
-        filter_name=state.request.filter_of(texture),
-        name=f"projected[{place}].texture",
-        threads=state.threads,
-    )
 
 
 def _projector_views(state: RenderState, target: int) -> ProjectorViews:

@@ -24,7 +24,14 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.parallel import run_bands
-from texbake.rendering.displaced import BaseSurface, EdgeView, MapView, Places, displaced
+from texbake.rendering.displaced import (
+    BaseSurface,
+    Displaced,
+    EdgeView,
+    Places,
+    displaced,
+    texel_lengths,
+)
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.points import map_mesh, mapping_effect, steps_along_surface
@@ -96,11 +103,7 @@ class ObjectRelief:
 def _load_relief(state: RenderState, target: int) -> ObjectRelief | DrawnObject:
     """Prepare the displacement; returns the displaced object if it is the same for all views."""
     relief = _relief(state, target)
-    return (
-        relief
-        if relief.holder.edge_px is not None
-        else _subdivide(state, target, relief, MapView())
-    )
+    return _subdivide(state, target, relief) if relief.holder.edge_px is None else relief
 
 
 def _relief(state: RenderState, target: int) -> ObjectRelief:
@@ -115,7 +118,8 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
     image = texels = frames = None
     if isinstance(holder.texture, ImageTexture):
         image = _load_image(state, drawn, holder, holder.texture)
-        texels = _texels_of(drawn.mesh, image)
+        corners = image.direct(drawn.mesh.corner_uvs(image.uv_set))
+        texels = np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
             frames = _frames_of(mesh.on_uv_set(image.uv_set), linear)
@@ -155,27 +159,15 @@ def _farthest(holder: Displacement, image: LoadedImage | None, has_frames: bool)
 def _load_image(
     state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
-    drawn.mesh.corner_uvs(texture.uv_set)  # raises if there are none
-    image = placed_image(
-        texture,
-        heights_from(
-            texture.image,
-            mid=holder.mid,
-            scale=holder.height,
-            channel=texture.channel,
-            n_channels=3 if holder.vector else 1,
-        ),
-        kind="data",
-        filter_name=state.request.filter_of(texture),
-        uvs=drawn.mesh.on_uv_set(texture.uv_set).uvs,
-        name="displacement.texture",
-    )
+    uvs = drawn.mesh.uv_set(texture.uv_set).uvs
+    n_channels = 3 if holder.vector else 1
+    heights = heights_from(
+        texture.image, mid=holder.mid, scale=holder.height, channel=texture.channel,
+        n_channels=n_channels,
+    )  # fmt: skip
+    kind, name = state.request.filter_of(texture), "displacement.texture"
+    image = placed_image(texture, heights, kind="data", filter_name=kind, uvs=uvs, name=name)
     return filtered_image(image, threads=state.threads)
-
-
-def _texels_of(mesh: Mesh, image: LoadedImage) -> FloatArray:
-    corners = image.direct(mesh.corner_uvs(image.uv_set))
-    return np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
 
 
 def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
@@ -196,46 +188,44 @@ def displace_object(state: RenderState, target: int) -> DrawnObject:
     known = state.of(_load_relief, target)
     if isinstance(known, DrawnObject):
         return known
-    edge_px = known.holder.edge_px
-    assert edge_px is not None
-    view = EdgeView(state.camera, state.options, edge_px, known.farthest)
-    return _subdivide(state, target, known, view)
+    return _subdivide(state, target, known)
 
 
-def _subdivide(
-    state: RenderState, target: int, relief: ObjectRelief, view: EdgeView | MapView
-) -> DrawnObject:
+def _subdivide(state: RenderState, target: int, relief: ObjectRelief) -> DrawnObject:
     """Subdivide a surface where its edges are too long, and displace its vertices."""
+    edge_px, view = relief.holder.edge_px, None
+    if edge_px is not None:
+        view = EdgeView(state.camera, state.options, edge_px, relief.farthest)
 
     def moves(places: Places, points: FloatArray) -> FloatArray:
         values = np.empty((len(places.vertices), 3 if relief.holder.vector else 1))
 
         def work(start: int, stop: int) -> None:
             rows = slice(start, stop)
-            widths = view.widths(points[places.vertices[rows]])
+            widths = np.zeros(stop - start)  # so that the map is read at full resolution
+            if view is not None:
+                widths = view.widths(points[places.vertices[rows]])
             values[rows] = _values_at(relief, target, places, rows, widths)
 
         run_bands(work, len(values), band=_BAND, threads=state.threads)
         return values
 
-    result = displaced(
-        relief.surface,
-        moves,
-        lambda now: view.excess(now, relief.texels, threads=state.threads),
-        max_triangles=state.options.max_triangles,
-        threads=state.threads,
-    )
+    def excess(now: Displaced) -> FloatArray:
+        if view is None:
+            return texel_lengths(now.pieces, relief.texels, np.zeros(len(now.points), np.uint8))
+        return view.excess(now, relief.texels, threads=state.threads)
+
+    most = state.options.max_triangles
+    result = displaced(relief.surface, moves, excess, max_triangles=most, threads=state.threads)
     drawn, pieces = relief.drawn, result.pieces
     normals = None
     if state.plan.has("vertex normals", target) and drawn.material.normal_map is None:
         shape = Mesh(positions=result.positions, faces=pieces.faces)
         normals = vertex_normals(shape, threads=state.threads)
-    return DrawnObject(
-        mesh=drawn.mesh,
-        material=drawn.material,
+    return replace(
+        drawn,
         positions=result.positions,
         faces=pieces.faces,
-        object_from_world=drawn.object_from_world,
         base_faces=pieces.base_faces,
         base_weights=pieces.base_weights,
         normals=normals,

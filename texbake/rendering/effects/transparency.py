@@ -34,7 +34,6 @@ from texbake.rendering.rasterize import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Sums
 from texbake.rendering.results import Target
-from texbake.rendering.scene.material import Material
 
 MAX_LAYERS = 16
 # In front of the near plane, where the reversed depth is 1.
@@ -53,10 +52,6 @@ def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
     colors = request.scene.objects[index].mesh.colors
     if material.vertex_colors and colors is not None and colors.shape[1] == 4:
         yield "its vertex colors have opacity"
-
-
-def _opaque(material: Material) -> Material:
-    return replace(material, alpha_mode="opaque")
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +181,7 @@ TRANSPARENCY = Effect(
     does="blends transparent surfaces in order of depth",
     after="fog",
     reasons=_reasons,
-    without=lambda scene: scene.with_materials(_opaque),
+    without=lambda scene: scene.with_materials(lambda each: replace(each, alpha_mode="opaque")),
     left_out="nothing in the picture is transparent",
     needs=("layers", "slots"),
 )

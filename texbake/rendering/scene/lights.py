@@ -97,6 +97,11 @@ class Light:
         False, "Whether x, y and z of position and direction are right, up and back of the camera."
     )
 
+    @property
+    def shines(self) -> bool:
+        """Whether it is not dark."""
+        return self.intensity > 0.0 and any(self.color)
+
     def __post_init__(self) -> None:
         check_fields(self, prefix=f"{self.name}.")
         _check_color(f"{self.name}.color", self.color)
@@ -115,6 +120,11 @@ class Ambient:
     ground: Rgb | None = option(
         None, "Linear color of ambient light from below; without it the same as from above."
     )
+
+    @property
+    def shines(self) -> bool:
+        """Whether it is not dark."""
+        return any(self.color) or any(self.ground or ())
 
     def __post_init__(self) -> None:
         _check_color("ambient.color", self.color)

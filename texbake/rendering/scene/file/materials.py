@@ -151,15 +151,12 @@ def _number_in(low: float, high: float) -> Callable[[Any], float]:
     wanted = f"one from {low:g} to {high:g}" if high < 1e300 else f"one of {low:g} or more"
 
     def check(value: Any) -> float:
-        if not is_number(value):
-            raise validation_error(
-                f"{format_value(value)} is not a number; give {wanted}, an image or a procedure"
-            )
-        if not low <= value <= high:
-            raise validation_error(
-                f"{format_value(value)} is out of range; give {wanted}, an image or a procedure"
-            )
-        return float(value)
+        if is_number(value) and low <= value <= high:
+            return float(value)
+        what = "out of range" if is_number(value) else "not a number"
+        raise validation_error(
+            f"{format_value(value)} is {what}; give {wanted}, an image or a procedure"
+        )
 
     return check
 
@@ -196,50 +193,41 @@ read_as((ImageTexture, ProcedureTexture), Texture)
 read_as((*get_args(Constant), ImageTexture, ProcedureTexture), ColorSlot)
 
 
-def _matrix(value: Any, info: ValidationInfo) -> FloatArray:
-    """(4, 4): matrix from sixteen numbers row by row, from four rows, or from a file."""
-    return _read(value, info, projector=False)
-
-
-def _projector_matrix(value: Any, info: ValidationInfo) -> FloatArray:
-    """(4, 4): as `_matrix`, or from the twelve numbers of the rows s, t and q."""
-    return _read(value, info, projector=True)
-
-
-def _read(value: Any, info: ValidationInfo, *, projector: bool) -> FloatArray:
-    if isinstance(value, str):
-        try:
-            return np.array(read_matrix(existing_file(value, info), projector=projector))
-        except FileError as error:
-            raise validation_error(str(error)) from error
-    flat = [
-        number
-        for row in (value if isinstance(value, list) else [])
-        for number in (row if isinstance(row, list) else [row])
-    ]
-    if len(flat) not in ((12, 16) if projector else (16,)) or not all(map(is_number, flat)):
-        numbers = "12 or 16" if projector else "16"
-        raise validation_error(
-            f"{format_value(value)} is neither {numbers} numbers, row by row, nor a file of them"
-        )
-    rows = np.array(flat, np.float64).reshape(-1, 4)
-    return np.array(whole_matrix(rows.tolist()))
-
-
-_NUMBER = {"type": "number"}
+_NUMBER: JsonSchema = {"type": "number"}
 _ROW = {"type": "array", "items": _NUMBER, "minItems": 4, "maxItems": 4}
 
 
-def _schema(n_rows: tuple[int, ...]) -> WithJsonSchema:
-    flat = [
+def _matrix(*n_rows: int) -> Any:
+    """Type of a (4, 4) matrix: numbers row by row, rows, or a file; a projector's may be 3 x 4."""
+    counts = [4 * n for n in sorted(n_rows)]
+    wanted = " or ".join(map(str, counts))
+
+    def read(value: Any, info: ValidationInfo) -> FloatArray:
+        if isinstance(value, str):
+            try:
+                return np.array(read_matrix(existing_file(value, info), projector=3 in n_rows))
+            except FileError as error:
+                raise validation_error(str(error)) from error
+        flat = [
+            number
+            for row in (value if isinstance(value, list) else [])
+            for number in (row if isinstance(row, list) else [row])
+        ]
+        if len(flat) not in counts or not all(map(is_number, flat)):
+            raise validation_error(
+                f"{format_value(value)} is neither {wanted} numbers, row by row, nor a file of them"
+            )
+        return np.array(whole_matrix(np.array(flat, np.float64).reshape(-1, 4).tolist()))
+
+    schemas: list[JsonSchema] = [
         {"type": "array", "items": _NUMBER, "minItems": 4 * n, "maxItems": 4 * n} for n in n_rows
     ]
     rows = {"type": "array", "items": _ROW, "minItems": min(n_rows), "maxItems": max(n_rows)}
-    return WithJsonSchema({"anyOf": [*flat, rows, FILE]})
+    return Annotated[Any, PlainValidator(read), WithJsonSchema({"anyOf": [*schemas, rows, FILE]})]
 
 
-Matrix = Annotated[Any, PlainValidator(_matrix), _schema((4,))]
-ProjectorMatrix = Annotated[Any, PlainValidator(_projector_matrix), _schema((4, 3))]
+Matrix = _matrix(4)
+ProjectorMatrix = _matrix(4, 3)
 
 
 def _projected(

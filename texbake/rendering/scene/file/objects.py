@@ -8,7 +8,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import Discriminator, Tag
 
 from texbake.core import portable_math as pm
@@ -17,7 +16,7 @@ from texbake.files import PathLike
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.normals import face_normals
+from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import ProgressSink
@@ -268,13 +267,8 @@ def _shape_size(shape: str, options: dict[str, Any]) -> int:
 def _make_shape(shape: str, options: dict[str, Any]) -> Mesh:
     if shape in PLAIN_SHAPES:
         mesh: Mesh = getattr(import_module("texbake.mesh.shapes"), shape)(**options)
-        return _with_flat_sides(mesh) if shape == "cube" else mesh
+        # Smooth shading would round the edges of a cube.
+        return with_flat_normals(mesh) if shape == "cube" else mesh
     if "image" in options:
         options["image"] = read_image(options["image"], color=False).pixels
     return make(shape, MakeOptions(**options))
-
-
-def _with_flat_sides(mesh: Mesh) -> Mesh:
-    """Return the mesh with flat normals if smooth shading would round its edges."""
-    corners = np.repeat(np.arange(mesh.n_faces, dtype=np.int32)[:, None], 3, axis=1)
-    return mesh.replace(normals=face_normals(mesh), normal_faces=corners)
