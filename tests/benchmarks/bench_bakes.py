@@ -1,6 +1,6 @@
-"""Bakes: samples, ambient occlusion beside Blender, all maps, time budgets, and their stages.
+"""Bakes: samples, all maps, time budgets, and their stages.
 
-python tests/benchmarks/bench_bakes.py samples | ao | maps | budgets | stages
+python tests/benchmarks/bench_bakes.py samples | maps | budgets | stages
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import json
 import math
 import platform
 import re
-import subprocess
 import tempfile
 import time
 from functools import partial
@@ -22,14 +21,11 @@ from types import SimpleNamespace
 
 import numpy as np
 from harness import (
-    BLENDER,
     DATA,
     PAIRS,
-    ROOT,
     SCENES,
     in_child,
     in_turn,
-    put_into,
     read_pair,
     run_commands,
     table,
@@ -107,75 +103,6 @@ def share_at(errors, shares, goal):
             part = np.log(errors[k - 1] / goal) / np.log(errors[k - 1] / errors[k])
             return f"{shares[k - 1] * (shares[k] / shares[k - 1]) ** part:.2f}"
     return "not reached"
-
-
-DISTANCES = {"koala": 0.2258574, "skull": 0.4077253}
-N_RAYS, MANY_RAYS, NOISE_SIZE = 64, 4096, 256
-
-
-def ao(runs=3, size=1024, pairs=tuple(DISTANCES), no_noise=False):
-    """Ambient occlusion with 64 rays per texel: seconds and noise, beside Blender.
-
-    Seconds are those of the whole bake, with the code of both programs loaded. Noise is the
-    standard deviation from the program's own map of 4,096 rays, at 256². Blender runs where
-    TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1.
-    """
-    programs = {"texbake": texbake_ao} | ({"Blender": blender_ao} if BLENDER else {})
-    row = table("pair", *(f"{name}, s" for name in programs), *["times as fast"] * bool(BLENDER),
-                *(f"noise, {name}" for name in programs),
-                *["maps of 4096 rays differ by"] * bool(BLENDER))  # fmt: skip
-    for name in pairs:
-        # Blender's own seconds: it starts a process for each bake.
-        seconds = {program: [] for program in programs}
-        texbake_ao(name, 64, N_RAYS)  # loads the kernels
-        for _ in range(runs):
-            for program, bake in programs.items():
-                seconds[program].append(bake(name, size, N_RAYS)[0])
-        medians = {program: np.median(taken) for program, taken in seconds.items()}
-        cells = [f"{value:.2f}" for value in medians.values()]
-        cells += [f"{medians['Blender'] / medians['texbake']:.1f}"] if BLENDER else []
-        if not no_noise:
-            maps = {
-                program: [bake(name, NOISE_SIZE, n)[1] for n in (N_RAYS, MANY_RAYS)]
-                for program, bake in programs.items()
-            }
-            shown = np.all([many > 0 for _, many in maps.values()], axis=0)
-            cells += [f"{deviation(few, many, shown):.4f}" for few, many in maps.values()]
-            many = [many for _, many in maps.values()]
-            cells += [f"{deviation(*many, shown):.4f}"] if BLENDER else []
-        row(name, *cells)
-
-
-def deviation(a, b, shown):
-    return float(np.sqrt(np.square(a - b)[shown].mean()))
-
-
-def texbake_ao(name, size, n_rays):
-    """Seconds of one bake, and the map; 0 where it has no data."""
-    pair, distance = read_pair(name), DISTANCES[name]
-    options = texbake.BakeOptions(
-        size=size, maps=("ao",), secondary_rays=n_rays, rays="vertex", front=distance,
-        back=distance, padding=0,
-    )  # fmt: skip
-    start = time.perf_counter()
-    result = texbake.bake(*pair, options)
-    taken = time.perf_counter() - start
-    return taken, np.where(result.has_data, result.maps["ao"].values[..., 0], 0.0)
-
-
-def blender_ao(name, size, n_rays):
-    """Seconds of one bake, and the map."""
-    folder = DATA / "pairs" / name
-    with tempfile.TemporaryDirectory() as temporary:
-        out = Path(temporary) / "ao.npy"
-        command = [
-            BLENDER, Path(__file__).parent / "blender_ao.py", folder / "high.obj",
-            folder / "low_uv.obj", out, size, n_rays, DISTANCES[name],
-        ]  # fmt: skip
-        done = subprocess.run(
-            [str(word) for word in command], capture_output=True, text=True, check=True
-        )
-        return float(done.stdout.split()[-2]), np.load(out)
 
 
 def maps(*pairs, rounds=5, size=(1024, 2048), samples=1):
@@ -264,27 +191,24 @@ BUDGET_SIZES = {"bake": (512, 1024, 2048), "preview": (640, 1280)}
 LEAST = 0.01  # seconds: too short for anything
 
 
-def budgets(*kinds, sizes=(0,), times=(1.3, 2.0, 4.0), busy=False, errors=False):
+def budgets(*kinds, times=(1.3, 2.0, 4.0)):
     """How well bakes and pictures keep to `--time-budget`, and what they make of the time.
 
     Every run is a process of its own. Budgets are multiples of the time of a run with a budget of a
-    hundredth of a second. A star marks runs that reached the closest bound; of the others, a line
-    says how many ended between 85 % and 100 % of their budget. `--busy`, for a machine that others
-    use, counts processor seconds of one thread. `--errors` compares bakes with fixed numbers of
-    rays: root mean squares of the angle to 64 rays per texel, of the bake and of the best of 1, 4
-    and 16 rays that took no longer.
+    hundredth of a second, in processor seconds of one thread. A star marks runs that reached the
+    closest bound; of the others, a line says how many ended between 85 % and 100 % of their budget.
+    Errors of bakes are root mean squares of the angle to 64 rays per texel, of the bake and of the
+    best of 1, 4 and 16 rays that took no longer.
     """
     for kind in kinds or BUDGET_SIZES:
         heads = ["name", "size", "budget, s", "spent", "whole process", "bound", "rounds"]
-        compares = errors and kind == "bake"
         print(f"\n{kind}, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors\n")
-        row = table(*heads, *["error", "fixed", "quotient"] * compares)
+        row = table(*heads, *["error", "fixed", "quotient"] * (kind == "bake"))
         shares = []
         with tempfile.TemporaryDirectory() as folder:
             for name in PAIRS if kind == "bake" else PICTURES:
-                for size in sizes if sizes[0] else BUDGET_SIZES[kind]:
-                    case = kind, name, size, Path(folder), busy
-                    shares += keep_budgets(row, case, times, compares=compares)
+                for size in BUDGET_SIZES[kind]:
+                    shares += keep_budgets(row, (kind, name, size, Path(folder)), times)
         spent = np.array(shares)
         n_within = np.count_nonzero((spent >= 0.85) & (spent <= 1.0))
         print(f"\n{n_within} of {len(spent)} between 85 % and 100 %, "
@@ -292,12 +216,13 @@ def budgets(*kinds, sizes=(0,), times=(1.3, 2.0, 4.0), busy=False, errors=False)
               f"{', '.join(f'{x:.0%}' for x in np.percentile(spent, [0, 50, 100]))}")  # fmt: skip
 
 
-def keep_budgets(row, case, times, *, compares):
+def keep_budgets(row, case, times):
     """Print a row for each budget; return the shares that were spent."""
     least = budget_run(case, time_budget=LEAST)[0]
-    if compares:
+    is_bake = case[0] == "bake"
+    fixed = []
+    if is_bake:
         truth = normals_of(budget_run(case, samples=64)[2])
-        fixed = []
         for n in (1, 4, 16):
             seconds, _, path = budget_run(case, samples=n)
             fixed.append((seconds, n, angle_to(truth, path)))
@@ -309,7 +234,7 @@ def keep_budgets(row, case, times, *, compares):
         is_ample = figures["why"] == "the closest bound that is wanted"
         shares += [] if is_ample else [share]
         cells = []
-        if compares:
+        if is_bake:
             error = angle_to(truth, path)
             fitting = [one for one in fixed if one[0] <= seconds]
             _, n, best = min(fitting, key=lambda one: one[2], default=(0, 0, np.nan))
@@ -321,34 +246,29 @@ def keep_budgets(row, case, times, *, compares):
 
 def budget_run(case, **options):
     """Seconds, figures of the budget and the file of one bake or picture in a process."""
-    kind, name, size, folder, busy = case
-    start = time.perf_counter()
-    spent = in_child(run_here, kind, name, size, folder, busy, options)
-    seconds = spent if busy else time.perf_counter() - start
-    report = json.loads((folder / "report.json").read_text())
-    return seconds, report.get("budget"), folder / "out.png"
+    seconds = in_child(run_here, *case, options)
+    report = json.loads((case[-1] / "report.json").read_text())
+    return seconds, report.get("budget"), case[-1] / "out.png"
 
 
-def run_here(kind, name, size, folder, busy, options):
+def run_here(kind, name, size, folder, options):
     """Bake or draw in this process; return its processor seconds."""
     from texbake.jobs.maps import bake_files
     from texbake.jobs.preview import preview_files
     from texbake.sampling.rounds import BudgetClock
 
-    clock, threads = BudgetClock.of_process(), None
-    if busy:
-        clock, threads = BudgetClock(start=0.0, now=time.process_time), 1
+    clock = BudgetClock(start=0.0, now=time.process_time)
     output, report = f"{folder}/out.png", Path(folder) / "report.json"
     if kind == "bake":
         meshes = [DATA / "pairs" / name / file for file in ("high.obj", "low_uv.obj")]
         # Without padding, texels that are not covered are flat.
-        options = texbake.BakeOptions(size=size, threads=threads, padding=0, **options)
+        options = texbake.BakeOptions(size=size, threads=1, padding=0, **options)
         done = bake_files(*meshes, {"normal": output}, options, clock=clock)
         report.write_text(json.dumps(done.to_json(), default=str))
     else:
         options |= {"width": size, "height": size * 5 // 8}
         scene = SCENES / f"{name}.toml"
-        preview_files(scene, output, options, threads=threads, clock=clock, report=report)
+        preview_files(scene, output, options, threads=1, clock=clock, report=report)
     return time.process_time()
 
 
@@ -377,14 +297,13 @@ OPERATIONS = {"tree": ("triangle", 60), "rays and hits": ("ray", 430), "maps": (
               "encode": ("texel", 9)}  # fmt: skip
 
 
-def stages(triangles=4_000_000, sizes=(2048, 4096), rounds=3, page=False):
+def stages(triangles=4_000_000, sizes=(2048, 4096), rounds=3):
     """Where the time of a bake goes, and how near each stage is to what the machine can do.
 
     A displaced sphere, as binary PLY, is baked onto 512 triangles: a normal map as 16-bit PNG with
     16 texels of padding. Processor seconds of one thread, the least of the rounds. Bytes are those
     that a stage must move at the least, operations are estimates; both are compared with a copy of
-    large arrays and a product of matrices in the same run. `--page` puts the tables into
-    docs/explanation/performance.md.
+    large arrays and a product of matrices in the same run.
     """
     if hasattr(os, "sched_setaffinity"):  # readers take no number of threads
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
@@ -397,10 +316,7 @@ def stages(triangles=4_000_000, sizes=(2048, 4096), rounds=3, page=False):
         high = high.replace(positions=high.positions.astype(np.float32))
         texbake.write_mesh(high, folder / "high.ply")
         texbake.write_mesh(uv_sphere(17, 16), folder / "low.obj")
-        text = "\n".join(stage_tables(folder, sizes, rounds))
-    print(text)
-    if page:
-        put_into(ROOT / "docs" / "explanation" / "performance.md", "bench_stages", text)
+        print(*stage_tables(folder, sizes, rounds), sep="\n")
 
 
 def seconds_of(work):
@@ -489,4 +405,4 @@ def moved_bytes(counts):
 
 
 if __name__ == "__main__":
-    run_commands(globals(), samples, ao, maps, budgets, stages)
+    run_commands(globals(), samples, maps, budgets, stages)

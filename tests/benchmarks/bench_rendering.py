@@ -1,6 +1,6 @@
-"""Pictures: samples, effects and settings that nothing needs, and other renderers.
+"""Pictures: samples, effects that nothing needs, and other renderers.
 
-python tests/benchmarks/bench_rendering.py samples | effects | unneeded | llvmpipe | renderers
+python tests/benchmarks/bench_rendering.py samples | effects | llvmpipe | renderers
 """
 
 from __future__ import annotations
@@ -27,16 +27,10 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting, Shadow
+from texbake.rendering.scene.lights import Ambient, Light, Lighting
 from texbake.rendering.scene.material import (
-    BumpMap,
-    Displacement,
     Material,
     NormalMap,
-    Parallax,
-    ProjectedTexture,
-    Reflection,
-    Refraction,
 )
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
@@ -147,106 +141,6 @@ def effects(runs=41, threads=1, size=(640, 360)):
         found = in_turn({key: partial(draw, key, camera) for key in (full, bare)}, runs)
         row(name, found[bare].cell(unit=1e-3), found[full].times(found[bare], 3),
             found[bare].spread())  # fmt: skip
-
-
-SUN = Light(direction=(0.3, -0.4, -1.0))
-SMALL = RenderOptions(width=320, height=240)
-
-
-def unneeded(runs=9, texels=4096):
-    """What settings cost that cannot change a pixel: strengths of 0, dark lights, hidden maps.
-
-    A sphere is drawn with such a setting and without it, each time from the start: images are read
-    again. Milliseconds of all threads; the memory is that of what was made for the setting.
-    """
-    from texbake.texture.image import write_image
-
-    row = table("setting", "with", "without", "ratio", "spread", "memory, kB")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "map.png"
-        codes = np.random.default_rng(0).integers(1, 255, (texels, texels, 3), np.uint8)
-        write_image(codes, path)
-        for name, *scenes in unneeded_settings(ImageTexture(image=path)):
-            found = in_turn({k: partial(draw_whole, scene) for k, scene in enumerate(scenes)}, runs)
-            (bytes_with, picture), (bytes_without, other) = (found[k].result for k in (0, 1))
-            differ = "" if picture == other else " (the pictures differ)"
-            row(f"{name}{differ}", *(found[k].cell(1, unit=1e-3) for k in (0, 1)),
-                found[0].times(found[1]), found[1].spread(),
-                f"{(bytes_with - bytes_without) / 1e3:,.0f}")  # fmt: skip
-
-
-def draw_whole(scene):
-    """Bytes of the passes of a picture, and the picture."""
-    frame = draw(prepare(scene, SMALL), camera_of(scene, SMALL))
-    return sum(cost.n_bytes for cost in frame.costs.by_name.values()), frame.color.tobytes()
-
-
-def ball(lighting, mapping=None, **material):
-    item = SceneObject(
-        mesh=uv_sphere(32, 64), mapping=mapping, material=Material(**material), name="ball"
-    )
-    return Scene(objects=(item,), lighting=lighting)
-
-
-def unneeded_settings(image):
-    """Yield the name of each setting, the scene with it and the scene without it."""
-    from texbake.mapping.options import UnwrapOptions
-    from texbake.rendering.scene.material import projector_matrix
-
-    lit, unlit, lambert = Lighting(lights=(SUN,)), {"shading": "unlit"}, {"shading": "lambert"}
-    normals = NormalMap(texture=image, space="tangent", convention="opengl")
-    away = projector_matrix(position=(0.0, 0.0, 5.0), target=(0.0, 0.0, 9.0))
-    materials = {
-        "normal map, unlit": (unlit, {"normal_map": normals}),
-        "bump map, unlit": (unlit, {"bump_map": BumpMap(texture=image)}),
-        "occlusion map without ambient light": (lambert, {"occlusion": image}),
-        "parallax that moves no texture": (lambert, {"parallax": Parallax(texture=image)}),
-        "parallax of depth 0": (lambert, {"parallax": Parallax(texture=image, depth=0.0)}),
-        "bump map of height 0": (lambert, {"bump_map": BumpMap(texture=image, height=0.0)}),
-        "normal map of strength 0": (lambert, {"normal_map": replace(normals, strength=0.0)}),
-        "displacement of height 0": (
-            lambert, {"displacement": Displacement(texture=image, height=0.0)},
-        ),
-        "reflection of strength 0": (lambert, {"reflection": Reflection(strength=0.0)}),
-        "refraction of factor 0": (
-            lambert, {"refraction": Refraction(strength=replace(image, factor=0.0))},
-        ),
-        "emission of factor 0": (lambert, {"emission": replace(image, factor=0.0)}),
-        "projected picture of strength 0": (
-            lambert,
-            {"projected": (ProjectedTexture(texture=image, matrix=np.eye(4), strength=0.0),)},
-        ),
-        "projected picture aimed elsewhere": (
-            lambert, {"projected": (ProjectedTexture(texture=image, matrix=away),)},
-        ),
-        "mapping that nothing reads": (lambert, {"mapping": UnwrapOptions()}),
-        "color behind a perfect mirror": (
-            {"reflection": Reflection()}, {"base_color": image, "alpha_mode": "opaque"},
-        ),
-    }  # fmt: skip
-    for name, (common, more) in materials.items():
-        yield name, ball(lit, **common, **more), ball(lit, **common)
-    x, y, z = camera_of(ball(lit, **lambert), SMALL).eye.tolist()
-    spot = Light(name="spot", kind="spot", position=(0.0, 0.0, 5.0), direction=(0.0, 0.0, 1.0))
-    behind = replace(spot, position=(-x, -y, -z), direction=(x, y, z))
-    hidden = replace(behind, shadow=Shadow(), profile=image)
-    dark = Environment(image=image.image, lighting=True, intensity=0.0, background=False)
-    even = Lighting(ambient=Ambient(color=(0.5, 0.5, 0.5)))
-    lightings = {
-        "cookie of a spot turned away": (replace(lit, lights=(SUN, replace(spot, profile=image))),
-                                         lit),
-        "cookie and shadow of a lamp behind it": (
-            replace(lit, lights=(SUN, hidden)), replace(lit, lights=(SUN, behind)),
-        ),
-        "environment of intensity 0": (replace(lit, environment=dark), lit),
-    }  # fmt: skip
-    for name, (with_it, without) in lightings.items():
-        yield name, ball(with_it, **lambert), ball(without, **lambert)
-    yield (
-        "normal map in even light",
-        ball(even, normal_map=normals, **lambert),
-        ball(even, **lambert),
-    )
 
 
 TO_LIGHT, AMBIENT = (0.6, 0.64, 0.48), (0.1, 0.1, 0.1)
@@ -384,7 +278,7 @@ def renderers(*names, models=None, sheet=None, plain=False):
     """The samples' scenes as other renderers draw them, and how alike the pictures are.
 
     Every scene of samples/scenes that glTF can hold, and every .glb file of the folder `--models`,
-    is drawn by texbake, by three.js in Chromium (see `peer_gltf_threejs`), and, where
+    is drawn by texbake, by three.js in Chromium (see `peer_threejs`), and, where
     TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1, by Blender's Cycles and EEVEE. Cells are
     the PSNR in dB of the sRGB codes inside the outlines, and the share of pixels that only one
     program covers. `--sheet` also writes a row of pictures for each scene to a folder; `--plain`
@@ -421,4 +315,4 @@ def renderers(*names, models=None, sheet=None, plain=False):
 
 
 if __name__ == "__main__":
-    run_commands(globals(), samples, effects, unneeded, llvmpipe, renderers)
+    run_commands(globals(), samples, effects, llvmpipe, renderers)

@@ -4,7 +4,7 @@
 
 A job names a `file` and what is wanted of it: `picture`, an .exr file, for which `width`, `height`,
 `fov` (vertical, radians), `world_from_camera`, `to_light` and `light`, or `lights`, are as for
-`peer_gltf_threejs`, and `engine`, CYCLES where it is not given; `export`, a .glb, .usda or .usdz
+`peer_threejs`, and `engine`, CYCLES where it is not given; `export`, a .glb, .usda or .usdz
 file to export what was imported to; `mesh`, an .npz file of its triangles: positions (F, 3, 3)
 and uvs (F, 3, 2), Y up; and `polygons`, an .npz file of its polygons: names (P,) of objects and
 sizes (P,), positions (C, 3), normals (C, 3) and uvs (C, 2) of their corners, Y up, and n_vertices.

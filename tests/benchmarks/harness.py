@@ -12,7 +12,6 @@ import argparse
 import inspect
 import json
 import os
-import re
 import statistics
 import subprocess
 import sys
@@ -25,7 +24,6 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TEXBAKE_DATA", ROOT.parent / "shared" / "data"))
 SCENES = ROOT / "samples" / "scenes"
-BLENDER = os.environ.get("TEXBAKE_BLENDER_PYTHON")  # a Python with bpy 5.0.1
 PAIRS = ("koala", "skull", "spot", "penguin")
 
 
@@ -87,15 +85,6 @@ def table(*heads: str) -> Callable[..., None]:
     """Print the head of a table in Markdown; return what prints a row."""
     print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|", flush=True)
     return lambda *cells: print(f"| {' | '.join(map(str, cells))} |", flush=True)
-
-
-def put_into(page: Path, name: str, text: str) -> None:
-    """Put tables into a page of the documentation, between two marks of a name."""
-    first, last = f"<!-- {name} -->", f"<!-- /{name} -->"
-    old = page.read_text(encoding="utf-8")
-    pattern = f"{re.escape(first)}.*{re.escape(last)}"
-    new = f"{first}\n\n{text}\n\n{last}"
-    page.write_text(re.sub(pattern, lambda _: new, old, flags=re.DOTALL), encoding="utf-8")
 
 
 def in_child(function: Callable[..., Any], *arguments: Any, timeout: float | None = None) -> Any:

@@ -74,14 +74,14 @@ def read_job(path: Path) -> Job:
     )
 
 
-def draw_files(description: str, draw_all: Callable[[list[Job]], Iterable[np.ndarray]]) -> int:
+def draw_files(description: str, draw_all: Callable[[list[Path]], Iterable[np.ndarray]]) -> int:
     """Draw the jobs that the command line names; return the exit code."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("jobs", nargs="+", type=Path)
     parser.add_argument("-o", dest="folder", type=Path, required=True)
     arguments = parser.parse_args()
     try:
-        pictures = draw_all([read_job(path) for path in arguments.jobs])
+        pictures = draw_all(arguments.jobs)
         for path, picture in zip(arguments.jobs, pictures, strict=True):
             np.save(arguments.folder / f"{path.stem}.npy", picture)
     except UnavailableError as error:

@@ -12,10 +12,11 @@ import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from peer_job import Job, UnavailableError, draw_files
+from peer_job import Job, UnavailableError, draw_files, read_job
 
 _SRGB8, _SRGB8_ALPHA8, _FRAMEBUFFER_SRGB = 0x8C41, 0x8C43, 0x8DB9  # moderngl names none of them
 
@@ -259,11 +260,11 @@ class Llvmpipe:
         return self._context.framebuffer(color, depth)
 
 
-def draw_all(jobs: list[Job]) -> Iterator[np.ndarray]:
+def draw_all(paths: list[Path]) -> Iterator[np.ndarray]:
     """Draw jobs one after another."""
     renderer = Llvmpipe(exact=True)
-    for job in jobs:
-        loaded = renderer.load(job)
+    for path in paths:
+        loaded = renderer.load(read_job(path))
         yield renderer.draw(loaded)[::-1].copy()
         loaded.release()
 

@@ -120,7 +120,7 @@ def by_threejs(cases: list[Case], folder: Path, *, plain: bool = False) -> list[
     jobs = [folder / f"three_{k}.json" for k in range(len(cases))]
     for case, job in zip(cases, jobs, strict=True):
         job.write_text(json.dumps(case.job(plain=plain)))
-    program = HERE / "peer_gltf_threejs.py"
+    program = HERE / "peer_threejs.py"
     subprocess.run([sys.executable, program, *jobs, "-o", folder], check=True)
     return [np.load(job.with_suffix(".npy")) for job in jobs]
 

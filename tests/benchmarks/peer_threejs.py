@@ -1,8 +1,13 @@
 """three.js in Chromium without a window, on SwiftShader, which rasterizes on the processor.
 
-See `peer_job` for how it is called. Needs Chromium, and npm's `three` in a folder that NODE_PATH or
-TEXBAKE_NODE_MODULES names, or in a node_modules folder above this one. Light is Lambert's, where a
-job has any; mip levels are SwiftShader's own.
+    python peer_threejs.py JOB.npz|JOB.json ... -o FOLDER
+
+See `peer_job` for jobs of arrays, whose light is Lambert's where they have any. One of JSON names a
+`file` (.glb), `width`, `height`, `clip_from_camera` and `world_from_camera` (rows one after
+another), and `to_light` with its `light`, the color that a white surface that faces it reflects; or
+`lights`, as `peer_scenes` has them, and `center` and `radius` of what casts shadows. Needs
+Chromium, and npm's `three` in a folder that NODE_PATH or TEXBAKE_NODE_MODULES names, or in a
+node_modules folder above this one. Mip levels are SwiftShader's own.
 
 A server on this machine alone hands the page `peer_threejs.html` its jobs and takes the pictures.
 """
@@ -25,9 +30,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from peer_job import Job, UnavailableError, draw_files
+from peer_job import UnavailableError, draw_files, read_job
 
 HERE = Path(__file__).parent
+PAGE = HERE / "peer_threejs.html"
 # Nothing is loaded from elsewhere; the first picture takes Chromium about two seconds.
 TIMEOUT = 120.0  # seconds a picture
 FLAGS = [
@@ -53,13 +59,13 @@ def find_chromium() -> str:
 
 
 def find_threejs() -> Path:
-    """Folder of three.js's built modules."""
+    """Folder of three.js."""
     named = [os.environ.get(name, "") for name in ("NODE_PATH", "TEXBAKE_NODE_MODULES")]
     folders = [Path(part) for value in named for part in value.split(os.pathsep) if part]
     folders += [parent / "node_modules" for parent in HERE.parents]
     for folder in folders:
         if (folder / "three" / "build" / "three.module.js").is_file():
-            return folder / "three" / "build"
+            return folder / "three"
     raise UnavailableError(
         "npm's three is not found; name its node_modules in TEXBAKE_NODE_MODULES"
     )
@@ -79,15 +85,18 @@ def _image(image: np.ndarray | None) -> dict[str, Any] | None:
     return {"width": width, "height": height, "rgba": _base64(rgba, np.uint8)}
 
 
-def as_json(job: Job) -> bytes:
+def job_of(path: Path) -> dict[str, Any]:
     """A job as the page takes it; matrices go along their rows."""
+    if path.suffix == ".json":
+        return json.loads(path.read_text())
+    job = read_job(path)
     columns = {"position": job.positions, "normal": job.normals}
     columns |= {"uv": job.uvs, "tangent": job.tangents}
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = job.axes.T
     world_from_camera[:3, 3] = job.eye
     names = "base_color", "to_light", "light", "ambient"
-    values = {
+    return {
         "width": job.width,
         "height": job.height,
         "shading": job.shading,
@@ -104,13 +113,12 @@ def as_json(job: Job) -> bytes:
         "base_map": _image(job.base_map),
         "normal_map": _image(job.normal_map),
     }
-    return json.dumps(values).encode()
 
 
 class Desk(ThreadingHTTPServer):
     """Hands out jobs and takes pictures: `answers` gets (place, bytes), or (None, why not)."""
 
-    def __init__(self, jobs: list[Job], modules: Path) -> None:
+    def __init__(self, jobs: list[dict[str, Any]], modules: Path) -> None:
         super().__init__(("127.0.0.1", 0), _Handler)
         self.jobs = jobs
         self.modules = modules
@@ -118,13 +126,18 @@ class Desk(ThreadingHTTPServer):
 
     def content(self, path: str) -> tuple[str, bytes] | None:
         """Type and bytes of what stands at a path; None where there is nothing."""
-        name = path.rpartition("/")[2]
         if path == "/jobs":
-            return "application/json", json.dumps({"n_jobs": len(self.jobs)}).encode()
+            start = {"n_jobs": len(self.jobs), "plain": self.jobs[0].get("plain", False)}
+            return "application/json", json.dumps(start).encode()
         if path.startswith("/jobs/"):
-            return "application/json", as_json(self.jobs[int(name)])
-        file = HERE / "peer_threejs.html" if path == "/" else self.modules / name
-        return (TYPES[file.suffix], file.read_bytes()) if file.is_file() else None
+            return "application/json", json.dumps(self.jobs[int(path.split("/")[2])]).encode()
+        if path.startswith("/files/"):
+            job = self.jobs[int(path.split("/")[2])]
+            return "model/gltf-binary", Path(job["file"]).read_bytes()
+        file = PAGE if path == "/" else self.modules / path.removeprefix("/three/")
+        if not file.is_file():
+            return None
+        return TYPES.get(file.suffix, "application/octet-stream"), file.read_bytes()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -151,11 +164,12 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing."""
 
 
-def draw_all(jobs: list[Job]) -> Iterator[np.ndarray]:
+def draw_all(paths: list[Path]) -> Iterator[np.ndarray]:
     """Draw jobs one after another, in one page."""
     from texbake.texture.encoding import decode_srgb
 
     chromium = find_chromium()
+    jobs = [job_of(path) for path in paths]
     desk = Desk(jobs, find_threejs())
     threading.Thread(target=desk.serve_forever, daemon=True).start()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -169,7 +183,7 @@ def draw_all(jobs: list[Job]) -> Iterator[np.ndarray]:
                 place, body = desk.answers.get(timeout=TIMEOUT)
                 if place is None:
                     raise RuntimeError(f"the page failed: {body.decode()}")
-                codes = np.frombuffer(body, np.uint8).reshape(job.height, job.width, 4)[::-1]
+                codes = np.frombuffer(body, np.uint8).reshape(job["height"], job["width"], 4)[::-1]
                 picture = np.empty(codes.shape, np.float32)
                 picture[..., :3] = decode_srgb(codes[..., :3] / 255.0)
                 picture[..., 3] = codes[..., 3] / 255.0

@@ -1,6 +1,6 @@
 """Exported assets, shown by three.js and by Blender, and compared with texbake's own picture.
 
-three.js runs in Chromium, as `tests/benchmarks/peer_gltf_threejs.py` says; Blender where
+three.js runs in Chromium, as `tests/benchmarks/peer_threejs.py` says; Blender where
 TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1. Where one cannot be had, its tests are skipped
 with the reason. `pytest -rP` prints how similar the pictures are.
 """
@@ -108,7 +108,7 @@ def by_threejs(assets, tmp_path_factory):
         jobs.append(folder / f"{name}.json")
         jobs[-1].write_text(json.dumps(job_of(file)))
     done = subprocess.run(
-        [sys.executable, PROGRAMS / "peer_gltf_threejs.py", *jobs, "-o", folder],
+        [sys.executable, PROGRAMS / "peer_threejs.py", *jobs, "-o", folder],
         capture_output=True, text=True, check=False, timeout=180,
     )  # fmt: skip
     if done.returncode == UNAVAILABLE:
