@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
-from harness import DATA, Runs, in_child, run_commands, table
+from harness import DATA, in_child, run_commands, table
 
 import texbake
 from texbake.mesh.shapes import grid_sphere, plane
@@ -97,84 +97,26 @@ def write_parts(path):
     return path
 
 
-SIZE = 2048
-MAPS = {"map_Kd": "color", "map_Ke": "glow", "map_Pr": "rough", "map_Pm": "metal", "norm": "bumps"}
+def lighten(*models, out="lightened", faces=0, size=0):
+    """`texbake lighten`: bytes and PSNR of models before and after.
 
-
-def lighten(*models, out="lightened", runs=5, faces=0, size=0):
-    """`texbake lighten`: its time on a generated model, or bytes and pictures of real ones.
-
-    Without models, a bumpy sphere of 102,080 triangles with five images of 2048² is made in the
-    folder `--out` and lightened. Models are lightened once each, to a tenth of their triangles
-    unless `--faces` is given; their rows have the bytes and the PSNR before and after.
+    They get a tenth of their triangles unless `--faces` is given.
     """
     from texbake.jobs.options import LightenOptions
     from texbake.verbs.whole_jobs import lighten_file
 
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    if models:
-        row = table("model", "triangles", "lightened", "texels", "bytes", "lightened", "",
-                    "PSNR, mean", "worst")  # fmt: skip
-        for model in map(Path, models):
-            options = LightenOptions(n_faces=faces or None, size=size or None, compress=True)
-            report = lighten_file(model, folder / f"{model.stem}.glb", options).report
-            row(model.stem, f"{report.n_faces_before:,}", f"{report.n_faces:,}",
-                "-" if report.size is None else report.size[0], f"{report.n_bytes_before:,}",
-                f"{report.n_bytes:,}", f"{100 * report.n_bytes / report.n_bytes_before:.1f} %",
-                f"{report.comparison.mean_db:.1f} dB",
-                f"{report.comparison.worst_db:.1f} dB")  # fmt: skip
-        return
-    model = generated_model(folder)
-    options = LightenOptions(size=SIZE)
-    reports = [lighten_file(model, folder / "light.glb", options).report for _ in range(runs)]
-    row = table("stage", "seconds")
-    for name in [stage.name for stage in reports[0].stages]:
-        row(name, Runs([s.seconds for r in reports for s in r.stages if s.name == name]).cell())
-    row("total", Runs([sum(s.seconds for s in r.stages) for r in reports]).cell())
-
-
-def generated_model(folder):
-    """Write model.obj with its material and images, unless it is there."""
-    from texbake.texture.image import write_image
-
-    path = folder / "model.obj"
-    if path.exists():
-        return path
-    sphere = texbake.make("sphere", texbake.MakeOptions(resolution=(320, 160)))
-    directions = sphere.positions / np.linalg.norm(sphere.positions, axis=1, keepdims=True)
-    bumps = 0.02 * np.sin(directions * [[23, 17, 29]]).sum(axis=1)
-    positions = directions * (1 + bumps)[:, None]
-    texbake.write_mesh(sphere.replace(positions=positions, normals=None, normal_faces=None), path)
-    for seed, name in enumerate(MAPS.values()):
-        pixels = normal_map(smooth_noise(9, 1)) if name == "bumps" else smooth_noise(seed, 3)
-        pixels = pixels[..., :1] if name in ("rough", "metal") else pixels
-        write_image(pixels, folder / f"{name}.png", bits=8)
-    lines = ["newmtl all", "Kd 1 1 1", *(f"{key} {name}.png" for key, name in MAPS.items())]
-    (folder / "model.mtl").write_text("\n".join(lines) + "\n")
-    path.write_text("mtllib model.mtl\nusemtl all\n" + path.read_text())
-    return path
-
-
-def smooth_noise(seed, channels):
-    """(SIZE, SIZE, channels) float32 in [0, 1] that repeats at the borders."""
-    numbers = np.random.default_rng(seed)
-    total = np.zeros((SIZE, SIZE, channels), np.float32)
-    for octave in range(1, 7):
-        grid = numbers.random((2 ** (octave + 2), 2 ** (octave + 2), channels), dtype=np.float32)
-        times = SIZE // len(grid)
-        total += np.repeat(np.repeat(grid, times, 0), times, 1) / 2**octave
-    return np.clip(total, 0, 1)
-
-
-def normal_map(heights):
-    """A normal map, coded in [0, 1], of heights that repeat."""
-    slopes = [
-        2 * (np.roll(heights, -1, axis) - np.roll(heights, 1, axis))[..., 0] for axis in (1, 0)
-    ]
-    normals = np.stack([-slopes[0], slopes[1], np.ones_like(slopes[0])], axis=2)
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    return (0.5 + 0.5 * normals).astype(np.float32)
+    row = table("model", "triangles", "lightened", "texels", "bytes", "lightened", "",
+                "PSNR, mean", "worst")  # fmt: skip
+    for model in map(Path, models):
+        options = LightenOptions(n_faces=faces or None, size=size or None, compress=True)
+        report = lighten_file(model, folder / f"{model.stem}.glb", options).report
+        row(model.stem, f"{report.n_faces_before:,}", f"{report.n_faces:,}",
+            "-" if report.size is None else report.size[0], f"{report.n_bytes_before:,}",
+            f"{report.n_bytes:,}", f"{100 * report.n_bytes / report.n_bytes_before:.1f} %",
+            f"{report.comparison.mean_db:.1f} dB",
+            f"{report.comparison.worst_db:.1f} dB")  # fmt: skip
 
 
 PIPELINE = """
