@@ -25,6 +25,7 @@ from .options import (
     output_folder,
     output_option,
 )
+from .printers import PRINTERS
 from .sections import SectionedCommand
 from .terminal import Terminal, terminal_options
 from .types import FileOf
@@ -61,8 +62,12 @@ def command_of(verb: Verb) -> click.Command:
             done = verb.run(**_arguments(verb, values), **given)
         for warning in done.warnings:
             terminal.warn(warning)
-        terminal.summary(verb.table(done))
-        terminal.wrote(paths_of(done.files))
+        show = PRINTERS.get(verb.name)
+        if show is None:
+            terminal.summary(verb.table(done))
+            terminal.wrote(paths_of(done.files))
+        elif exit_code := show(terminal, done, values):
+            click.get_current_context().exit(exit_code)
 
     command.__doc__ = verb.help
     add: Callable[..., Any] = terminal_options(command)
@@ -79,12 +84,15 @@ def command_of(verb: Verb) -> click.Command:
 
 
 def _arguments(verb: Verb, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the parameters of the function; fields of its options become one object."""
+    """Return the parameters of the function; fields of its options become one object.
+
+    Other values are those of a printer.
+    """
     given = verb.prepare(values)
     for kind in {part.kind for part in verb.of_kind(Options) if not part.apart}:
         names = [item.name for item in option_fields(kind) if item.name in given]
         given["options"] = kind(**{name: given.pop(name) for name in names})
-    return given
+    return {name: value for name, value in given.items() if verb.takes(name)}
 
 
 def _parameter(verb: Verb, part: Any) -> Decorator[Any]:

@@ -53,7 +53,7 @@ LINES = {
     "height-to-normal": ("height-to-normal gray.png -o slopes.png",),
     "lighten": ("lighten high.ply -o light.glb --faces 400 --size 64 --views 1 --report r.json",),
     "make": ("make sphere -o ball.glb --resolution 64x32",),
-    "mipmap": ("mipmap gray.png -o levels",),
+    "mipmap": ("mipmap rgb.png -o levels --kind normal --roughness rough",),
     "normal-to-height": ("height-to-normal gray.png -o up.png", "normal-to-height up.png -o h.exr"),
     "pack-channels": ("pack-channels --red gray.png --green 0.5 --blue 0 -o orm.png",),
     "pack-textures": (

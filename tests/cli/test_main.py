@@ -159,8 +159,7 @@ def test_a_deleted_current_folder_is_an_error_of_one_line(
 
 def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(
-        "import texbake.jobs.meshes as meshes\ndef info_file(*args, **options):\n    return 1 / 0\n"
-        "meshes.info_file = info_file\n"
+        "import texbake.mesh.files as files\nfiles.read_mesh = lambda *args, **options: 1 / 0\n"
     )
     done = run("info a.ply", env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert done.returncode == 1

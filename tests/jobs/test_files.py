@@ -8,9 +8,9 @@ import texbake
 from texbake import BakeOptions
 from texbake.errors import FileError, FileFormatError, MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
-from texbake.jobs.meshes import info_file
 from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.shapes import uv_sphere
+from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
 from texbake.verbs.remap import remap_files
 from texbake.verbs.simplify import simplify_file, simplify_levels
@@ -68,8 +68,8 @@ def test_meshes_one_after_another(folder: Path) -> None:
     assert Path("b.obj").read_bytes() == Path("low.obj").read_bytes()
     mapped = unwrap_files("low.obj", "mapped.obj", layout="layout.svg")
     assert mapped.files == (Path("mapped.obj"), Path("layout.svg"))
-    assert info_file("mapped.obj", uv_size=64).distortion is not None
-    assert info_file("low.obj").distortion is None
+    assert info_file("mapped.obj", uv=True, size=64).report.distortion is not None
+    assert info_file("low.obj").report.distortion is None
 
 
 @pytest.mark.parametrize("name", ["mapped.stl", "mapped.OFF"])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from texbake.errors import MeshError, heard_warnings
-from texbake.jobs.meshes import info_file
 from texbake.mesh.files import gltf_primitives, read_mesh
 from texbake.mesh.files.gltf_document import Document
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.join import MeshPart
+from texbake.verbs.info import info_file
 
 _FLOAT, _BYTE, _UBYTE, _SHORT, _UINT = 5126, 5120, 5121, 5123, 5125
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}

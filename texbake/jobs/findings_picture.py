@@ -1,4 +1,4 @@
-"""A check of mesh files before a bake, with pictures of where its findings are."""
+"""A picture of where the findings of a check are on its meshes."""
 
 from __future__ import annotations
 
@@ -7,21 +7,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.check import CheckReport, check_files as read_and_check
+from texbake.checks.check import CheckReport
 from texbake.checks.checked_mesh import N_WORST, Finding
-from texbake.checks.kinds import CheckOptions
 from texbake.checks.picture import COLORS, ring
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.files import PathLike, appearing_together
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    check_picture,
-    check_report,
-    present_paths,
-    write_report,
-)
+from texbake.files import PathLike
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import face_normals
@@ -49,39 +40,13 @@ _SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces
 _RING = (1.0, 1.0, 1.0)
 
 
-@appearing_together()
-def check_mesh_files(
-    mesh: PathLike,
-    low: PathLike | None = None,
-    options: CheckOptions | None = None,
-    *,
-    layout: PathLike | None = None,
-    sides: PathLike | None = None,
-    report: PathLike | None = None,
-    progress: ProgressSink | None = None,
-) -> JobResult[CheckReport]:
-    """Check one mesh file, or a pair, and draw where the findings are."""
-    check_distinct([layout, sides, report], [mesh, low])
-    check_picture(layout)
-    check_picture(sides)
-    check_report(report)
-    checked = read_and_check(mesh, low, options, progress=progress)
-    files, warnings = [], []
-    if layout is not None and checked.has_layout:
-        write_image(checked.picture(), layout, color=True)
-        files.append(layout)
-    elif layout is not None:
-        warnings.append(f"{layout}: not drawn; there are no texture coordinates to draw in")
-    if sides is not None and any(len(finding.faces) for finding in checked.findings):
-        threads = checked.options.threads
-        picture = render_findings(checked, threads=threads, progress=progress)
-        write_image(picture, sides, color=True, threads=threads)
-        files.append(sides)
-    elif sides is not None:
-        warnings.append(f"{sides}: not drawn; no finding is at any face")
-    if report is not None:
-        write_report(report, checked.to_json())
-    return JobResult(files=present_paths(*files, report), report=checked, warnings=tuple(warnings))
+def write_findings(
+    report: CheckReport, path: PathLike, *, progress: ProgressSink | None = None
+) -> None:
+    """Write the picture of `render_findings` to a file."""
+    threads = report.options.threads
+    picture = render_findings(report, threads=threads, progress=progress)
+    write_image(picture, path, color=True, threads=threads)
 
 
 def render_findings(

@@ -1,108 +1,51 @@
-"""`texbake check`: find problems of a bake before it runs."""
+"""What commands print that is more than one table: findings, the content of a mesh, plans."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import textwrap
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from texbake import CheckOptions
 from texbake.checks.kinds import SEVERITIES
 from texbake.errors import counted
 
-from ..options import (
-    MESH_SUFFIXES,
-    mesh_argument,
-    options_of,
-    picture_option,
-    report_option,
-    threads_option,
-)
-from ..signals import FAILED
-from ..terminal import Terminal, columns, say, terminal_options
-from ..types import FileOf
+from .signals import FAILED
+from .terminal import Terminal, columns, say, table
 
 if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
     from texbake.checks.checked_mesh import Finding
+    from texbake.jobs.outputs import JobResult
+    from texbake.verbs.info import MeshFileInfo
 
 _NEVER = "never"
 _WORST_SHOWN = 5
 _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
 
 
-@click.command(
-    epilog="""
-    \b
-    Example:
-      texbake check low_uv.obj
-      texbake check scan.ply low_uv.obj --size 2048 --padding 8 --explain
-      texbake check scan.ply low_uv.obj --fail-on warning --report check.json
-      texbake check low_uv.obj --allow overlapping-coordinates
-      texbake check scan.ply low_uv.obj --layout layout.png --sides sides.png
-    """
-)
-@mesh_argument("mesh")
-@click.argument("low", required=False, type=FileOf(MESH_SUFFIXES))
-@options_of(CheckOptions, without=("threads",))
-@click.option(
-    "--fail-on",
-    type=click.Choice((*SEVERITIES, _NEVER)),
-    default=SEVERITIES[0],
-    show_default=True,
-    help="Exit with 1 if a problem of this severity or a worse one is found.",
-)
-@picture_option("--layout", "Draw where the problems lie in the texture.")
-@picture_option("--sides", "Draw where the problems lie on the meshes, seen from four sides.")
-@click.option("--explain", is_flag=True, help="Explain warnings and notes as well as errors.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
-@report_option
-@threads_option
-@terminal_options
-@click.pass_context
-def check(
-    ctx: click.Context,
-    /,
-    mesh: Path,
-    low: Path | None,
-    fail_on: str,
-    layout: Path | None,
-    sides: Path | None,
-    explain: bool,
-    as_json: bool,
-    report: Path | None,
-    terminal: Terminal,
-    **choices: Any,
-) -> None:
-    """Find problems of a bake before it runs.
+def print_info(terminal: Terminal, done: JobResult[MeshFileInfo], values: Mapping[str, Any]) -> int:
+    """Print what is in a mesh file."""
+    if values["as_json"]:
+        say(json.dumps(done.to_json(), indent=2, allow_nan=False))
+    else:
+        for rows in done.report.tables():
+            table(rows)
+    return 0
 
-    Checks MESH as a low-poly mesh, or as a high-poly one if it has no texture coordinates. With LOW
-    it checks the pair: MESH is the high-poly mesh that is going to be baked onto LOW. Exits with 1
-    if there are errors.
-    """
-    options = CheckOptions(**choices)
-    from texbake.jobs.check_meshes import check_mesh_files
 
-    with terminal.progress() as progress:
-        done = check_mesh_files(
-            mesh, low, options, layout=layout, sides=sides, report=report, progress=progress
-        )
-    checked = done.report
-    for warning in done.warnings:
-        terminal.warn(warning)
-    if as_json:
+def print_check(terminal: Terminal, done: JobResult[CheckReport], values: Mapping[str, Any]) -> int:
+    """Print the findings of a check and its verdict; return the exit code."""
+    checked, fail_on = done.report, values["fail_on"]
+    if values["as_json"]:
         say(json.dumps(checked.to_json(), indent=2, allow_nan=False))
     else:
-        _print_findings(checked, terminal, explain=explain)
+        _print_findings(checked, terminal, explain=values["explain"])
         terminal.wrote(done.files)
         if not terminal.quiet:
             say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
-    if fail_on != _NEVER and checked.fails(fail_on):
-        ctx.exit(FAILED)
+    return FAILED if fail_on != _NEVER and checked.fails(fail_on) else 0
 
 
 def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:
@@ -156,3 +99,9 @@ def _verdict_on_all(checked: CheckReport, least: str) -> str:
         counts.append(f"{checked.n_allowed} allowed")
     verdict = "Not ready to bake" if checked.fails(least) else "Ready to bake"
     return ", ".join((verdict, *counts))
+
+
+# By the names of verbs: prints a result, of the values of the command, and returns the exit code.
+PRINTERS: dict[str, Callable[[Terminal, Any, Mapping[str, Any]], int]] = {
+    "check": print_check, "info": print_info,
+}  # fmt: skip

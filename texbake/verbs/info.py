@@ -1,51 +1,93 @@
-"""`texbake info`: print the properties of a mesh."""
+"""`info`: print what is in a mesh file."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
-import click
-
-from texbake import OptionError, UnwrapOptions
-from texbake.errors import counted
-
-from ..options import mesh_argument
-from ..terminal import Terminal, say, table, terminal_options
-from ..types import Size
+from texbake.errors import FileFormatError, OptionError, counted
+from texbake.files import PathLike
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.options.shared import Size
+from texbake.schema import option
+from texbake.verbs.verb import Extra, Options, Reads, Rows, verb
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from texbake.jobs.meshes import MeshFileInfo
+    from texbake.jobs.outputs import JobResult
     from texbake.mapping.distortion import Distortion
+    from texbake.mesh.files.contents import FileContents
     from texbake.mesh.info import MeshInfo
+    from texbake.progress import ProgressSink
 
 _GROUPS_SHOWN = 12
 _CHARTS_SHOWN = 10
 
 
-@click.command(
-    epilog="""
-    \b
-    Example:
+@dataclass(frozen=True)
+class _TextureSize:
+    """The texture that distortion is measured for."""
+
+    size: Size | None = option(
+        None, "Width and height in texels of the texture that --uv assumes.", default="1024"
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshFileInfo:
+    """What `info_file` measured."""
+
+    mesh: MeshInfo
+    distortion: Distortion | None = None  # of the texture coordinates, where it was to be measured
+    # what a glTF, FBX, OBJ or USD file says besides its surface
+    contents: FileContents | None = None
+    # width, height and channels of its images by name; None for one that cannot be read
+    image_shapes: dict[str, tuple[int, int, int] | None] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+        figures: dict[str, Any] = json.loads(self.mesh.to_json())
+        if self.contents is not None:
+            figures |= {
+                "materials": [asdict(material) for material in self.contents.materials],
+                "images": self.image_shapes,
+                "uv_sets": self.contents.uv_sets,
+                "meters_per_unit": self.contents.meters_per_unit,
+                "up": self.contents.up,
+                "passed_over": self.contents.passed_over,
+            }
+        if self.distortion is not None:
+            figures["distortion"] = self.distortion.to_json()
+        return figures
+
+    def tables(self) -> list[Rows]:
+        """Return tables of the mesh and its file, of the distortion, and of the worst of it."""
+        tables = [[*_rows(self.mesh), *_content_rows(self)]]
+        if self.distortion is not None:
+            tables.append([("Distortion", ""), *self.distortion.table()])
+            tables.append(_worst_rows(self.distortion))
+        return tables
+
+
+@verb(
+    Reads("mesh"),
+    Extra("--uv", "Measure the texture coordinates as well.", is_flag=True),
+    Options(_TextureSize, apart=True),
+    Extra("--json as_json", "Print JSON and nothing else.", is_flag=True),
+    examples="""
       texbake info scan.ply
       texbake info scan.ply --json
       texbake info low_uv.obj --uv --size 2048
-    """
+    """,
 )
-@mesh_argument("mesh")
-@click.option("--uv", is_flag=True, help="Measure the texture coordinates as well.")
-@click.option(
-    "--size",
-    type=Size(),
-    help="Width and height in texels of the texture that --uv assumes.  [default: 1024]",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
-@terminal_options
-def info(
-    mesh: Path, uv: bool, size: int | tuple[int, int] | None, as_json: bool, terminal: Terminal
-) -> None:
+def info_file(
+    mesh: PathLike,
+    *,
+    uv: bool = False,
+    size: Size | None = None,
+    progress: ProgressSink | None = None,
+) -> JobResult[MeshFileInfo]:
     """Print what is in MESH.
 
     Prints counts, bounds, texture coordinates, normals, components, boundary and non-manifold
@@ -54,23 +96,39 @@ def info(
     mirror, overlap and cut the mesh, and lists the charts and faces with the most stretch.
     """
     if size is not None and not uv:
-        raise OptionError("size: it is for measuring texture coordinates; give --uv as well")
-    options = UnwrapOptions() if size is None else UnwrapOptions(size=size)
-    uv_size = options.size if uv else None
-    from texbake.jobs.meshes import info_file
+        raise OptionError("size: it is for measuring texture coordinates; give `uv` as well")
+    texture = UnwrapOptions() if size is None else UnwrapOptions(size=size)
+    from texbake.jobs.outputs import JobResult
+    from texbake.mapping.distortion import distortion
+    from texbake.mesh.files import read_mesh
+    from texbake.mesh.files.contents import read_contents
+    from texbake.mesh.files.source import parsed_once
+    from texbake.mesh.info import mesh_info
 
-    with terminal.progress() as progress:
-        found = info_file(mesh, uv_size=uv_size, progress=progress)
-    if as_json:
-        say(found.to_json())
-        return
-    table([*_rows(found.mesh), *_content_rows(found)])
-    if found.distortion is not None:
-        table([("Distortion", ""), *found.distortion.table()])
-        table(_worst_rows(found.distortion))
+    with parsed_once():
+        read = read_mesh(mesh, progress=progress)
+        contents = read_contents(mesh)
+    images = {} if contents is None else contents.images
+    found = MeshFileInfo(
+        mesh=mesh_info(read),
+        distortion=distortion(read, texture.size) if uv else None,
+        contents=contents,
+        image_shapes={name: _shape(data, name) for name, data in images.items()},
+    )
+    return JobResult(files=(), report=found)
 
 
-def _rows(found: MeshInfo) -> list[tuple[str, str]]:
+def _shape(data: bytes | None, name: str) -> tuple[int, int, int] | None:
+    """Width, height and channels of an image; None where it is missing or cannot be read."""
+    from texbake.texture.image import image_shape
+
+    try:
+        return None if data is None else image_shape(data, name)
+    except FileFormatError:
+        return None
+
+
+def _rows(found: MeshInfo) -> Rows:
     low, high = found.bounds
     normals = "none" if found.n_normals is None else f"{found.n_normals:,}"
     genus = "" if found.genus is None else f", genus {found.genus:,}"
@@ -108,7 +166,7 @@ def _rows(found: MeshInfo) -> list[tuple[str, str]]:
     return rows
 
 
-def _content_rows(found: MeshFileInfo) -> list[tuple[str, str]]:
+def _content_rows(found: MeshFileInfo) -> Rows:
     """What the file says besides its surface: materials, images, UV sets, unit and up axis."""
     contents = found.contents
     if contents is None:
@@ -170,7 +228,7 @@ def _uvs(found: MeshInfo) -> str:
     return "; ".join(parts)
 
 
-def _worst_rows(found: Distortion) -> list[tuple[str, str]]:
+def _worst_rows(found: Distortion) -> Rows:
     """Return rows of the charts, then of the faces, with the greatest stretch."""
     charts = sorted(found.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
     of = f" of {found.n_charts:,}" if found.n_charts > len(charts) else ""
@@ -210,7 +268,7 @@ def _worst_rows(found: Distortion) -> list[tuple[str, str]]:
     return rows
 
 
-def _columns(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[tuple[str, str]]:
+def _columns(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> Rows:
     """Return rows of aligned columns with headings; the first column is the label."""
     table = [heads, *lines]
     widths = [max(len(line[i]) for line in table) for i in range(len(heads))]
