@@ -10,7 +10,7 @@ from texbake_cli.main import texbake
 
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages.picture_pages import write_contributions_page
-from texbake.rendering.contributions import contributions_of
+from texbake.rendering.compare_models import contributions_of
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.lights import Ambient, Light, Lighting, Shadow

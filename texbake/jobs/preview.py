@@ -29,7 +29,7 @@ from texbake.jobs.outputs import (
 from texbake.jobs.preview_scene import MeshMaps, open_preview
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.contributions import Contribution, contributions_of
+from texbake.rendering.compare_models import Contribution, contributions_of
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
 from texbake.rendering.maps import space_warnings

@@ -9,8 +9,7 @@ import numpy as np
 from texbake.files import PathLike
 from texbake.pages.page import asset, page_html, render, write_page
 from texbake.pages.pictures import data_uri, png_of, png_of_codes
-from texbake.rendering.compare_models import ModelComparison, Picture, decibels
-from texbake.rendering.contributions import Contribution
+from texbake.rendering.compare_models import Contribution, ModelComparison, Picture, decibels
 from texbake.rendering.resolve import Frame
 from texbake.texture.image_files import encode_image
 
