@@ -26,7 +26,7 @@ for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signa
         if signal.getsignal(_number := getattr(signal, _name)) is signal.SIG_IGN:
             signal.signal(_number, _handler)
 
-# For embreex_oracle and displaced_mesh.
+# For embreex_oracle and random_scenes.
 sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")]
 
 

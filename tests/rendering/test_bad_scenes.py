@@ -21,7 +21,6 @@ from texbake.rendering.scene.lights import (
 from texbake.rendering.scene.material import Material, NormalMap, Reflection, Refraction
 from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import FILTERS, WRAPS, ImageTexture, ProcedureTexture
-from texbake.texture.image import Image
 
 SMALL = RenderOptions(width=32, height=24, supersampling=2)
 EVERYTHING = Lighting(
@@ -100,24 +99,14 @@ def test_images_of_odd_shapes_and_values(name, filter_name):
 @pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("filter_name", FILTERS)
 def test_coordinates_of_any_size_read_some_texel(filter_name, wrap):
-    for scale in 1e9, 1e300, np.nan:
+    for scale in 1e9, 1e300:
         mesh = plane(2, 2)
         uvs = mesh.uvs.copy()
-        uvs[0] = -abs(scale)
-        if np.isnan(scale):
-            with pytest.raises(Exception, match="finite"):
-                mesh.replace(uvs=uvs)
-            continue
-        uvs[4] = scale
+        uvs[0], uvs[4] = -scale, scale
         image = ImageTexture(image=TEXELS, filter=filter_name, wrap=wrap, border=(0.5,))
-        scene = Scene(
-            objects=(
-                SceneObject(
-                    mesh=mesh.replace(uvs=uvs), material=Material(shading="unlit", base_color=image)
-                ),
-            )
-        )
-        frame = finite_picture(scene, keep=())
+        material = Material(shading="unlit", base_color=image)
+        item = SceneObject(mesh=mesh.replace(uvs=uvs), material=material)
+        frame = finite_picture(Scene(objects=(item,)), keep=())
         assert frame.color.max() <= 1.0 + 1e-5 and frame.color.min() >= -0.3  # bicubic overshoots
 
 
@@ -158,21 +147,6 @@ def test_degenerate_meshes_under_every_material_and_light():
     options = RenderOptions(width=32, height=24, back_faces="show")
     for scene in all_materials(mesh):
         assert finite_picture(scene, options=options).coverage.max() > 0.0
-
-
-def test_a_normal_map_with_gaps_and_of_no_length():
-    texels = np.zeros((4, 4, 3), np.float32)
-    texels[0, 0] = np.nan
-    texels[1, 1] = (0, 0, -1)
-    for filter_name in FILTERS:
-        texture = ImageTexture(image=texels, filter=filter_name)
-        material = Material(normal_map=NormalMap(texture=texture), metalness=1.0, roughness=0.1)
-        scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
-        assert finite_picture(scene).coverage.max() == 1.0
-    coded = Image(np.zeros((2, 2, 3), np.float32), {"texbake:space": "object"}, name="coded")
-    material = Material(normal_map=NormalMap(texture=ImageTexture(image=coded)))
-    scene = Scene(objects=(SceneObject(mesh=plane(), material=material),), lighting=EVERYTHING)
-    assert finite_picture(scene).coverage.max() == 1.0
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from displaced_mesh import are_closed, directed_edges
 
 from texbake.errors import OptionError, UvError
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
@@ -48,6 +48,19 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
     prepared = prepare(scene, options, effects=(*EFFECTS, probe), threads=threads)
     frame = draw(prepared, camera)
     return kept[0], frame
+
+
+def directed_edges(faces):
+    """(E, 2) edges of all faces in their order, without those from a vertex to itself."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return edges[edges[:, 0] != edges[:, 1]]
+
+
+def are_closed(edges):
+    """Whether directed edges (E, 2) are of a closed surface: each as often as its opposite."""
+    forward, counts = np.unique(edges, axis=0, return_counts=True)
+    backward, counts_back = np.unique(edges[:, ::-1], axis=0, return_counts=True)
+    return np.array_equal(forward, backward) and np.array_equal(counts, counts_back)
 
 
 def euler(drawn):
@@ -174,6 +187,66 @@ def test_uneven_cuts_leave_no_crack(edge_px):
     sizes = np.linalg.norm(np.diff(ends, axis=1)[:, 0], axis=1)
     assert edge_px > 5 or sizes.max() > 10 * np.median(sizes)
     assert are_closed(directed_edges(drawn.faces)) and euler(drawn) == 2
+
+
+def split_cube():
+    """Cube whose sides are charts of their own, so that every edge between sides is a seam."""
+    mesh = cube()
+    sides = np.repeat(np.arange(6), 2)
+    side_faces = mesh.faces.reshape(6, 6)
+    uvs = np.zeros((6, 8, 2))
+    for side, used in enumerate(side_faces):
+        flat = [a for a in range(3) if np.ptp(mesh.positions[used, a]) > 0]
+        uvs[side] = (mesh.positions[:, flat] + 0.6) / 1.2 / 3 + (side % 3 / 3, side // 3 / 3)
+    return mesh.replace(uvs=uvs.reshape(-1, 2), uv_faces=mesh.faces + 8 * sides[:, None])
+
+
+def by_texels(mesh, values):
+    """A mesh that is cut to the texels of its map alone."""
+    holder = Displacement(texture=image(values), edge_px=None)
+    return displaced(mesh, holder, camera=around())[0]
+
+
+def test_seams_stay_closed_and_those_that_a_file_split_are_welded():
+    """The same cube with a vertex of its own for each corner of each face, as STL has it."""
+    mesh = split_cube()
+    soup = mesh.replace(
+        positions=mesh.positions[mesh.faces].reshape(-1, 3),
+        faces=np.arange(36, dtype=np.int32).reshape(12, 3),
+    )
+    whole, split = (by_texels(each, 0.05 * NOISE) for each in (mesh, soup))
+    for drawn in whole, split:
+        assert are_closed(directed_edges(drawn.faces)) and euler(drawn) == 2
+    # Angle-weighted normals and means are summed in another order.
+    sizes = [np.sort(np.linalg.norm(each.positions, axis=1)) for each in (whole, split)]
+    np.testing.assert_allclose(*sizes, atol=1e-14)
+
+
+def test_at_a_seam_a_vertex_moves_by_the_mean_of_its_heights():
+    # Two triangles side by side in space, one on the black half of the map, one on the white.
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]],
+        faces=[[0, 1, 2], [2, 1, 3]],
+        uvs=[[0.1, 0.1], [0.4, 0.1], [0.1, 0.4], [0.6, 0.1], [0.9, 0.1], [0.6, 0.4]],
+        uv_faces=[[0, 1, 2], [3, 4, 5]],
+    )
+    heights = np.repeat(np.float32([[0] * 8 + [1] * 8]), 16, axis=0)
+    x, y, z = by_texels(mesh, heights).positions.T
+    np.testing.assert_array_equal(z, np.where(x + y == 1, 0.5, np.where(x + y < 1, 0.0, 1.0)))
+    assert np.count_nonzero(x + y == 1) > 4
+
+
+def test_a_vertex_without_normal_stays():
+    # A triangle without area, and one beside it.
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [2, 1, 0], [0, 3, 0]],
+        faces=[[0, 1, 2], [3, 4, 5]],
+        uvs=[[0, 0], [0.5, 0], [1, 0], [0, 0], [1, 0], [0, 1]],
+        uv_faces=[[0, 1, 2], [3, 4, 5]],
+    )
+    _, y, z = by_texels(mesh, np.ones((4, 4))).positions.T
+    np.testing.assert_array_equal(z, np.where(y == 0, 0.0, 1.0))
+    assert np.count_nonzero(y == 0) > 3
 
 
 def icosphere_with_uvs():

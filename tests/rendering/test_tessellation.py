@@ -3,7 +3,17 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mesh.shapes import icosphere, plane
-from texbake.rendering.displaced import MOST_CUTS, cut, edges_to_cut, undivided_triangles
+from texbake.rendering.camera import Camera
+from texbake.rendering.displaced import (
+    MOST_CUTS,
+    BaseSurface,
+    EdgeView,
+    cut,
+    displaced,
+    edges_to_cut,
+    undivided_triangles,
+)
+from texbake.rendering.options import RenderOptions
 
 
 def start(mesh):
@@ -168,3 +178,43 @@ def test_a_bound_on_triangles_is_used_up_by_the_longest_edges(most):
 def test_a_mesh_beyond_the_bound_is_not_cut():
     pieces, points, _ = start(icosphere(1))
     assert not edges_to_cut(pieces, np.full(len(pieces.ends), 9.0), points, 10).any()
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.2])
+@pytest.mark.parametrize("edge_px", [3.0, 12.0])
+def test_no_edge_in_a_picture_is_longer_than_its_excess_says(edge_px, lift):
+    """Nor shorter than half of that where it lies across the view; one within a texel has none."""
+    mesh = icosphere(2)
+    options = RenderOptions(width=300, height=200, view=(30.0, 20.0))
+    camera = Camera.framing(mesh.replace(positions=1.3 * mesh.positions), options=options)
+    surface = BaseSurface(points=mesh.positions, faces=mesh.faces,
+                          normals=mesh.positions, linear=np.eye(3))  # fmt: skip
+    kept = []
+
+    def no_cuts(now):
+        kept.append(now)
+        return np.zeros(len(now.pieces.ends))
+
+    displaced(surface, lambda places, _: np.full((len(places.vertices), 1), lift), no_cuts,
+              max_triangles=10**6)  # fmt: skip
+    now, view = kept[-1], EdgeView(camera, options, edge_px, lift)
+    texels = 20.0 * np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (mesh.n_faces, 1, 1))
+    excess = view.excess(now, texels)
+    assert not view.excess(now, texels / 40.0).any()
+    np.testing.assert_allclose(
+        EdgeView(camera, options, 2.0 * edge_px, lift).excess(now, texels), excess / 2.0
+    )
+    for points in (now.points, now.positions):
+        homogeneous = np.column_stack([points, np.ones(len(points))])
+        clip = homogeneous @ np.array(camera.clip_from_world(1.5)).T
+        pixels = clip[:, :2] / clip[:, 3:] * (150.0, 100.0)
+        lengths = np.linalg.norm(np.diff(pixels[now.pieces.ends], axis=1)[:, 0], axis=1)
+        assert (lengths <= excess * edge_px * (1.0 + 1e-9)).all()
+    # Maps are read for half of `edge_px` pixels, and for the near plane before it.
+    pixel = 2.0 * np.tan(camera.fov / 2.0) / 200
+    depths = np.append((camera.eye - now.points) @ camera.axes[2], camera.near)
+    shown = np.concatenate([now.points, [camera.eye + camera.axes[2]]])
+    np.testing.assert_allclose(view.widths(shown), 0.5 * edge_px * pixel * depths)
+    depths = (camera.eye - now.positions) @ camera.axes[2]
+    across = np.abs(np.diff(depths[now.pieces.ends], axis=1)[:, 0]) < 0.02
+    assert across.any() and (lengths[across] > 0.5 * excess[across] * edge_px).all()
