@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -162,6 +163,22 @@ def _batched(parts: IntArray, pieces: IntArray, regions: IntArray, batch_faces: 
     return batches[parts]
 
 
+def faces_done(
+    sizes: Sequence[int], advance: Callable[[int], None] | None
+) -> Callable[[int], None]:
+    """Return a function that takes how many parts were done, and reports their faces.
+
+    Parts are done about in their order, so that it does not matter which of them they were.
+    """
+    left = iter(sizes)
+
+    def report(n_parts: int) -> None:
+        if advance is not None:
+            advance(sum(islice(left, n_parts)))
+
+    return report
+
+
 # Faces of parts that are repaired together: enough for the fixed cost not to count.
 _BATCH_FACES = 50_000
 
@@ -196,21 +213,13 @@ def disk_charts(
     """
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
-    n_counted = 0
-
-    def count(n_parts: int) -> None:
-        # Parts are of similar size, so that it does not matter which of them are done.
-        nonlocal n_counted
-        done = order[n_counted : n_counted + n_parts]
-        n_counted += n_parts
-        if advance is not None:
-            advance(sum(len(parts[number].face_ids) for number in done))
 
     def lay(first: int, last: int) -> None:
         for number in order[first:last]:
             laid[number] = _cut(points, corners, lengths, parts[number], limits)
 
-    run_bands(lay, len(parts), band=1, threads=threads, advance=count)
+    report = faces_done([len(parts[number].face_ids) for number in order], advance)
+    run_bands(lay, len(parts), band=1, threads=threads, advance=report)
     found = [each for each in laid if each is not None]
     batches = _batches(found)
     charts: list[Charts | None] = [None] * len(batches)

@@ -14,11 +14,9 @@ Based on: Jonathan Young, xatlas, 2018 (a fork of thekla_atlas by Ignacio Castan
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,104 +25,13 @@ from texbake.child import Child, ChildError
 from texbake.core import core, portable_math as pm
 from texbake.errors import DependencyError
 from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cutting.parts import faces_done
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
-from texbake.parallel import resolve_threads
-
-Result = TypeVar("Result")
-
-# After this many timeouts, no further request is sent: a library that hangs often takes forever.
-_MOST_TIMEOUTS = 3
-
-_POLL_SECONDS = 0.1  # between checks for results; some systems do not interrupt a longer wait
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkerRequest(Generic[Result]):
-    """A request to a child process."""
-
-    body: Callable[[], Any]  # makes the value to send, just before it is sent
-    # Turns the answer into the result, or raises an error if it is invalid; may take long.
-    read: Callable[[Any], Result]
-    timeout: float  # seconds after which the process is killed
-
-
-def run_in_workers(
-    module: str,
-    requests: Sequence[WorkerRequest[Result]],
-    *,
-    threads: int | None = None,
-    done: Callable[[int], None] | None = None,
-) -> list[Result | ChildError]:
-    """Send requests to children that run a module, and collect their results or failures."""
-    pool = _WorkerPool(module, requests)
-    n_workers = min(resolve_threads(threads), len(requests))
-    executor = ThreadPoolExecutor(max(n_workers, 1), thread_name_prefix="texbake-worker")
-    try:
-        pending = {executor.submit(pool.work) for _ in range(n_workers)}
-        n_counted = 0
-        while pending:
-            ended, pending = wait(pending, timeout=_POLL_SECONDS)
-            for future in ended:
-                future.result()
-            for number in list(pool.results)[n_counted:]:
-                if done is not None:
-                    done(number)
-                n_counted += 1
-    finally:
-        pool.close()
-        executor.shutdown(wait=True)
-    return [pool.results[number] for number in range(len(requests))]
-
-
-class _WorkerPool(Generic[Result]):
-    """The children for one list of requests, and the results."""
-
-    def __init__(self, module: str, requests: Sequence[WorkerRequest[Result]]) -> None:
-        self.results: dict[int, Result | ChildError] = {}
-        self._module, self._requests = module, requests
-        self._waiting = deque(range(len(requests)))
-        self._children: list[Child] = []
-        self._lock = threading.Lock()
-        self._n_timeouts = 0
-
-    def work(self) -> None:
-        """Send one request after another to a child."""
-        child = Child(self._module)
-        with self._lock:
-            self._children.append(child)
-        try:
-            while (number := self._next_number()) is not None:
-                self.results[number] = self._result(child, self._requests[number])
-        finally:
-            child.end()
-
-    def close(self) -> None:
-        """Kill the children and let no others start."""
-        with self._lock:
-            self._waiting.clear()
-            for child in self._children:
-                child.close()
-
-    def _next_number(self) -> int | None:
-        with self._lock:
-            return self._waiting.popleft() if self._waiting else None
-
-    def _result(self, child: Child, request: WorkerRequest[Result]) -> Result | ChildError:
-        if self._n_timeouts >= _MOST_TIMEOUTS:
-            return ChildError("took too long on others")
-        try:
-            return request.read(child.ask(request.body(), timeout=request.timeout))
-        except ChildError as error:
-            self._n_timeouts += error.timed_out
-            return error
-        except (ValueError, TypeError, AttributeError):
-            child.end()
-            return ChildError("gave an invalid answer")
-
+from texbake.parallel import run_bands
 
 _WORKER = "texbake.mapping.atlas.cutting.cut_worker"
 _DOES_NOT_LOAD = 3  # exit code of the worker if xatlas does not load
@@ -136,6 +43,9 @@ _WORKING_SIZE = 256.0
 
 _SECONDS_TO_START = 60.0
 _SECONDS_A_FACE = 0.01  # 30 times what 82,000 triangles in one piece take
+
+# After this many timeouts, no further request is sent: a library that hangs often takes forever.
+_MOST_TIMEOUTS = 3
 
 _TINY = np.finfo(np.float64).tiny
 
@@ -158,12 +68,40 @@ def xatlas_charts(
     """
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
     parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together
-    answers = run_in_workers(
-        _WORKER,
-        [part.request(timeout) for part in parts],
-        threads=threads,
-        done=lambda number: advance(len(parts[number].faces)) if advance else None,
-    )
+    answers: list[Charts | ChildError | None] = [None] * len(parts)
+    children: list[Child] = []
+    own, n_timeouts = threading.local(), 0
+
+    def cut(index: int, _: int) -> None:
+        nonlocal n_timeouts
+        part = parts[index]
+        if n_timeouts >= _MOST_TIMEOUTS:
+            answers[index] = ChildError("took too long on others")
+            return
+        if not hasattr(own, "child"):
+            own.child = Child(_WORKER)
+            children.append(own.child)
+        seconds = timeout or _SECONDS_TO_START + _SECONDS_A_FACE * len(part.faces)
+        try:
+            answers[index] = part.read(own.child.ask(part.request(), timeout=seconds))
+        except ChildError as error:
+            n_timeouts += error.timed_out
+            answers[index] = error
+        except (ValueError, TypeError, AttributeError):
+            own.child.end()
+            answers[index] = ChildError("gave an invalid answer")
+        except BaseException:  # an interrupt: the other threads wait for their children
+            for child in children:
+                child.close()
+            raise
+
+    report = faces_done([len(part.faces) for part in parts], advance)
+    try:
+        run_bands(cut, len(parts), band=1, threads=threads, advance=report)
+    finally:
+        for child in children:
+            child.close()
+            child.end()
     return _with_plain_charts(parts, answers)
 
 
@@ -184,11 +122,9 @@ class _Part:
             faces=indices.reshape(-1, 3).astype(np.int32),
         )
 
-    def request(self, timeout: float | None) -> WorkerRequest[Charts | None]:
-        """The request to a worker for this batch."""
-        if timeout is None:
-            timeout = _SECONDS_TO_START + _SECONDS_A_FACE * len(self.faces)
-        return WorkerRequest(body=self._body, read=self._read, timeout=timeout)
+    def request(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
+        """Points and faces as the worker takes them."""
+        return (self.points * _WORKING_SIZE).astype(np.float32), self.faces.astype(np.uint32)
 
     def plain_charts(self) -> Charts | None:
         """Charts by normals alone; None if no face has an area."""
@@ -197,11 +133,7 @@ class _Part:
         chart_ids[faces[empty]] = NO_CHART
         return repair_charts(self.points[self.faces], faces, uvs, chart_ids)
 
-    def _body(self) -> Any:
-        points = (self.points * _WORKING_SIZE).astype(np.float32)
-        return points, self.faces.astype(np.uint32)
-
-    def _read(self, answer: Any) -> Charts | None:
+    def read(self, answer: Any) -> Charts | None:
         """Read the charts of an answer and repair them; None if there are none."""
         if answer is None:
             return None
