@@ -31,11 +31,11 @@ from texbake.texture.encoding import (
 )
 from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
 from texbake.texture.mipmaps import MipChain, mip_chain
-from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.padding import nearest_owner, push_pull
 from texbake.texture.png_files import write_png
 from texbake.texture.prefilter import irradiance, specular_levels
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.noise import turbulence_sum
+from texbake.texture.procedures.noise import fractal_sum
 from texbake.texture.procedures.options import PROCEDURE_DEFAULTS
 from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT, sample_texture
 from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
@@ -69,8 +69,7 @@ def shrunk(drawn: Drawn, image: np.ndarray) -> MipChain:
 def padding(drawn: Drawn) -> None:
     image = drawn.image(most=40)
     charts = drawn.indices(4, *image.shape[:2]) - 1
-    owners = nearest_owner(charts, drawn.below(12))
-    spread(image, owners.indices)
+    nearest_owner(charts, drawn.below(12))
     push_pull(image, charts >= 0)
 
 
@@ -132,7 +131,7 @@ def procedures(drawn: Drawn) -> None:
             parameters[key] = drawn.pick(values)
     points = drawn.floats(n, dimensions)
     evaluate(name, points, footprint, parameters=parameters)
-    turbulence_sum(points, octaves=1 + drawn.below(8))
+    fractal_sum(points, octaves=1 + drawn.below(8))
 
 
 @cache

@@ -7,7 +7,7 @@ from texbake import unwrap
 from texbake.errors import UvError
 from texbake.mapping.atlas.charts import existing_charts
 from texbake.mapping.corner_uvs import signed_areas, with_coordinates
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.mesh import Mesh
@@ -35,9 +35,9 @@ def test_charts_keep_their_shapes_and_sizes() -> None:
 
 def test_overlapping_faces_are_moved_side_by_side() -> None:
     mesh = stacked(cube())
-    assert overlapping_faces(mesh.corner_uvs()).all()
+    assert find_overlaps(mesh.corner_uvs()).overlapping.all()
     packed, report = unwrap_with_report(mesh, keep=True)
-    assert not overlapping_faces(packed.corner_uvs()).any()
+    assert not find_overlaps(packed.corner_uvs()).overlapping.any()
     assert report.n_charts == 12
 
 

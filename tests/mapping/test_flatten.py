@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from texbake.core import core
 from texbake.mapping.atlas.flatten import flatten, measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 
 
 def sheet(columns, rows, place):
@@ -146,7 +146,7 @@ def test_injectivity_agrees_with_the_faces(seed, columns, rows, roughness):
     flat = flatten(points, faces)
     assert_laid_flat(flat, points, faces)
     extent = np.ptp(flat.uvs, axis=0).max()
-    assert flat.injective == (not overlapping_faces(flat.uvs[faces] / extent).any())
+    assert flat.injective == (not find_overlaps(flat.uvs[faces] / extent).overlapping.any())
 
 
 @pytest.mark.parametrize(("turns", "injective"), [(0.9, True), (1.2, False)])
@@ -165,7 +165,7 @@ def test_wound_onto_itself(turns, injective):
     assert flat.injective is injective
     apart = flatten(points, faces, keep_apart=True)
     assert apart.injective
-    assert not overlapping_faces(apart.uvs[faces]).any()
+    assert not find_overlaps(apart.uvs[faces]).overlapping.any()
 
 
 def annulus(n_holes_high, place=lambda u, v: (u, v, 0 * u)):

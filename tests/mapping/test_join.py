@@ -15,7 +15,7 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.distortion import Distortion, distortion
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
@@ -56,7 +56,7 @@ def checked(mesh: Mesh, charts: Charts) -> Distortion:
     assert (signed_areas(corners) > 0.0).all()
     for chart in range(charts.n_charts):
         own = ids[:, 0] == chart
-        assert not overlapping_faces(corners[own]).any()
+        assert not find_overlaps(corners[own]).overlapping.any()
         area = surface_areas(mesh.positions[mesh.faces[own]]).sum()
         assert signed_areas(corners[own]).sum() == pytest.approx(area, rel=1e-12)
     # What shares coordinates is what hangs together: nothing else counts as a chart.

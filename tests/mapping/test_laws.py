@@ -12,7 +12,7 @@ from tests.models import model, real, soup_of
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import SURFACES, VIAS
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import _mapped_classically, unwrap, unwrap_with_report
 from texbake.mesh.files import read_mesh
@@ -177,7 +177,7 @@ def test_no_face_of_a_convex_mesh_overlaps_another_or_is_mirrored(options):
     mesh = ball.replace(positions=ball.positions * (3.0, 2.0, 1.1) + 0.1 * ball.positions[:, :1])
     corners = unwrap(mesh, UnwrapOptions(**options)).corner_uvs()
     assert (signed_areas(corners) > 0.0).all()
-    assert not overlapping_faces(corners).any()
+    assert not find_overlaps(corners).overlapping.any()
 
 
 @every_classical

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mapping import overlap
-from texbake.mapping.overlap import find_overlaps, overlap_layers, overlapping_faces
+from texbake.mapping.overlap import find_overlaps, overlap_layers
 from texbake.mesh.shapes import plane
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +47,7 @@ def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> No
         for j in range(i):
             if solid[i] and solid[j] and common_area(corners[i], corners[j]) > 1e-9:
                 expected[i] = expected[j] = True
-    assert np.array_equal(overlapping_faces(corners), expected)
+    assert np.array_equal(find_overlaps(corners).overlapping, expected)
 
 
 @pytest.mark.parametrize("n_copies", [1, 2, 5])
@@ -84,7 +84,7 @@ def test_layers_are_the_lowest_that_faces_before_leave_free(seed: int, n_charts:
 def test_neighbors_touch_until_one_is_moved_into_the_other(shift: float, overlaps: bool) -> None:
     square = plane().corner_uvs()
     beside = square + np.array([1.0 - shift, 0.0])
-    assert overlapping_faces(np.concatenate([square, beside])).any() == overlaps
+    assert find_overlaps(np.concatenate([square, beside])).overlapping.any() == overlaps
 
 
 def test_coordinates_of_float32_far_from_the_unit_square_only_touch() -> None:
@@ -92,7 +92,7 @@ def test_coordinates_of_float32_far_from_the_unit_square_only_touch() -> None:
         (plane(20, 20).corner_uvs() + np.array([913.0, 77.0])).astype(np.float32).astype(np.float64)
     )
     split = np.concatenate([grid, (grid + np.array([1.0, 0.0])).astype(np.float32)])
-    assert not overlapping_faces(split).any()
+    assert not find_overlaps(split).overlapping.any()
 
 
 def test_a_stack_and_faces_on_one_point() -> None:
@@ -101,8 +101,8 @@ def test_a_stack_and_faces_on_one_point() -> None:
     found = find_overlaps(stack)
     assert found.overlapping.all()
     assert not found.unsure.any()
-    assert not overlapping_faces(np.full((20_000, 3, 2), 0.3)).any()
-    assert not overlapping_faces(np.zeros((0, 3, 2))).any()
+    assert not find_overlaps(np.full((20_000, 3, 2), 0.3)).overlapping.any()
+    assert not find_overlaps(np.zeros((0, 3, 2))).overlapping.any()
 
 
 def test_slivers_along_a_diagonal_and_around_a_point_only_touch() -> None:
@@ -137,5 +137,5 @@ def test_a_check_that_would_take_too_long_is_reported(monkeypatch: pytest.Monkey
 def test_any_size_is_taken(far: float) -> None:
     """One grid at any size, and two of them shifted by half a cell, where depth is relative."""
     grid = plane(4, 4).corner_uvs() * far
-    assert not overlapping_faces(grid).any()
-    assert overlapping_faces(np.concatenate([grid, grid * 0.9])).all()
+    assert not find_overlaps(grid).overlapping.any()
+    assert find_overlaps(np.concatenate([grid, grid * 0.9])).overlapping.all()

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import repair_charts
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
@@ -83,7 +83,7 @@ def test_a_folded_face_is_laid_out_for_itself() -> None:
     # Faces of one chart do not overlap; those of different charts may, before they are packed.
     face_charts = charts.chart_ids[charts.faces[:, 0]]
     for chart in range(charts.n_charts):
-        assert not overlapping_faces(corners[face_charts == chart]).any()
+        assert not find_overlaps(corners[face_charts == chart]).overlapping.any()
     assert charts.n_split == charts.n_charts - 1 > 0
     assert charts.n_ignored == 0
 

@@ -13,7 +13,7 @@ from texbake.errors import MeshError, OptionError, UnwrapError
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
@@ -30,7 +30,7 @@ def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int])
     assert (texels >= padding).all()
     assert (texels <= np.array(size) - padding).all()
     assert (signed_areas(corners) >= 0.0).all()
-    assert not overlapping_faces(corners).any()
+    assert not find_overlaps(corners).overlapping.any()
 
 
 def grouped(mesh: Mesh) -> Mesh:
@@ -127,7 +127,7 @@ def test_several_meshes_share_one_texture_at_one_density() -> None:
     large = large.replace(positions=3.0 * large.positions)
     results = unwrap_together([small, large], size=512, padding=2)
     both = join_meshes([mesh for mesh, _ in results])
-    assert not overlapping_faces(both.corner_uvs()).any()
+    assert not find_overlaps(both.corner_uvs()).overlapping.any()
     found = distortion(both, 512)
     assert found.stretch.l2 < 1.03
     densities = [report.distortion.texel_density for _, report in results]

@@ -12,7 +12,7 @@ from tests.glb import glb_bytes, read_glb
 from texbake.arrays import read_arrays, write_arrays
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.overlap import overlapping_faces
+from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import excerpt, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
@@ -140,7 +140,7 @@ def test_unwrap_adds_a_set_and_leaves_the_first(tmp_path):
     np.testing.assert_array_equal(made.uv_faces, sphere.uv_faces)
     alone = unwrap(sphere, size=256)
     np.testing.assert_array_equal(made.corner_uvs("lightmap"), alone.corner_uvs())
-    assert not overlapping_faces(made.corner_uvs("lightmap")).any()
+    assert not find_overlaps(made.corner_uvs("lightmap")).overlapping.any()
     with pytest.raises(UvError, match="no texture coordinates yet"):
         unwrap(sphere.replace(uvs=None, uv_faces=None), uv_set="lightmap")
 
@@ -152,7 +152,7 @@ def test_unwrap_adds_a_set_and_leaves_the_first(tmp_path):
     assert run.exit_code == 0, run.output
     read = read_mesh(tmp_path / "out.obj")
     np.testing.assert_array_equal(read.corner_uvs(), sphere.corner_uvs())
-    assert not overlapping_faces(read.corner_uvs("lightmap")).any()
+    assert not find_overlaps(read.corner_uvs("lightmap")).overlapping.any()
     assert (tmp_path / "out.uvs.npz").is_file()
     with pytest.raises(OptionError, match=r"\.ply files have one set"):
         unwrap_files(tmp_path / "in.obj", tmp_path / "a.ply", UnwrapOptions(uv_set="a"))

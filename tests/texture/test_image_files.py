@@ -1,11 +1,12 @@
 """Formats, bits and encodings of images that are derived from others."""
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from texbake.errors import OptionError
+from texbake.errors import FileFormatError, OptionError
 from texbake.mesh.files.conversion import media_type
-from texbake.texture.image import Image, decode_image
+from texbake.texture.image import Image, decode_image, read_header
 from texbake.texture.image_files import (
     ENCODINGS,
     bits_for,
@@ -13,6 +14,7 @@ from texbake.texture.image_files import (
     encode_image,
     suffix_like,
     write_images,
+    write_layers,
 )
 
 PIXELS = np.full((2, 2, 3), 0.5, np.float32)
@@ -85,3 +87,67 @@ def test_every_encoding_comes_back(encoding: str, n: int) -> None:
 def test_formats_that_are_not_written_are_named() -> None:
     with pytest.raises(OptionError, match="'ktx2' is not known; use webp, jpeg, png"):
         encode_image(CODES, "ktx2")
+
+
+CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "a.exr"
+
+
+@pytest.fixture
+def layers():
+    rng = np.random.default_rng(0)
+    return {
+        "normal": Image(
+            pixels=rng.random((6, 5, 3), np.float32).astype(np.float16).astype(np.float32),
+            bits=16, metadata={"texbake:space": "tangent"},
+        ),
+        "displacement": Image(
+            pixels=rng.random((6, 5, 1), np.float32) * 1e-7 - 1e6,
+            metadata={"texbake:displacement_scale": 0.1},
+        ),
+        "base-color": Image(pixels=np.ones((6, 5, 4), np.float32), bits=8),
+        "gray": Image(pixels=rng.random((6, 5, 2), np.float32)),
+    }  # fmt: skip
+
+
+def test_layers_come_back_with_their_metadata(path, layers):
+    write_layers(layers, path)
+    source = oiio.ImageInput.open(str(path))
+    names = source.spec().channelnames
+    pixels = source.read_image(0, 0, 0, len(names), oiio.FLOAT)
+    for layer, image in layers.items():
+        places = [names.index(f"{layer}.{name}") for name in CHANNELS[image.pixels.shape[2]]]
+        np.testing.assert_array_equal(pixels[..., places], image.pixels)
+    metadata = {f"{layer}.{k}": v for layer, i in layers.items() for k, v in i.metadata.items()}
+    assert read_header(path).metadata == metadata
+
+
+def test_channels_are_named_after_their_layer(path, layers):
+    write_layers(layers, path)
+    spec = oiio.ImageInput.open(str(path)).spec()
+    kinds = dict(zip(spec.channelnames, map(str, spec.channelformats), strict=True))
+    assert kinds == {
+        "normal.R": "half", "normal.G": "half", "normal.B": "half", "displacement.Y": "float",
+        "base-color.R": "half", "base-color.G": "half", "base-color.B": "half",
+        "base-color.A": "half", "gray.Y": "float", "gray.A": "float",
+    }  # fmt: skip
+
+
+def test_invalid_layers_are_an_error(tmp_path, path, layers):
+    small = {"a": Image(pixels=np.zeros((2, 3, 1), np.float32))}
+    for wrong, message in (
+        ({}, "there is no layer"),
+        (layers | small, r"differ in size \(3 x 2, 5 x 6\)"),
+        ({"a.b": small["a"]}, "'a.b' is not a layer name"),
+        ({"a": Image(pixels=np.full((1, 1, 1), 1e6, np.float32), bits=16)}, "beyond half"),
+        ({"a": Image(pixels=np.zeros((1, 1, 5), np.float32))}, "more than four channels"),
+    ):
+        with pytest.raises(OptionError, match=message):
+            write_layers(wrong, path)
+    with pytest.raises(FileFormatError, match=r"give a \.exr file"):
+        write_layers(small, tmp_path / "a.png")
+    assert not path.exists()

@@ -1,27 +1,9 @@
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.errors import OptionError
-from texbake.texture.padding import nearest_owner, push_pull, spread
-
-
-class Padded(NamedTuple):
-    values: np.ndarray
-    is_padding: np.ndarray
-    n_meeting: int
-
-
-def pad(values, chart_ids, padding, *, background=0.0):
-    """Dilate one map, as a bake does."""
-    owners = nearest_owner(chart_ids, padding)
-    return Padded(
-        spread(values, owners.indices, background=background),
-        (owners.indices >= 0) & (np.asarray(chart_ids) < 0),
-        owners.n_meeting,
-    )
+from texbake.texture.padding import nearest_owner, push_pull
 
 
 @st.composite
@@ -68,39 +50,18 @@ def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
     assert nearest_owner(chart_ids, padding, threads=1).n_meeting == n_meeting
 
 
-def test_owners_keep_their_values_bit_for_bit():
+def test_push_pull_keeps_what_is_inside_and_never_spreads_what_is_not_finite():
     rng = np.random.default_rng(0)
-    values = rng.random((50, 60, 3)).astype(np.float32)
-    values[3, 4] = np.nan
-    chart_ids = np.where(rng.random((50, 60)) < 0.3, 5, -1).astype(np.int32)
-    owned = chart_ids >= 0
-    owned[3, 4], chart_ids[3, 4] = True, 5
-    np.testing.assert_array_equal(pad(values, chart_ids, 3).values[owned], values[owned])
-    np.testing.assert_array_equal(push_pull(values, owned)[owned], values[owned])
-
-
-def test_values_that_are_not_finite_never_spread():
-    values = np.zeros((9, 9, 2), np.float32)
-    values[4, 4] = [1.0, np.nan]
-    chart_ids = np.full((9, 9), -1, np.int32)
-    chart_ids[4, 4] = 0
-    padded = pad(values, chart_ids, 3, background=(0.25, 0.5)).values
-    assert np.isnan(padded).sum() == 1
-    padded[4, 4] = (0.25, 0.5)
-    assert (padded == [0.25, 0.5]).all()
-    chart_ids[0, 0] = 1
-    filled = push_pull(values, chart_ids >= 0)
-    assert np.isnan(filled).sum() == 1
-    assert (filled[..., 0] == (chart_ids == 0)).all()
-
-
-@pytest.mark.parametrize("background", [0.5, (0.5, 0.5, 1.0)])
-def test_out_of_reach_is_background(background):
-    chart_ids = np.full((4, 8), -1, np.int32)
-    chart_ids[:, 0] = 0
-    padded = pad(np.full((4, 8, 3), 0.2), chart_ids, 2, background=background).values
-    assert (padded[:, :3] == np.float32(0.2)).all()
-    assert (padded[:, 3:] == np.float32(background)).all()
+    values = rng.random((50, 60, 2)).astype(np.float32)
+    mask = rng.random((50, 60)) < 0.3
+    np.testing.assert_array_equal(push_pull(values, mask)[mask], values[mask])
+    values, mask = np.zeros((9, 9, 2), np.float32), np.zeros((9, 9), bool)
+    values[4, 4], values[0, 0] = [1.0, np.nan], 0.5
+    mask[4, 4] = mask[0, 0] = True
+    filled = push_pull(values, mask)
+    assert np.isnan(filled).sum() == 1 and np.isnan(filled[4, 4, 1])
+    mask[4, 4] = False
+    assert (filled[~mask] == 0.5).sum() > 0
 
 
 @given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))

@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from texbake.core import core
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.noise import turbulence_sum
+from texbake.texture.procedures.noise import WEIGHTS
 from texbake.texture.procedures.options import DEFAULT_RAMPS
 from texbake.texture.procedures.patterns import HARD, RAMP, SINE, own_ramp
 
@@ -124,8 +124,10 @@ def points():
 def test_marble_is_the_formula(points):
     parameters = {"frequency": 3.0, "turbulence_frequency": 1.5, "amount": 4.0, "seed": 9}
     found = evaluate("marble", points, parameters=parameters, scalar=True)[:, 0]
-    phase = 3.0 * points[:, 0] + 4.0 * turbulence_sum(1.5 * points, seed=9)
-    np.testing.assert_allclose(found, 0.5 + 0.5 * np.sin(phase), atol=1e-6)
+    size = WEIGHTS["cubic"].bound * sum(0.25**i for i in range(6)) ** 0.5
+    turbulence = evaluate("turbulence", 1.5 * points, parameters={"seed": 9})[:, 0]
+    phase = 3.0 * points[:, 0] + 4.0 * size * turbulence
+    np.testing.assert_allclose(found, 0.5 + 0.5 * np.sin(phase), atol=2e-6)
 
 
 def test_marble_runs_across_its_direction(points):

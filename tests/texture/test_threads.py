@@ -9,7 +9,7 @@ from texbake.texture.dds import write_dds
 from texbake.texture.encoding import decode_normals, encode_normals, quantize_srgb
 from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
 from texbake.texture.mipmaps import MIP_FILTERS, mip_chain
-from texbake.texture.padding import nearest_owner, push_pull, spread
+from texbake.texture.padding import nearest_owner, push_pull
 from texbake.texture.prefilter import irradiance, specular_levels
 from texbake.texture.sample import FILTERS, mip_levels, sample
 from texbake.texture.value_range import (
@@ -54,7 +54,6 @@ COMPUTED = {
     "colors": lambda n: quantize_srgb(POINTS, 8, threads=n),
     "owners": lambda n: nearest_owner(CHARTS, 16, threads=n).indices,
     "meeting": lambda n: nearest_owner(CHARTS, 16, threads=n).n_meeting,
-    "spread": lambda n: spread(IMAGE, nearest_owner(CHARTS, 16).indices, threads=n),
     "push-pull": lambda n: push_pull(IMAGE, CHARTS >= 0, threads=n),
     "ranges": lambda n: channel_ranges(HEIGHTS, COVERED, threads=n),
     "height range": lambda n: height_range(HEIGHTS, COVERED, threads=n),

@@ -283,24 +283,6 @@ EXPORT int64_t search_rows(
     return 0;
 }
 
-/* Give each texel the value of its nearest owner, or the background where it has none or where the
-   owner is not finite in all channels. Owners keep their value. */
-EXPORT void spread_owners(
-    int64_t n, int64_t n_channels, const float values[n][n_channels], const int32_t owners[n],
-    const float background[n_channels], float out[n][n_channels], int64_t start, int64_t stop)
-{
-    for (int64_t i = start; i < stop; i++) {
-        const int64_t owner = owners[i];
-        bool is_finite = owner >= 0;
-        if (owner >= 0 && owner != i)
-            for (int64_t channel = 0; channel < n_channels; channel++)
-                is_finite = is_finite && isfinite(values[owner][channel]);
-        const float *from = is_finite ? values[owner] : background;
-        for (int64_t channel = 0; channel < n_channels; channel++)
-            out[i][channel] = from[channel];
-    }
-}
-
 /* Copy texels to others, in place: item `i` of `sources` to that of `targets`. A texel that is not
    finite in all channels is replaced by `neutral`. */
 EXPORT void copy_texels(

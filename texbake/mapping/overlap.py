@@ -63,6 +63,12 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
     the texture are rounding and do not count, nor do those of faces thinner than that.
 
     `corners` (F, 3, 2) float64.
+
+    Examples
+    --------
+    >>> square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=float)
+    >>> find_overlaps(square - [[[0, 0]], [[0, 0.1]]]).overlapping
+    array([ True,  True])
     """
     overlapping, unsure = np.zeros((2, len(corners)), dtype=np.bool_)
     farthest = float(np.abs(corners).max(initial=0.0))
@@ -81,23 +87,6 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 
     run_bands(look, len(places), band=_BAND, threads=threads)
     return Overlaps(overlapping=overlapping, unsure=unsure)
-
-
-def overlapping_faces(corners: FloatArray, *, threads: int | None = None) -> npt.NDArray[np.bool_]:
-    """Find the faces that cover a part of the texture that another face covers too.
-
-    `corners` (F, 3, 2) float64. Returns (F,) bool: False for faces that share only an edge or a
-    corner, and for faces without area.
-
-    Examples
-    --------
-    >>> square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=float)
-    >>> overlapping_faces(square)
-    array([False, False])
-    >>> overlapping_faces(square - [[[0, 0]], [[0, 0.1]]])
-    array([ True,  True])
-    """
-    return find_overlaps(corners, threads=threads).overlapping
 
 
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:

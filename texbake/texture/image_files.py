@@ -1,4 +1,10 @@
-"""Write sets of images together, and normal and height maps with their metadata; read volumes."""
+"""Write sets of images together, normal and height maps, and layers of an EXR file; read volumes.
+
+Channels of layers are named ``layer.channel``, as in Blender and Nuke: ``normal.R``,
+``displacement.Y``. All are stored in one part; each layer has its own bits per channel.
+
+Based on: Academy Software Foundation, "OpenEXR, Technical Introduction", section "Layers".
+"""
 
 from __future__ import annotations
 
@@ -13,10 +19,23 @@ import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_array_file
 from texbake.errors import FileFormatError, OptionError, one_line, quoted
-from texbake.files import PathLike, appearing_together, make_folder, require_file
-from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
+from texbake.files import PathLike, appearing_together, make_folder, replacing, require_file
+from texbake.metadata import (
+    CONVENTION,
+    DISPLACEMENT_MID,
+    DISPLACEMENT_SCALE,
+    SPACE,
+    Value,
+    to_description,
+)
 from texbake.texture.encoding import encode_heights, encode_normals
-from texbake.texture.image import GREATEST_HALF, Image, read_image, write_image
+from texbake.texture.image import (
+    GREATEST_HALF,
+    Image,
+    read_image,
+    write_image,
+    write_with_spec,
+)
 from texbake.texture.image_formats import check_image_format, holds_floats
 from texbake.texture.png_files import png_parts
 from texbake.texture.value_range import height_range
@@ -117,6 +136,57 @@ def write_heights(
     metadata = {DISPLACEMENT_MID: mid, DISPLACEMENT_SCALE: scale}
     write_image(pixels, path, bits=bits, metadata=metadata, threads=threads)
     return mid, scale
+
+
+# Names of the channels of a layer, by the number of channels.
+_CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
+
+
+def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
+    """Write images of one size as the layers of an EXR file."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    if Path(path).suffix.lower() != ".exr":
+        raise FileFormatError(f"{path}: only EXR files store layers; give a .exr file")
+    _check_layers(layers, path)
+    names, types, columns = [], [], []
+    metadata: dict[str, Value] = {}
+    for layer, image in layers.items():
+        kind = "float" if image.bits == 32 else "half"
+        n_channels = image.pixels.shape[2]
+        names += [f"{layer}.{channel}" for channel in _CHANNELS[n_channels]]
+        types += [kind] * n_channels
+        columns.append(image.pixels)
+        metadata |= {f"{layer}.{key}": value for key, value in image.metadata.items()}
+    pixels = np.concatenate(columns, axis=2)
+    height, width, n_channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, n_channels, "float")
+    spec.channelnames = tuple(names)
+    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in types)
+    spec.attribute("DateTime", "")  # otherwise the time of writing
+    spec.attribute("compression", "zip")
+    if metadata:
+        spec.attribute("ImageDescription", to_description(metadata))
+    with replacing(path) as temporary:
+        write_with_spec(pixels.astype(np.float32, copy=False), spec, temporary, path)
+
+
+def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
+    if not layers:
+        raise OptionError(f"{path}: there is no layer to write; give at least one image")
+    sizes = {image.pixels.shape[:2] for image in layers.values()}
+    if len(sizes) > 1:
+        words = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
+        raise OptionError(f"{path}: its layers differ in size ({words}); bake them at one size")
+    for layer, image in layers.items():
+        if not layer or "." in layer:
+            raise OptionError(f"{path}: {quoted(layer)} is not a layer name; use one without dots")
+        if image.pixels.shape[2] not in _CHANNELS:
+            raise OptionError(f"{path}: the layer {quoted(layer)} has more than four channels")
+        if image.bits != 32 and np.abs(image.pixels).max() > GREATEST_HALF:
+            raise OptionError(
+                f"{path}: the layer {quoted(layer)} is beyond half floats; give it 32 bits"
+            )
 
 
 # Names of the formats, with the suffixes of their files.

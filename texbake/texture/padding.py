@@ -75,28 +75,6 @@ _FILL_BAND = 128
 FloatImage = npt.NDArray[np.float32]
 
 
-def spread(
-    values: npt.NDArray[Any],
-    indices: npt.NDArray[np.int32],
-    *,
-    background: float | npt.ArrayLike = 0.0,
-    threads: int | None = None,
-) -> FloatImage:
-    """Give each texel the value of its nearest owner.
-
-    `values` (H, W, C) float32; `indices` (H, W) int32, as of `NearestOwners`; `background`: for
-    texels without an owner. Returns (H, W, C) float32.
-    """
-    height, width, n_channels = values.shape
-    flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, n_channels)
-    sources = np.require(indices, np.int32, ["C", "A"]).reshape(-1)
-    fill = np.broadcast_to(np.asarray(background, np.float32), n_channels).copy()
-    out = np.empty_like(flat)
-    work = partial(core.spread_owners, flat, sources, fill, out)
-    run_bands(work, len(flat), band=_FILL_BAND * max(width, 1), threads=threads)
-    return out.reshape(height, width, n_channels)
-
-
 def push_pull(
     values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], *, threads: int | None = None
 ) -> FloatImage:

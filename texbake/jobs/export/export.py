@@ -37,7 +37,7 @@ from texbake.mesh.transform import Y_FROM_Z
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import ProgressSink, Stages
 from texbake.texture.image import read_image
-from texbake.texture.layers import write_layers
+from texbake.texture.image_files import write_layers
 
 SETTINGS = "SETTINGS.txt"
 

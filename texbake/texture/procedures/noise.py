@@ -192,29 +192,6 @@ def squared_amplitudes(octaves: int, gain: float) -> float:
     return sum(pm.power(gain, 2 * i) for i in range(octaves))
 
 
-def signed_noise(
-    points: npt.ArrayLike,
-    footprint: npt.ArrayLike | None = None,
-    *,
-    weight: str = "cubic",
-    seed: int = 0,
-    threads: int | None = None,
-) -> npt.NDArray[np.float64]:
-    """Evaluate signed gradient noise at points.
-
-    `points` (n, 3) or (n, 2) float64: the cells of the lattice are unit cubes; `footprint` (n,) or
-    (n, 3) float. Returns (n,) float64: within ±0.867 (cubic) or ±1.037 (quintic), of mean 0; 0 at
-    lattice points.
-
-    Examples
-    --------
-    >>> bool(abs(signed_noise([[3.0, -7.0, 1e9]])[0]) == 0.0)
-    True
-    """
-    parameters = checked_parameters("noise", {"weight": weight, "seed": seed})
-    return _signed(points, footprint, _NO_OCTAVES | parameters, absolute=False, threads=threads)
-
-
 def fractal_sum(
     points: npt.ArrayLike,
     footprint: npt.ArrayLike | None = None,
@@ -222,24 +199,25 @@ def fractal_sum(
     threads: int | None = None,
     **parameters: Any,
 ) -> npt.NDArray[np.float64]:
-    """Return the signed sum of g^i noise(l^i p + i c); see `fractal` and `signed_noise`."""
+    """Return the signed sum of g^i noise(l^i p + i c); see `fractal`.
+
+    `points` (n, 3) or (n, 2) float64: the cells of the lattice are unit cubes; `footprint` (n,) or
+    (n, 3) float. Returns (n,) float64, of mean 0; an octave is within ±0.867 (cubic) or ±1.037
+    (quintic) times its gain, and 0 at lattice points.
+
+    Examples
+    --------
+    >>> bool(abs(fractal_sum([[3.0, -7.0, 1e9]], octaves=1)[0]) == 0.0)
+    True
+    """
     full = checked_parameters("fractal", parameters)
-    return _signed(points, footprint, full, absolute=False, threads=threads)
-
-
-def turbulence_sum(
-    points: npt.ArrayLike,
-    footprint: npt.ArrayLike | None = None,
-    *,
-    threads: int | None = None,
-    **parameters: Any,
-) -> npt.NDArray[np.float64]:
-    """Return the sum of g^i |noise(l^i p)|; see `turbulence` and `signed_noise`."""
-    full = checked_parameters("turbulence", parameters)
-    return _signed(points, footprint, full, absolute=True, threads=threads)
-
-
-_NO_OCTAVES = {"octaves": 1, "lacunarity": 1.0, "gain": 1.0}
+    rows = checked_points(points)
+    widths = checked_widths(footprint, rows)
+    tables, numbers = _tables(full, rows.shape[1], absolute=False)
+    sums = np.empty(len(rows))
+    work = partial(core.fill_octave_sums, rows, widths, *tables, sums, *numbers)
+    run_bands(work, len(rows), band=BAND, threads=threads)
+    return sums
 
 
 def _tables(
@@ -254,23 +232,6 @@ def _tables(
         parameters["gain"],
         weight.size[n_dimensions - 2] if absolute else -1.0,
     )
-
-
-def _signed(
-    points: npt.ArrayLike,
-    footprint: npt.ArrayLike | None,
-    parameters: dict[str, Any],
-    *,
-    absolute: bool,
-    threads: int | None,
-) -> npt.NDArray[np.float64]:
-    rows = checked_points(points)
-    widths = checked_widths(footprint, rows)
-    tables, numbers = _tables(parameters, rows.shape[1], absolute)
-    sums = np.empty(len(rows))
-    work = partial(core.fill_octave_sums, rows, widths, *tables, sums, *numbers)
-    run_bands(work, len(rows), band=BAND, threads=threads)
-    return sums
 
 
 def fractal(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
