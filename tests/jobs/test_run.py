@@ -22,7 +22,7 @@ from texbake import (
 from texbake.errors import UvError
 from texbake.jobs.options import DemoOptions
 from texbake.jobs.run import RunResult
-from texbake.mapping.options.atlas import fitting_padding
+from texbake.mapping.options import fitting_padding
 from texbake.mesh.compose import turned_over
 from texbake.mesh.normals import angles_between, face_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere, orange

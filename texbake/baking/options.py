@@ -18,7 +18,7 @@ from texbake.baking.memory import (
 )
 from texbake.errors import OptionError, quoted
 from texbake.limits import parse_seconds
-from texbake.mapping.options.atlas import DEFAULT_PADDING
+from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds

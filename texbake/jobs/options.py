@@ -11,8 +11,7 @@ from texbake.baking.options import (
     THREADS_OPTION,
     BakeOptions,
 )
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.atlas import PADDING_DEFAULT
+from texbake.mapping.options import PADDING_DEFAULT, UnwrapOptions
 from texbake.mapping.options.shared import Size
 from texbake.mesh.options import (
     ANGLE_OPTION,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from texbake.baking.options import FILLS, PADDING_OPTION, SAMPLES, THREADS_OPTION
 from texbake.errors import OptionError
-from texbake.mapping.options.atlas import DEFAULT_PADDING
+from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import TextureOptions
 from texbake.schema import Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters

@@ -23,8 +23,7 @@ from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.atlas import fitting_padding
+from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.frame import snapped

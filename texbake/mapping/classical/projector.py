@@ -63,39 +63,23 @@ _BAND = 1 << 12
 _SAMPLES = frozen(np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0)
 
 
-def camera_matrix(
-    mesh: Mesh,
-    camera: tuple[float, float] | tuple[float, float, float | None] | None = None,
-    fov: float = 35.0,
-) -> FloatArray:
-    """Matrix of a projector that stands where a preview is taken from.
-
-    `camera`: (azimuth, elevation) or (azimuth, elevation, distance), in degrees and model units;
-    `fov`: vertical field of view in degrees. Returns (4, 4) float64: model space to (s, t, r, q),
-    where r and q are the depth along the view in model units.
-    """
-    rows, away, center = _camera_rows(mesh, camera, fov)
-    return np.column_stack([rows, pm.matmul(-rows, center + away)])
-
-
 def _camera_rows(
     mesh: Mesh,
     camera: tuple[float, float] | tuple[float, float, float | None] | None,
     fov: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(4, 3) rows of the matrix, (3,) the way from the center to the camera, (3,) the center."""
+) -> tuple[FloatArray, FloatArray]:
+    """(4, 3) rows of the matrix, and (3,) the way from the center of the mesh to the camera."""
     azimuth, elevation, *rest = camera or (0.0, 0.0)
     assert azimuth is not None and elevation is not None
     axes = _axes(math.radians(azimuth), math.radians(elevation))
-    center, radius = _bounding_sphere(mesh)
     distance = rest[0] if rest and rest[0] is not None else None
     half = math.radians(fov) / 2.0
     if distance is None:
-        distance = _MARGIN * radius / pm.sin(half)
+        distance = _MARGIN * _radius(mesh) / pm.sin(half)
     right, up, back = axes
     focal = 1.0 / pm.tan(half)
     rows = np.stack([0.5 * (focal * right - back), 0.5 * (focal * up - back), -back, -back])
-    return rows, distance * back, center
+    return rows, distance * back
 
 
 def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
@@ -110,9 +94,12 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
 
     corners, behind = _cast(positions, mesh.faces, used, matrix)
     away = ~behind & ~_turned_to(positions, mesh.faces, seen_from)
-    hidden = _hidden(positions, mesh.faces, ~behind & ~away, seen_from)
+    facing = ~behind & ~away
+    hidden = np.zeros(mesh.n_faces, dtype=bool)
+    if facing.any():
+        tree = TriangleTree.build(positions, mesh.faces)
+        hidden[facing] = mostly_hidden(tree, np.flatnonzero(facing), seen_from)
     if mesh.polygon_of is not None:  # triangles that face the projector are hidden together
-        facing = ~behind & ~away
         n_hidden, n_facing = (np.bincount(mesh.polygon_of, faces) for faces in (hidden, facing))
         hidden = facing & (2.0 * n_hidden > n_facing)[mesh.polygon_of]
     if options.unseen == "aside":
@@ -136,12 +123,12 @@ def _axes(azimuth: float, elevation: float) -> FloatArray:
     return np.stack([right, np.cross(back, right), back])
 
 
-def _bounding_sphere(mesh: Mesh) -> tuple[FloatArray, float]:
-    """Center of the bounding box, and the radius about it; 1 for a mesh without extent."""
+def _radius(mesh: Mesh) -> float:
+    """Radius of the sphere about the center of the bounding box; 1 for a mesh without extent."""
     local = LocalFrame.around(mesh)
     points = local.to_local(mesh.positions[mesh.faces.ravel()])
     radius = math.sqrt(float(pm.vecdot(points, points).max()))
-    return local.center, radius / local.scale if radius > 0.0 else 1.0
+    return radius / local.scale if radius > 0.0 else 1.0
 
 
 def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:
@@ -149,7 +136,7 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
     with np.errstate(over="ignore", invalid="ignore"):
         if options.matrix is None:
             # Seen from the center, so that no bit is lost where the model is far from the origin.
-            rows, away, _ = _camera_rows(mesh, options.camera, options.fov)
+            rows, away = _camera_rows(mesh, options.camera, options.fov)
             matrix = np.column_stack([rows / local.scale, pm.matmul(-rows, away)])
         else:
             matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
@@ -216,18 +203,6 @@ def _turned_to(positions: FloatArray, faces: IntArray, seen_from: FloatArray) ->
     cosines = pm.vecdot(normals, towards)
     lengths = pm.norm(normals, axis=1) * pm.norm(towards, axis=1)
     return np.asarray(cosines > _ALONG * lengths)
-
-
-def _hidden(
-    positions: FloatArray, faces: IntArray, asked: BoolArray, seen_from: FloatArray
-) -> BoolArray:
-    """(F,) bool: which of the tested faces are hidden by other faces."""
-    hidden = np.zeros(len(faces), dtype=bool)
-    ids = np.flatnonzero(asked)
-    if len(ids):
-        tree = TriangleTree.build(positions, faces)
-        hidden[ids] = mostly_hidden(tree, ids, seen_from)
-    return hidden
 
 
 def mostly_hidden(
