@@ -12,20 +12,22 @@ from tests.fbx_writer import (
     scene,
     written,
 )
-from texbake.errors import MeshError
 from texbake.limits import raised_limits
-from texbake.mesh.files import fbx_materials, read_mesh, write_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_materials import has_alpha
 from texbake.mesh.materials import (
     UNPLACED,
-    ChannelImage,
-    ChannelSource,
-    MeshMaterial,
     read_materials,
 )
-from texbake.mesh.shapes import plane
 from texbake.texture.image import write_image
+
+
+def materials_of(folder, nodes, version=7400):
+    """The materials of a binary file of some nodes."""
+    path = folder / "a.fbx"
+    path.write_bytes(binary(nodes, version))
+    return read_materials(path, read_mesh(path))
 
 
 @pytest.fixture
@@ -41,9 +43,7 @@ def read(tmp_path):
         objects[red] = ("Material", objects[red][1], [color])
         objects.append(("Texture", [60, "paint\0\1Texture", ""], texture))
         nodes[2][2].append(("C", ["OP", 60, 51, "DiffuseColor"], []))
-        path = folder / "a.fbx"
-        path.write_bytes(binary(nodes))
-        return read_materials(path, read_mesh(path))
+        return materials_of(folder, nodes)
 
     return write_and_read
 
@@ -65,12 +65,9 @@ def test_animated_colors_are_no_images(tmp_path):
     objects.append(("AnimationCurveNode", [60, "DiffuseColor\0\1AnimCurveNode", ""], []))
     objects.append(("Texture", [61, "paint\0\1Texture", ""], [("Content", [b"picture"], [])]))
     connections += [("C", ["OP", key, 51, "DiffuseColor"], []) for key in (60, 61)]
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    found = read_materials(path, read_mesh(path))
-    assert [each.image and each.image.data for each in found.sources("base-color") if each] == [
-        b"picture"
-    ]
+    found = materials_of(tmp_path, nodes)
+    (source,) = filter(None, found.sources("base-color"))
+    assert source.image.data == b"picture"
     assert not found.missing
 
 
@@ -78,9 +75,7 @@ def test_textures_of_models_are_warned_of(tmp_path):
     nodes = scene(6100, materials=("red",))
     nodes[1][2].append(("Texture", ["paint\0\1Texture", ""], [("Content", [b"picture"], [])]))
     nodes[2][2].append(("Connect", ["OO", "paint\0\1Texture", "wall\0\1Model"], []))
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes, 6100))
-    found = read_materials(path, read_mesh(path))
+    found = materials_of(tmp_path, nodes, 6100)
     line = "textures of models are not read, only those of materials"
     assert found.missing == (("base-color", line),)
 
@@ -92,13 +87,10 @@ def test_images_of_one_name_are_two(tmp_path):
         texture = [("Content", [content], [])]
         objects.append(("Texture", [60 + i, "paint\0\1Texture", ""], texture))
         connections.append(("C", ["OP", 60 + i, material, "DiffuseColor"], []))
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    images = [
-        each.image for each in read_materials(path, read_mesh(path)).sources("base-color") if each
-    ]
-    assert [image.data for image in images] == [b"picture", b"other"]
-    assert [image.name for image in images] == [f"{path}: paint", f"{path}: paint (61)"]
+    sources = materials_of(tmp_path, nodes).sources("base-color")
+    assert {source.image.data: source.image.name for source in sources if source} == {
+        b"picture": f"{tmp_path / 'a.fbx'}: paint", b"other": f"{tmp_path / 'a.fbx'}: paint (61)"
+    }  # fmt: skip
 
 
 # Content of images: a PNG with alpha, one without.
@@ -122,9 +114,7 @@ RGBA, RGB = (b"\x89PNG\r\n\x1a\n" + bytes(17) + bytes([kind]) for kind in (6, 2)
 def test_opacity(tmp_path, values, alpha):
     nodes = scene(materials=("red",))
     nodes[1][2][-1][2].append(properties(7400, values))
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    (material,) = read_materials(path, read_mesh(path)).materials
+    (material,) = materials_of(tmp_path, nodes).materials
     assert material.alpha_mode == ("opaque" if alpha is None else "blend")
     found = material.channels.get("alpha")
     assert found is None if alpha is None else found.factor == pytest.approx((alpha,))
@@ -139,9 +129,7 @@ def test_a_color_of_transparency_is_multiplied_by_the_factor_of_the_defaults(
     values = properties(7400, {"TransparencyFactor": [default]})
     template = ("PropertyTemplate", ["FbxSurfacePhong"], [values])
     nodes.append(("Definitions", [], [("ObjectType", ["Material"], [template])]))
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    (material,) = read_materials(path, read_mesh(path)).materials
+    (material,) = materials_of(tmp_path, nodes).materials
     found = material.channels.get("alpha")
     assert found is None if alpha is None else found.factor == (alpha,)
 
@@ -333,9 +321,7 @@ def test_a_layered_texture_without_layers_has_no_image(tmp_path):
     nodes[1][2].append(("LayeredTexture", [60, "layers\0\1LayeredTexture", ""], []))
     nodes[2][2].append(("C", ["OP", 60, 50, "DiffuseColor"], []))
     nodes[2][2].append(("C", ["OO", 60, 60], []))  # and it is in itself
-    path = tmp_path / "a.fbx"
-    path.write_bytes(binary(nodes))
-    found = read_materials(path, read_mesh(path))
+    found = materials_of(tmp_path, nodes)
     assert "base-color" not in found.materials[0].channels
     assert "red: an image of it is missing" in found.notes()[0]
 
@@ -381,24 +367,3 @@ def test_an_image_that_many_textures_name_is_read_once(tmp_path):
     images = [source.image for source in found.materials[0].channels.values() if source.image]
     assert len(images) == 3
     assert len({id(image.data) for image in images}) == 1
-
-
-def test_images_that_are_sheared_in_more_ways_than_a_mesh_has_sets_are_refused():
-    """Each takes as much memory as the coordinates of the mesh."""
-
-    def sheared(n):
-        images = [
-            ChannelImage(b"", name="a", components=(0, 1, 2), placing=((1, i + 1, 0), (0, 1, 0)))
-            for i in range(n)
-        ]
-        materials = [
-            MeshMaterial(name="a", channels={"base-color": ChannelSource((1, 1, 1), image)})
-            for image in images
-        ]
-        sets = {}
-        fbx_materials._without_shear(tuple(materials), plane(), sets)
-        return sets
-
-    assert len(sheared(64)) == 64
-    with pytest.raises(MeshError, match="sets of texture coordinates"):
-        sheared(65)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.glb import glb_bytes
+from tests.glb import CORNERS, GltfFile
 from tests.models import REAL, model, real
 from texbake.errors import FileError, FileFormatError, MeshError, OptionError, UvError
 from texbake.mesh.files.gltf import read_gltf
@@ -19,54 +19,10 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.metadata import CONVENTION, SPACE, to_description
 from texbake.texture.png_files import write_png
 
-COMPONENTS = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
-
-
-class Builder:
-    """A glTF asset built by hand, from the specification alone."""
-
-    def __init__(self):
-        self.json = {
-            "asset": {"version": "2.0"}, "accessors": [], "bufferViews": [], "meshes": [],
-        }  # fmt: skip
-        self.data = b""
-
-    def view(self, data, **fields):
-        self.data += bytes(-len(self.data) % 4)
-        self.json["bufferViews"].append(
-            {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **fields}
-        )
-        self.data += data
-        return len(self.json["bufferViews"]) - 1
-
-    def accessor(self, values, component, **fields):
-        values = np.atleast_2d(np.asarray(values).T).T.astype(component)
-        if "bufferView" not in fields:
-            fields = {"bufferView": self.view(values.tobytes()), **fields}
-        self.json["accessors"].append({
-            "componentType": COMPONENTS[component], "count": len(values),
-            "type": TYPES[values.shape[1]], **fields,
-        })  # fmt: skip
-        return len(self.json["accessors"]) - 1
-
-    def mesh(self, *primitives, **fields):
-        self.json["meshes"].append({"primitives": list(primitives), **fields})
-        return len(self.json["meshes"]) - 1
-
-    def triangle(self, **fields):
-        return self.mesh({"attributes": {"POSITION": self.accessor(CORNERS, "f")}}, **fields)
-
-    def write(self, path):
-        self.json["buffers"] = [{"byteLength": len(self.data)}]
-        path.write_bytes(glb_bytes(self.json, self.data))
-        return path
-
 
 @pytest.fixture
 def asset():
-    return Builder()
+    return GltfFile()
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Nodes of glTF files: many of them, and some that repeat a mesh without limit."""
 
-import base64
 import json
 import re
 
@@ -10,35 +9,27 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 from texbake_cli.main import texbake
 
+from tests.glb import CORNERS, GltfFile
 from texbake.errors import FileFormatError
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf import MAX_TRIANGLES
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.rendering.scene.read import read_scene
 
-TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+TRIANGLE = np.array(CORNERS)
 
 
 @pytest.fixture
 def instances(tmp_path):
     """Write a file whose nodes all place one mesh, node i moved to x = i."""
 
-    def write(n_nodes: int, n_faces: int = 1, claimed: int | None = None):
-        data = np.tile(TRIANGLE, (n_faces, 1)).tobytes()
-        uri = "data:;base64," + base64.b64encode(data).decode()
-        count = 3 * (claimed or n_faces)
-        document = {
-            "asset": {"version": "2.0"},
-            "buffers": [{"byteLength": len(data), "uri": uri}],
-            "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
-            "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-            "nodes": [{"mesh": 0, "translation": [i, 0, 0]} for i in range(n_nodes)],
-            "scenes": [{"nodes": list(range(n_nodes))}],
-        }
-        path = tmp_path / "instances.gltf"
-        path.write_text(json.dumps(document))
-        return path
+    def write(n_nodes: int, n_corners: int = 3):
+        file = GltfFile(
+            nodes=[{"mesh": 0, "translation": [i, 0, 0]} for i in range(n_nodes)],
+            scenes=[{"nodes": list(range(n_nodes))}],
+        )
+        file.mesh({"attributes": {"POSITION": file.accessor(CORNERS, count=n_corners)}})
+        return file.write(tmp_path / "instances.gltf")
 
     return write
 
@@ -115,7 +106,7 @@ def test_a_bomb_is_refused_before_an_array_is_read(instances, monkeypatch, read,
         if change is not None:
             change(document, document["meshes"][0]["primitives"])
 
-    path = changed(instances(n_nodes, claimed=MAX_TRIANGLES // 1000), change_document)
+    path = changed(instances(n_nodes, 3 * MAX_TRIANGLES // 1000), change_document)
     with pytest.raises(FileFormatError, match=r"triangles up to 4[02],000,000, more"):
         read(path)
 

@@ -5,65 +5,36 @@ import json
 import numpy as np
 import pytest
 
+from tests.glb import GltfFile
 from texbake.errors import MeshError, heard_warnings
 from texbake.mesh.files import gltf_primitives, read_mesh
-from texbake.mesh.files.gltf_document import Document
+from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.join import MeshPart
 from texbake.verbs.info import info_file
 
-_FLOAT, _BYTE, _UBYTE, _SHORT, _UINT = 5126, 5120, 5121, 5123, 5125
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
+class _Writer(GltfFile):
+    """Writes arrays at any byte; now and then their rows are far apart."""
 
-class _Writer:
-    """Collects arrays in two buffers, as the accessors of a document."""
+    alignment = 1
 
     def __init__(self, random: np.random.Generator) -> None:
+        super().__init__()
         self.random = random
-        self.buffers = [bytearray(b"abc"), bytearray()]  # no number stands at a multiple of 4
-        self.views: list[dict] = []
-        self.accessors: list[dict] = []
+        self.data = b"abc"
 
-    def add(self, values: np.ndarray, component: int, **more) -> int:
-        """Add an array; now and then its rows are far apart."""
-        number = int(self.random.integers(2))
+    def add(self, values: np.ndarray, **more) -> int:
         n_row = values.itemsize * values.shape[1]
         stride = n_row + int(self.random.choice([0, 0, 5]))
         rows = np.zeros((len(values), stride), np.uint8)
         rows[:, :n_row] = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
-        view = {"buffer": number, "byteOffset": len(self.buffers[number]), "byteLength": rows.size}
-        if stride != n_row:
-            view["byteStride"] = stride
-        self.buffers[number] += rows.tobytes()
-        self.views.append(view)
-        self.accessors.append(
-            {
-                "bufferView": len(self.views) - 1,
-                "componentType": component,
-                "count": len(values),
-                "type": _TYPES[values.shape[1]],
-                **more,
-            }
-        )
-        return len(self.accessors) - 1
+        view = self.view(rows.tobytes(), **({"byteStride": stride} if stride != n_row else {}))
+        return self.accessor(values, values.dtype.char, bufferView=view, **more)
 
     def document(self, tmp_path, primitives: list[dict]) -> Document:
-        data = [bytes(buffer) for buffer in self.buffers]
-        for number, content in enumerate(data):
-            (tmp_path / f"{number}.bin").write_bytes(content)
-        content = {
-            "asset": {"version": "2.0"},
-            "buffers": [
-                {"byteLength": len(content), "uri": f"{i}.bin"} for i, content in enumerate(data)
-            ],
-            "bufferViews": self.views,
-            "accessors": self.accessors,
-            "meshes": [{"primitives": [one]} for one in primitives],
-        }
-        path = tmp_path / "many.gltf"
-        path.write_text(json.dumps(content))
-        return Document(path, content, np.zeros(0, np.uint8))
+        self.json["meshes"] = [{"primitives": [one]} for one in primitives]
+        return read_document(self.write(tmp_path / "many.gltf"))
 
 
 def _primitive(writer: _Writer, kind: int) -> dict:
@@ -71,21 +42,20 @@ def _primitive(writer: _Writer, kind: int) -> dict:
     random = writer.random
     n = 3 * int(random.integers(1, 6))
     positions = random.integers(-1, 2, (n, 3)).astype("<f4") * np.float32(-1.0)
-    attributes = {"POSITION": writer.add(positions, _FLOAT)}
+    attributes = {"POSITION": writer.add(positions)}
     if kind % 2:
         normals = random.integers(-127, 128, (n, 3)).astype("i1")
-        attributes["NORMAL"] = writer.add(normals, _BYTE, normalized=True)
+        attributes["NORMAL"] = writer.add(normals, normalized=True)
         colors = random.integers(0, 2, (n, 3 + kind % 4 // 3)).astype("u1")
-        attributes["COLOR_0"] = writer.add(colors, _UBYTE, normalized=True)
+        attributes["COLOR_0"] = writer.add(colors, normalized=True)
     if kind % 3:
-        attributes["TEXCOORD_0"] = writer.add(random.random((n, 2)).astype("<f4"), _FLOAT)
-        attributes["TEXCOORD_1"] = writer.add(random.random((n, 2)).astype("<f4"), _FLOAT)
-        attributes["TANGENT"] = writer.add(random.random((n, 4)).astype("<f4"), _FLOAT)
+        attributes["TEXCOORD_0"] = writer.add(random.random((n, 2)).astype("<f4"))
+        attributes["TEXCOORD_1"] = writer.add(random.random((n, 2)).astype("<f4"))
+        attributes["TANGENT"] = writer.add(random.random((n, 4)).astype("<f4"))
     primitive: dict = {"attributes": attributes}
     if kind % 5:
-        dtype, component = (("<u2", _SHORT), ("<u4", _UINT))[kind % 2]
-        indices = random.integers(0, n, (3 * int(random.integers(1, 6)), 1)).astype(dtype)
-        primitive["indices"] = writer.add(indices, component)
+        indices = random.integers(0, n, (3 * int(random.integers(1, 6)), 1))
+        primitive["indices"] = writer.add(indices.astype(("<u2", "<u4")[kind % 2]))
     return primitive
 
 
@@ -116,8 +86,8 @@ def test_what_is_not_finite_in_one_changes_no_other(tmp_path):
     document = writer.document(tmp_path, primitives)
     requests = [PrimitiveRequest(one) for one in primitives]
     sound = read_primitives(document, requests)
-    bad = writer.add(np.full((3, 3), np.nan, "<f4"), _FLOAT)
-    corner = writer.add(np.eye(3, dtype="<f4"), _FLOAT)
+    bad = writer.add(np.full((3, 3), np.nan, "<f4"))
+    corner = writer.add(np.eye(3, dtype="<f4"))
     document = writer.document(tmp_path, primitives)
     requests.append(PrimitiveRequest({"attributes": {"POSITION": corner, "NORMAL": bad}}))
     heard: list[str] = []

@@ -13,6 +13,7 @@ from texbake_cli.main import texbake
 from trimesh.exchange.dae import export_collada
 
 from tests.fbx_writer import FACES, POINTS, layer, scene, shape, written
+from tests.glb import CORNERS, GltfFile
 from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError, heard_warnings
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
@@ -33,32 +34,12 @@ def heard(path):
     return mesh, [line.removeprefix(f"{path}: ") for line in lines]
 
 
-def gltf(path, arrays, **fields):
-    """A .gltf file of one triangle list without indices, from its attributes."""
-    data = b"".join(np.float32(rows).tobytes() for rows in arrays.values())
-    views, accessors, at = [], [], 0
-    for i, rows in enumerate(arrays.values()):
-        size = np.float32(rows).nbytes
-        views.append({"buffer": 0, "byteOffset": at, "byteLength": size})
-        kind = f"VEC{len(rows[0])}"
-        accessors.append({"bufferView": i, "componentType": 5126, "count": len(rows), "type": kind})
-        at += size
-    uri = "data:;base64," + base64.b64encode(data).decode()
-    attributes = {name: i for i, name in enumerate(arrays)}
-    document = {
-        "asset": {"version": "2.0"},
-        "meshes": [{"primitives": [{"attributes": attributes, **fields.pop("primitive", {})}]}],
-        "nodes": [{"mesh": 0}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(data), "uri": uri}],
-        **fields,
-    }
-    path.write_text(json.dumps(document))
-    return path
-
-
-CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+def gltf(path, arrays, primitive=(), **content):
+    """A file of one triangle list without indices, from its attributes."""
+    file = GltfFile(nodes=[{"mesh": 0}], **content)
+    attributes = {name: file.accessor(rows) for name, rows in arrays.items()}
+    file.mesh({"attributes": attributes, **dict(primitive)})
+    return file.write(path)
 
 
 def not_finite(value, folder):
@@ -332,26 +313,20 @@ def test_backslashes_in_the_names_of_files(tmp_path):
 
 def draco(path, mesh, attributes, data):
     """A .gltf file of one mesh that Draco has compressed."""
-    extension = {"bufferView": 0, "attributes": attributes}
-    n = len(mesh.positions)
-    document = {
-        "asset": {"version": "2.0"},
-        "meshes": [{"primitives": [{
-            "attributes": {"POSITION": 1, "NORMAL": 2},
-            "indices": 0,
-            "extensions": {"KHR_draco_mesh_compression": extension},
-        }]}],
-        "accessors": [
+    points = {"componentType": 5126, "count": len(mesh.positions), "type": "VEC3"}
+    file = GltfFile(
+        accessors=[
             {"componentType": 5125, "count": 3 * mesh.n_faces, "type": "SCALAR"},
-            *({"componentType": 5126, "count": n, "type": "VEC3"} for _ in range(2)),
-        ],
-        "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
-        "buffers": [{
-            "byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()
-        }],
-    }  # fmt: skip
-    path.write_text(json.dumps(document))
-    return path
+            points,
+            points,
+        ]
+    )
+    extension = {"bufferView": file.view(data), "attributes": attributes}
+    file.mesh({
+        "attributes": {"POSITION": 1, "NORMAL": 2}, "indices": 0,
+        "extensions": {"KHR_draco_mesh_compression": extension},
+    })  # fmt: skip
+    return file.write(path)
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,11 @@
 """Materials of mesh files: which faces have which, and where their base colors come from."""
 
-import base64
 import json
 
 import numpy as np
 import pytest
 
-from tests.glb import read_glb
+from tests.glb import CORNERS, GltfFile, read_glb
 from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.jobs.material_transfer import compared_without
 from texbake.mesh.files import read_mesh, write_mesh
@@ -164,24 +163,12 @@ def test_files_without_materials_have_none(tmp_path):
         }
 
 
-def gltf_with(tmp_path, material, **document):
+def gltf_with(tmp_path, material, **content):
     """One triangle of a glTF file, twice, with a material and without."""
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
-    data = base64.b64encode(points).decode()
-    primitives = [{"attributes": {"POSITION": 0}, "material": 0}, {"attributes": {"POSITION": 0}}]
-    content = {
-        "asset": {"version": "2.0"},
-        "meshes": [{"primitives": primitives}],
-        "materials": [material],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-        "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
-        "buffers": [
-            {"uri": f"data:application/octet-stream;base64,{data}", "byteLength": len(points)}
-        ],
-        **document,
-    }
-    (tmp_path / "a.gltf").write_text(json.dumps(content))
-    return tmp_path / "a.gltf"
+    file = GltfFile(materials=[material], **content)
+    attributes = {"POSITION": file.accessor(CORNERS)}
+    file.mesh({"attributes": attributes, "material": 0}, {"attributes": attributes})
+    return file.write(tmp_path / "a.gltf")
 
 
 IMAGED = {"textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33648}]}
