@@ -11,6 +11,7 @@ from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.options import RemeshOptions
 from texbake.mesh.remesh import remesh_with_report
 from texbake.mesh.remeshing import band
 from texbake.mesh.remeshing.parts import winding_numbers
@@ -155,11 +156,12 @@ def test_distances_to_a_stack_are_measured_once(monkeypatch):
 
     monkeypatch.setattr(band, "_faces_of_layers", spy)
     mesh = stacks()
-    positions = 8.0 + 48.0 * mesh.positions
-    found = band.Band.around(positions, mesh.faces, (8, 8, 8))
+    grid = band.Grid.around(mesh, RemeshOptions(resolution=48))
+    positions = grid.to_voxels(mesh.positions)
+    found = band.Band.around(positions, mesh.faces, grid)
     assert listed == [N, 20]
     monkeypatch.setattr(band, "_MOST_LAYERS_A_FACE", np.inf)
-    expected = band.Band.around(positions, mesh.faces, (8, 8, 8))
+    expected = band.Band.around(positions, mesh.faces, grid)
     assert (found.slots == expected.slots).all()
     assert (found.distances == expected.distances).all()
 

@@ -11,8 +11,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RemeshOptions
 from texbake.mesh.parametric.make import make
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
-from texbake.mesh.remeshing.holes import Loops
-from texbake.mesh.remeshing.sides import kind_of, require_topology
+from texbake.mesh.remeshing.boundary import Loops, kind_of, require_topology
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree

@@ -1,6 +1,6 @@
 /* Faces that fold over, or shrink to nothing, when their vertices move, and quads divided without.
 
-   Called from texbake/mesh/remeshing/nets.py and projection.py. */
+   Called from texbake/mesh/remeshing/solid.py and projection.py. */
 
 #include <math.h>
 #include <stdbool.h>

@@ -4,7 +4,7 @@
    in Linear Time", 2000. Departs from it in that the later axes are searched in a window of the
    radius, which vectorizes.
 
-   Called from texbake/mesh/remeshing/flood.py. */
+   Called from texbake/mesh/remeshing/solid.py. */
 
 #include <stdbool.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 
    Based on: Alvy Ray Smith, "Tint Fill", SIGGRAPH 1979: whole runs of a row at a time.
 
-   Called from texbake/mesh/remeshing/flood.py. */
+   Called from texbake/mesh/remeshing/solid.py. */
 
 #include <stdbool.h>
 #include <string.h>

@@ -5,7 +5,7 @@
    the surface, are outside. Where both sides of a surface are outside, it is a sheet, and all points
    near it are taken into the solid, which gives it a thickness.
 
-   Called from texbake/mesh/remeshing/nets.py. */
+   Called from texbake/mesh/remeshing/solid.py. */
 
 #include <math.h>
 

@@ -5,7 +5,7 @@
    "Using Distance Maps for Accurate Surface Representation in Sampled Volumes", 1998. Of a
    well-composed grid the surface is closed and manifold.
 
-   Called from texbake/mesh/remeshing/nets.py. */
+   Called from texbake/mesh/remeshing/solid.py. */
 
 #include "arena.h"
 #include "core.h"

@@ -5,7 +5,7 @@
 
    Based on: Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975.
 
-   Called from texbake/mapping/seams.py and texbake/mesh/smoothing_groups.py. */
+   Called from texbake/mapping/seams.py and texbake/mesh/hard_edges.py. */
 
 #include "union_find.h"
 

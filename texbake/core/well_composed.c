@@ -5,7 +5,7 @@
    1997. A grid is well-composed where no cell has a face with two solid corners across from each
    other, and no cell has just two corners of one kind, across from each other.
 
-   Called from texbake/mesh/remeshing/nets.py. */
+   Called from texbake/mesh/remeshing/solid.py. */
 
 #include <math.h>
 

@@ -11,16 +11,16 @@ complex scenes", Modeling in Computer Graphics 1993 (clusters).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
+from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import face_components, repeated_vertices
 from texbake.mesh.triangle_tree import morton_order
-from texbake.mesh.vertex_stream import VertexStream
+from texbake.mesh.vertex_stream import VertexStream, gather
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
 
@@ -142,43 +142,39 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     return faces[:n_left]
 
 
-@dataclass(frozen=True, eq=False)
-class MovedStream:
-    """Vertices and attributes that are no longer those of the mesh that they come from."""
-
-    stream: VertexStream  # its ids are rows of the lists below
-    points: FloatArray  # (P, 3) float64; on the mesh's `UnitGrid`, except those that moved
-    uvs: FloatArray | None  # (T, 2) float64
-    normals: FloatArray | None  # (N, 3) float64
-
-
 def move_and_collapse(
     mesh: Mesh, stream: VertexStream, n_faces: int, *, lock_boundary: bool = False
-) -> MovedStream:
-    """Collapse edges, each to the place where the error is least.
+) -> Mesh | None:
+    """Mesh whose edges were collapsed, each to the place where the error is least; as `gather`.
 
     Seams keep together. Texture coordinates and hard normals follow their vertices: each is that of
     the closest point of the faces around the collapse, and no face flips in texture space.
     Kernels: `core/quadric_simplification.c`, `core/carried_attributes.c`.
     """
-    vertex_of, points = stream.vertices
-    points = points.copy()
+    vertex_of, before = stream.vertices
+    points = before.copy()
     faces = _with_three_places(stream, stream.faces)
     uv_rows, uvs = _rows_of_vertices(vertex_of, stream.uv_ids, mesh.uvs)
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
     n_left = core.collapse_edges(
         vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, n_faces, True, lock_boundary
     )
-    moved = VertexStream(
-        faces[:n_left],
-        points[vertex_of],
-        vertex_of,
-        uv_rows,
-        normal_rows,
-        stream.group_ids,
-        stream.object_ids,
+    faces = faces[:n_left]
+    positions = np.empty_like(points)
+    positions[vertex_of] = mesh.positions[stream.position_ids]
+    moved = Mesh(
+        positions=positions + UnitGrid.around(mesh).length_to_model(points - before),
+        faces=vertex_of[faces],
+        uvs=uvs,
+        uv_faces=None if uv_rows is None else uv_rows[faces],
+        normals=normals,
+        normal_faces=None if normal_rows is None else normal_rows[faces],
+        group_names=mesh.group_names,
+        group_objects=mesh.group_objects,
+        name=mesh.name,
     )
-    return MovedStream(moved, points, uvs, normals)
+    by_vertex = (uv_rows, normal_rows, stream.group_ids, stream.object_ids)
+    return gather(moved, VertexStream(faces, points[vertex_of], vertex_of, *by_vertex), faces)
 
 
 def _rows_of_vertices(
@@ -191,15 +187,11 @@ def _rows_of_vertices(
     return rows.astype(np.int32), np.ascontiguousarray(values[ids])
 
 
-def without_small_parts(
-    stream: VertexStream, n_faces: int, *, is_least: bool = False
-) -> Iterator[VertexStream]:
+def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
     """Yield the stream without its smallest parts, with ever more of them.
 
     Those that stay, each at the fewest faces that its topology allows, take up at most one of
     `_PARTS_SHARES` of `n_faces`, so that the rest is left for their shapes.
-
-    With `is_least`, none of the edges can be collapsed.
     """
     corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
@@ -207,8 +199,7 @@ def without_small_parts(
         return
     part_of = np.zeros(len(stream.points), dtype=np.intp)
     part_of[stream.faces] = parts[:, None]
-    least = stream.faces if is_least else collapse_stream(stream, 0)
-    fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
+    fewest = np.bincount(part_of[collapse_stream(stream, 0)[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     for corner in range(3):
         np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])

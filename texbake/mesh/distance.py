@@ -244,6 +244,12 @@ def area_vectors(positions: FloatArray, faces: IntArray) -> FloatArray:
     return np.cross(b - a, c - a)
 
 
+def unit_normals(positions: FloatArray, faces: IntArray) -> FloatArray:
+    """(F, 3) normals of triangles, 0 without area."""
+    crosses = area_vectors(positions, faces)
+    return np.asarray(crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300))
+
+
 def _points_on(
     positions: FloatArray, faces: IntArray, face_ids: IntArray, barycentrics: FloatArray
 ) -> FloatArray:

@@ -28,11 +28,10 @@ from texbake.mesh.decimate import (
     without_small_parts,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
-from texbake.mesh.frame import UnitGrid
+from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import DEFAULT_SEAMS
-from texbake.mesh.smoothing_groups import is_flat_shaded
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
 from texbake.mesh.vertex_stream import VertexStream, gather, weld_corners, weld_positions
@@ -185,9 +184,8 @@ def _attempts(
     while True:
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
-        collapse = _Collapse(stream)
-        yield stream, collapse, _COLLAPSES, notes
-        for large in without_small_parts(stream, n_faces, is_least=collapse.is_stuck):
+        yield stream, partial(collapse_stream, stream), _COLLAPSES, notes
+        for large in without_small_parts(stream, n_faces):
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
         if not given_up.has_seams:
@@ -201,19 +199,6 @@ def _attempts(
     if edges.non_manifold.any() and not stream.has_seams:
         yield stream, partial(cluster_stream, stream), CLUSTERS, (*notes, _JOINED)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
-
-
-class _Collapse:
-    """Collapses the edges of a stream, and remembers if none can be."""
-
-    def __init__(self, stream: VertexStream) -> None:
-        self.stream = stream
-        self.is_stuck = False
-
-    def __call__(self, n_faces: int) -> IntArray:
-        faces = collapse_stream(self.stream, n_faces)
-        self.is_stuck |= len(faces) == len(self.stream.faces) > n_faces
-        return faces
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:
@@ -249,28 +234,7 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
             return None
         mesh, start = welded, weld_positions(welded, threads=threads)
     locks = boundary_fits(start, n_faces)
-    vertex_of, points = start.vertices
-    positions = np.empty_like(points)
-    positions[vertex_of] = mesh.positions[start.position_ids]
-    grid = UnitGrid.around(mesh)
-
-    def make(n_asked: int) -> Mesh | None:
-        moved = move_and_collapse(mesh, start, n_asked, lock_boundary=locks)
-        ids, faces = moved.stream, moved.stream.faces
-        corners = Mesh(
-            positions=positions + grid.length_to_model(moved.points - points),
-            faces=ids.position_ids[faces],
-            uvs=moved.uvs,
-            uv_faces=None if ids.uv_ids is None else ids.uv_ids[faces],
-            normals=moved.normals,
-            normal_faces=None if ids.normal_ids is None else ids.normal_ids[faces],
-            group_names=mesh.group_names,
-            group_objects=mesh.group_objects,
-            name=mesh.name,
-        )
-        return gather(corners, ids, faces)
-
-    return _brought_to(n_faces, make)
+    return _brought_to(n_faces, partial(move_and_collapse, mesh, start, lock_boundary=locks))
 
 
 def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Reduction:
@@ -282,10 +246,9 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
         return fast
     given_up = tuple(note for note in fast.notes if note != _JOINED)
     moved_result = Reduction(low, start, "moved vertices", given_up, gave_up=bool(given_up))
-    results = [fast, moved_result]
 
     def order(result: Reduction) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)
         return beyond, _compared_distance(mesh, result.mesh, threads)
 
-    return min(results, key=order)
+    return min((fast, moved_result), key=order)

@@ -16,20 +16,28 @@ Departs from it in that voxels are flooded and not tetrahedra carved.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.distance import face_areas, surface_distance
+from texbake.mesh.distance import OneSidedDistance, face_areas, surface_distance
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import AUTO, CLOSED, OPEN, RemeshOptions
-from texbake.mesh.remesh_report import RemeshReport
-from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
-from texbake.mesh.remeshing.flood import flood_outside
-from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
+from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, Grid
+from texbake.mesh.remeshing.boundary import (
+    AS_IT_IS,
+    Filled,
+    Kind,
+    Loops,
+    count_loops,
+    fill_holes,
+    kind_of,
+    require_topology,
+)
 from texbake.mesh.remeshing.parts import (
     Parts,
     largest_parts,
@@ -39,22 +47,8 @@ from texbake.mesh.remeshing.parts import (
 )
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
-from texbake.mesh.remeshing.sheets import (
-    PIERCED,
-    NoSheetError,
-    build_body,
-    largest_sheets,
-    remesh_sheets,
-)
-from texbake.mesh.remeshing.sides import (
-    AS_IT_IS,
-    Filled,
-    Kind,
-    count_loops,
-    fill_holes,
-    kind_of,
-    require_topology,
-)
+from texbake.mesh.remeshing.sheets import PIERCED, build_body, largest_sheets, remesh_sheets
+from texbake.mesh.remeshing.solid import flood_outside
 from texbake.mesh.simplify import check_count, simplify
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
@@ -62,6 +56,83 @@ from texbake.progress import ProgressSink, Stages
 
 _MORE = "request more, or use a wider `close` or fewer `components`"
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
+_AREA_KEPT = 0.02  # change of a sheet's area that is not worth a note
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemeshReport:
+    """Figures of a run of `remesh`."""
+
+    n_faces_before: int
+    n_faces: int
+    n_vertices: int
+    n_components: int  # separate parts of the result, and those that `components` left out
+    n_dropped: int
+    n_crumbs: int  # separate parts smaller than a voxel, which are left out
+    n_cut_off: int  # small parts that were cut off at thin places of the mesh, which are left out
+    # walls of cavities in the result; closed rooms of several voxels in the solid, wider than the
+    # gaps that are closed
+    n_cavities_kept: int
+    n_cavities_filled: int
+    # Such rooms that were too small and too many to test whether they are cavities. They count as
+    # solid.
+    n_rooms_untested: int
+    voxel: float  # side of a voxel, in model units
+    gap: float  # gaps up to this width are closed, in model units
+    surface: str  # what the result is, `closed` or `open`
+    reason: str  # why it is that, as the end of a sentence
+    # loops of the mesh's boundary that were filled, and loops of the boundary of an open result
+    n_holes_filled: int
+    n_boundaries: int
+    # handles of a closed result that the mesh, if it is one part, does not have
+    n_handles_made: int
+    # area of an open result, as a share of that of the mesh and what fills its holes
+    area_ratio: float
+    # share of the wrap's vertices, before it is simplified, that lie around sheets
+    thin_share: float
+    # From the result to the given mesh. It includes the surfaces that close gaps.
+    distance: OneSidedDistance
+    diagonal: float  # of the given mesh
+    seconds: float  # without measuring the distance
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the user."""
+        notes = []
+        if self.n_crumbs:
+            notes.append(
+                f"separate parts smaller than a voxel are left out: {self.n_crumbs:,}; a greater "
+                "`resolution` keeps more"
+            )
+        if self.n_cut_off:
+            notes.append(
+                "small parts that were cut off at thin places of the mesh are left out: "
+                f"{self.n_cut_off:,}; another `resolution` may keep them"
+            )
+        if self.n_dropped:
+            notes.append(
+                f"{self.n_dropped:,} smaller separate parts were dropped; `components` keeps them"
+            )
+        if self.n_rooms_untested:
+            notes.append(
+                "the smallest rooms inside were not tested for being cavities, and count as "
+                f"solid: {self.n_rooms_untested:,}; a lower `resolution` leaves fewer"
+            )
+        if self.n_handles_made:
+            notes.append(
+                "closing gaps made handles that the mesh does not have: "
+                f"{self.n_handles_made:,}; a smaller `close` or a greater `resolution` makes fewer"
+            )
+        if abs(self.area_ratio - 1.0) > _AREA_KEPT:
+            notes.append(
+                f"the sheet has {100.0 * self.area_ratio:.0f} % of the mesh's area; a greater "
+                "`resolution` keeps more of its detail"
+            )
+        return (*notes, *self.distance.notes)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return every figure as plain values, for `json.dump`."""
+        return asdict(self)
 
 
 def remesh(
@@ -111,14 +182,7 @@ def remesh(
 
 
 def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
-    """Tell whether `remesh` keeps a mesh open.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import icosphere, plane
-    >>> looks_open(plane()), looks_open(icosphere(2))
-    (True, False)
-    """
+    """Tell whether `remesh` keeps a mesh open."""
     points = Grid.around(mesh, RemeshOptions()).to_voxels(mesh.positions)
     return kind_of(points, mesh.faces, threads=threads).is_open
 
@@ -202,55 +266,31 @@ class _Run:
         self, *, counts_cavities: bool = False, fills_holes: bool = True
     ) -> tuple[Mesh, _Counts]:
         """Return the new surface, and what was found and left out on the way."""
-        mesh, options = self.mesh, self.options
-        kind, filled, n_parts, whole = AS_IT_IS, self._unfilled(), mesh.n_faces, None
+        mesh = self.mesh
+        kind, filled, n_parts, whole = AS_IT_IS, Filled.of(mesh.faces), mesh.n_faces, None
         if fills_holes:
             with self.stages.stage("find boundary"):
                 kind, filled = self._filled()
                 n_parts = face_components(kind.faces, mesh.n_vertices)[1]
             if n_parts == 1:
                 whole = filled.faces if filled.n_holes else kind.faces
-        try:
-            if kind.is_open:
-                moved, faces, n_handles, counts = self._sheet(filled)
-            else:
-                moved, faces, n_handles, counts = self._wrap(
-                    filled, n_parts, whole, counts_cavities=counts_cavities
-                )
-        except CrowdedGridError as error:
-            raise too_crowded(mesh, options, error) from error
-        except NoSheetError as error:
-            raise MeshError(
-                f"{mesh.name}: its sheets are smaller than the voxels; use a greater `resolution`"
-            ) from error
-        n_filled, n_made, area_ratio = filled.n_holes, 0, 1.0
+        if kind.is_open:
+            moved, faces, n_handles, counts = self._sheet(filled)
+        else:
+            moved, faces, n_handles, counts = self._wrap(
+                filled, n_parts, whole, counts_cavities=counts_cavities
+            )
+        n_filled, n_made = filled.n_holes, 0
         if kind.is_open and counts.n_dropped == 0:  # some holes are narrower than the voxels
             n_parts_gone = n_parts - counts.n_components
             n_filled = max(n_filled, len(kind.loops.sizes) - counts.n_boundaries - n_parts_gone)
         if fills_holes:
+            may_be_pierced = filled.n_holes > 0 or counts.thin_share > PIERCED
+            n_after = counts.n_components, n_handles, counts.n_boundaries
             n_made = require_topology(
-                mesh.name,
-                kind,
-                n_parts,
-                counts.n_components,
-                n_handles,
-                counts.n_boundaries,
-                may_be_pierced=filled.n_holes > 0 or counts.thin_share > PIERCED,
+                mesh.name, kind, n_parts, *n_after, may_be_pierced=may_be_pierced
             )
-        if kind.is_open:
-            area, old_area = (
-                float(face_areas(*one, threads=self.threads).sum())
-                for one in ((moved, faces), (self.points, filled.faces))
-            )
-            area_ratio = area / old_area
-        counts = replace(
-            counts,
-            surface=OPEN if kind.is_open else CLOSED,
-            reason=kind.reason,
-            n_holes_filled=n_filled,
-            n_handles_made=n_made,
-            area_ratio=area_ratio,
-        )
+        counts = replace(counts, reason=kind.reason, n_holes_filled=n_filled, n_handles_made=n_made)
         return self._finished(moved, faces), counts
 
     def _finished(self, moved: FloatArray, faces: IntArray) -> Mesh:
@@ -266,9 +306,6 @@ class _Run:
             check_count(wrapped.n_faces, options.n_faces, mesh.name, _MORE)
         return with_nearest_attributes(wrapped, mesh, self.threads)
 
-    def _unfilled(self) -> Filled:
-        return Filled(self.mesh.faces, None, self.mesh.n_faces, 0, NO_LOOPS.edges)
-
     def _filled(self) -> tuple[Kind, Filled]:
         """Choose between an open surface and a body, and fill holes accordingly."""
         options = self.options
@@ -282,7 +319,7 @@ class _Run:
                 f"{self.mesh.name}: its sheets have one side only; use `surface={CLOSED}`"
             )
         filled = fill_holes(self.points, kind, self.grid.gap, whole=options.surface == CLOSED)
-        return kind, filled if kind.is_open or filled.n_holes else self._unfilled()
+        return kind, filled if kind.is_open or filled.n_holes else Filled.of(self.mesh.faces)
 
     def _wrap(
         self, filled: Filled, n_parts: int, whole: IntArray | None, *, counts_cavities: bool
@@ -299,7 +336,7 @@ class _Run:
             )
 
         with self.stages.stage("measure voxels"):
-            band = Band.around(points, filled.faces, self.grid.shape, threads=threads)
+            band = Band.around(points, filled.faces, self.grid, threads=threads)
             labels = band.labels(threads=threads)
         with self.stages.stage("find outside"):
             rooms = flood_outside(
@@ -336,17 +373,21 @@ class _Run:
 
     def _sheet(self, filled: Filled) -> tuple[FloatArray, IntArray, int, _Counts]:
         """Remesh an open surface as sheets."""
-        options, shape = self.options, self.grid.shape
+        options, threads = self.options, self.threads
         with self.stages.stage("build sheets"):
             moved, faces, n_crumbs = remesh_sheets(
-                self.points, filled, shape, sharp_edges=options.sharp_edges, threads=self.threads
+                self.points, filled, self.grid, sharp_edges=options.sharp_edges, threads=threads
             )
         moved, faces, n_dropped = largest_sheets(moved, faces, options.n_components)
         n_boundaries = len(Loops.of(moved, faces).sizes)
+        new_areas = face_areas(moved, faces, threads=threads)
+        old_areas = face_areas(self.points, filled.faces, threads=threads)
         counts = _Counts(
             n_components=face_components(faces, len(moved))[1],
             n_dropped=n_dropped,
             n_crumbs=n_crumbs,
             n_boundaries=n_boundaries,
+            surface=OPEN,
+            area_ratio=float(new_areas.sum()) / float(old_areas.sum()),
         )
         return moved, faces, (count_loops(faces) - n_boundaries) // 2, counts

@@ -34,6 +34,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangent_quads import Quads, agree
+from texbake.mesh.topology import edge_keys
 from texbake.mesh.weld import weld_rows
 
 # Cosine of the angle between the x axis and a normal from which on (0.08 degrees) they count as
@@ -301,8 +302,8 @@ def _neighbors(vertices: IntArray) -> IntArray:
     face in turn pairs with the next free one.
     """
     ends = vertices[:, _NEXT]
-    keys = np.minimum(vertices, ends).astype(np.int64) << 32 | np.maximum(vertices, ends)
-    edges = np.argsort(keys.ravel(), kind="stable")
+    keys = edge_keys(vertices, ends).ravel()
+    edges = np.argsort(keys, kind="stable")
     neighbors = np.full(vertices.size, -1, dtype=np.int32)
-    core.pair_edges(keys.ravel(), edges, vertices.ravel(), neighbors)
+    core.pair_edges(keys, edges, vertices.ravel(), neighbors)
     return neighbors.reshape(-1, 3)

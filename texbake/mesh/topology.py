@@ -117,23 +117,23 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     `faces` (F, 3) int32.
     """
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    _, order, starts, counts = _sorted_edges(tails, heads)
+    order, starts, counts = runs_of_keys(edge_keys(tails, heads))
     pairs = starts[counts == 2]
     first, second = order[pairs], order[pairs + 1]
     others = order[np.repeat(counts != 2, counts)]
     return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
 
 
-def _sorted_edges(tails: IntArray, heads: IntArray) -> tuple[Indices, Indices, Indices, Indices]:
-    """Sort half-edges by keys that are equal for those of one edge.
+def edge_keys(tails: npt.NDArray[Any], heads: npt.NDArray[Any]) -> Indices:
+    """(...) int64 numbers of half-edges, equal for those of one edge, in the order of its ends."""
+    return np.asarray(np.minimum(tails, heads).astype(np.int64) << 32 | np.maximum(tails, heads))
 
-    Returns the keys, the order, and where each run of equal keys starts in it, and its length.
-    """
-    one, other = np.minimum(tails, heads), np.maximum(tails, heads)
-    keys = (one.astype(np.int64) << 32) | other
+
+def runs_of_keys(keys: Indices) -> tuple[Indices, Indices, Indices]:
+    """Sort keys; return the order, where each run of equal keys starts in it, and its length."""
     order = np.argsort(keys, kind="stable")
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    return keys, order, starts, np.diff(np.append(starts, len(keys)))
+    return order, starts, np.diff(np.append(starts, len(keys)))
 
 
 def wind_alike(
@@ -303,7 +303,8 @@ def opposite_half_edges(
         return opposite
     half_edges = (3 * np.flatnonzero(solid)[:, None] + np.arange(3)).ravel()
     starts, ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-    keys, order, begins, counts = _sorted_edges(starts[half_edges], ends[half_edges])
+    keys = edge_keys(starts[half_edges], ends[half_edges])
+    order, begins, counts = runs_of_keys(keys)
     pairs = [order[begins[counts == 2] + side] for side in (0, 1)]
     crowded = order[np.repeat(counts > 2, counts)]
     for labels in (regions, polygons):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -65,68 +66,55 @@ class VertexStream:
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    corners = weld_vertices(mesh, threads=threads)[mesh.faces]
-    corners = corners[~repeated_vertices(corners)]
-    corners = _without_stacks(corners, corners, mesh.n_vertices)
-    used, faces = used_rows(corners, mesh.n_vertices)
-    position_ids = used.astype(np.int32)
-    return VertexStream(
-        faces,
-        _local_points(mesh, position_ids),
-        position_ids,
-        object_ids=_object_groups(mesh, position_ids),
-    )
+    return _welded(mesh, weld_vertices(mesh, threads=threads)[mesh.faces], {}, threads)
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream with a vertex for each combination of texture coordinate, hard normal and group.
 
-    Normals count where the mesh has hard edges, and groups where an object has more than one.
+    Normals count where they differ at one position, and groups where an object has more than one.
     """
+    places = weld_vertices(mesh, threads=threads)[mesh.faces]
     columns = {}
     if mesh.uvs is not None:
         columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
-    if mesh.normals is not None and has_hard_edges(mesh, threads=threads):
-        columns["normal_ids"] = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
+    if mesh.normals is not None:
+        normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
+        normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
+        normal_of[places] = normals  # of several, any one
+        if (normal_of[places] != normals).any():
+            columns["normal_ids"] = normals
     if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
-    if not columns:
-        return weld_positions(mesh, threads=threads)
-    positions = weld_vertices(mesh, threads=threads)[mesh.faces]
-    rows = np.stack([ids.ravel() for ids in (positions, *columns.values())], axis=1)
-    corners = weld_rows(rows, threads=threads).reshape(-1, 3)
+    return _welded(mesh, places, columns, threads)
+
+
+def _welded(
+    mesh: Mesh, places: IntArray, columns: dict[str, IntArray], threads: int | None
+) -> VertexStream:
+    """Stream with a vertex for each place and its values in columns, all (F, 3)."""
+    if columns:
+        rows = np.stack([ids.ravel() for ids in (places, *columns.values())], axis=1)
+        corners = weld_rows(rows, threads=threads).reshape(-1, 3)
+    else:
+        rows, corners = np.arange(mesh.n_vertices, dtype=np.int32)[:, None], places
     corners = corners[~repeated_vertices(corners)]
-    corners = _without_stacks(corners, positions.ravel()[corners], mesh.n_vertices)
+    corners = _without_stacks(corners, rows[:, 0][corners], mesh.n_vertices)
     vertices, faces = used_rows(corners, len(rows))
     position_ids, *others = rows[vertices].T
+    object_ids = None
+    groups = object_groups(mesh)
+    if groups is not None:
+        of_vertices = np.zeros(mesh.n_vertices, np.int32)
+        of_vertices[mesh.faces] = groups[:, np.newaxis]
+        object_ids = of_vertices[position_ids]
     return VertexStream(
         faces,
-        _local_points(mesh, position_ids),
+        UnitGrid.around(mesh).to_grid(mesh.positions[position_ids]),
         position_ids,
         **dict(zip(columns, others, strict=True)),
-        object_ids=_object_groups(mesh, position_ids),
+        object_ids=object_ids,
     )
-
-
-def _object_groups(mesh: Mesh, position_ids: IntArray) -> IntArray | None:
-    """First group of the object of each vertex; None if the mesh is one object."""
-    groups = object_groups(mesh)
-    if groups is None:
-        return None
-    found = np.zeros(mesh.n_vertices, np.int32)
-    found[mesh.faces] = groups[:, np.newaxis]
-    return found[position_ids]
-
-
-def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
-    """Whether the mesh's own normals differ between corners at one position."""
-    if mesh.normals is None or mesh.normal_faces is None:
-        return False
-    positions = weld_vertices(mesh, threads=threads)[mesh.faces].ravel()
-    normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces].ravel()
-    normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
-    normal_of[positions] = normals  # of several, any one
-    return bool((normal_of[positions] != normals).any())
 
 
 def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
@@ -143,30 +131,22 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     if len(faces) == 0:
         return None
     position_ids, position_faces = used_rows(stream.position_ids[faces], mesh.n_vertices)
-    low = Mesh(
-        positions=mesh.positions[position_ids],
-        faces=position_faces,
-        colors=None if mesh.colors is None else mesh.colors[position_ids],
-        name=mesh.name,
-    )
-    if mesh.uvs is not None and stream.uv_ids is not None:
-        uv_ids, uv_faces = used_rows(stream.uv_ids[faces], len(mesh.uvs))
-        low = low.replace(uvs=mesh.uvs[uv_ids], uv_faces=uv_faces)
-    if mesh.normals is not None and stream.normal_ids is not None:
-        normal_ids, normal_faces = used_rows(stream.normal_ids[faces], len(mesh.normals))
-        low = low.replace(normals=mesh.normals[normal_ids], normal_faces=normal_faces)
+    fields: dict[str, Any] = {"positions": mesh.positions[position_ids], "faces": position_faces}
+    if mesh.colors is not None:
+        fields["colors"] = mesh.colors[position_ids]
+    for values, corners_of, ids in (
+        ("uvs", "uv_faces", stream.uv_ids),
+        ("normals", "normal_faces", stream.normal_ids),
+    ):
+        rows = getattr(mesh, values)
+        if rows is not None and ids is not None:
+            used, fields[corners_of] = used_rows(ids[faces], len(rows))
+            fields[values] = rows[used]
     groups = stream.object_ids if stream.group_ids is None else stream.group_ids
     if groups is not None:
-        low = low.replace(
-            face_groups=groups[faces[:, 0]],
-            group_names=mesh.group_names,
-            group_objects=mesh.group_objects,
-        )
-    return low
-
-
-def _local_points(mesh: Mesh, position_ids: IntArray) -> FloatArray:
-    return UnitGrid.around(mesh).to_grid(mesh.positions[position_ids])
+        names = {"group_names": mesh.group_names, "group_objects": mesh.group_objects}
+        fields |= {"face_groups": groups[faces[:, 0]], **names}
+    return Mesh(**fields, name=mesh.name)
 
 
 def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:

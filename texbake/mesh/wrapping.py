@@ -33,11 +33,17 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import face_objects, weld_vertices
 from texbake.mesh.options import AUTO, RemeshOptions
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
-from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, CrowdedGridError, Grid, too_crowded
-from texbake.mesh.remeshing.flood import flood_outside
-from texbake.mesh.remeshing.nets import JUST_SOLID, Nets, nets_around, signed, solid_points
+from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, Grid
 from texbake.mesh.remeshing.parts import without_crumbs, without_small_parts
 from texbake.mesh.remeshing.projection import project
+from texbake.mesh.remeshing.solid import (
+    JUST_SOLID,
+    Nets,
+    flood_outside,
+    nets_around,
+    signed,
+    solid_points,
+)
 from texbake.mesh.topology import (
     face_components,
     find_edges,
@@ -78,10 +84,7 @@ def remesh_with_few_tunnels(
     grid = Grid.around(mesh, options)
     points = grid.to_voxels(mesh.positions)
     with stages.stage("measure voxels"):
-        try:
-            band = Band.around(points, mesh.faces, grid.shape, threads=threads)
-        except CrowdedGridError as error:
-            raise too_crowded(mesh, options, error) from error
+        band = Band.around(points, mesh.faces, grid, threads=threads)
     tree = TriangleTree.build(points, mesh.faces, threads=threads)
     for nets, width in _closed(band, mesh.diagonal / grid.voxel, most, stages, threads):
         with stages.stage("project"):

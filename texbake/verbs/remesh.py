@@ -12,7 +12,7 @@ from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, ve
 
 if TYPE_CHECKING:
     from texbake.jobs.outputs import JobResult
-    from texbake.mesh.remesh_report import RemeshReport
+    from texbake.mesh.remesh import RemeshReport
     from texbake.progress import ProgressSink
 
 

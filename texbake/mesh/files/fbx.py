@@ -49,10 +49,10 @@ from texbake.mesh.files.fbx_scene import (
 )
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
+from texbake.mesh.hard_edges import Polygons, smoothed_normals
 from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
-from texbake.mesh.smoothing_groups import Polygons, smoothed_normals
 from texbake.mesh.weld import unique_corners, unique_rows
 
 _FIRST_VERSION = 6000

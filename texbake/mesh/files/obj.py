@@ -16,7 +16,7 @@ Where the format leaves a choice, or files differ, this holds:
 - A fourth value of ``v`` is a weight and is dropped; with six or seven values, the values from the
   fourth on are a color. If all colors are whole numbers and one is above 1, they are divided by
   255. If only some vertices have a color, the others are white.
-- Smoothing groups count if no corner has ``vn``; see `texbake.mesh.smoothing_groups`. Faces before
+- Smoothing groups count if no corner has ``vn``; see `texbake.mesh.hard_edges`. Faces before
   the first ``s`` have none, as with ``s off`` and ``s 0``.
 - Lines, points, curves and unknown statements are skipped.
 - Numbers with decimal commas are read if spaces separate them.
@@ -40,9 +40,9 @@ from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_col
 from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
 from texbake.mesh.files.obj_write import read_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
+from texbake.mesh.hard_edges import Polygons, with_smoothing_groups
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
-from texbake.mesh.smoothing_groups import Polygons, with_smoothing_groups
 from texbake.parallel import run_bands
 
 # Kinds of statements, each with its own list of lines; a mark is g, o, s or usemtl.

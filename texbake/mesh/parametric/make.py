@@ -73,17 +73,10 @@ def make_cylindrical_range(
     `image` (H, W) or (H, W, C): row 0 at the top.
     """
     ranges = radius * _distances(image, resolution)
-    n_rows, n_columns = ranges.shape
-    u, v = _centers(n_rows, n_columns)
+    u, v = _centers(*ranges.shape)
     angles = 2.0 * math.pi * (u - 0.5)
-    positions = np.stack(
-        [
-            ranges * pm.sin(angles),
-            np.broadcast_to(height * (v - 0.5)[:, None], ranges.shape),
-            ranges * pm.cos(angles),
-        ],
-        axis=-1,
-    )
+    heights = np.broadcast_to(height * (v - 0.5)[:, None], ranges.shape)
+    positions = np.stack([ranges * pm.sin(angles), heights, ranges * pm.cos(angles)], axis=-1)
     return _joined(positions, ranges, max_step, closed=True, name="cylindrical range")
 
 
@@ -264,14 +257,8 @@ def make_height_field(
     # In pixels from the center of the lower left one.
     column, row = along_u * (n_across - 1), along_v * (n_down - 1)
     pixel = width / n_across
-    positions = np.stack(
-        [
-            (column - 0.5 * (n_across - 1)) * pixel,
-            (row - 0.5 * (n_down - 1)) * pixel,
-            height * _bilinear(pixels[::-1], column, row),
-        ],
-        axis=-1,
-    )
+    x, y = (column - 0.5 * (n_across - 1)) * pixel, (row - 0.5 * (n_down - 1)) * pixel
+    positions = np.stack([x, y, height * _bilinear(pixels[::-1], column, row)], axis=-1)
     uvs = np.stack([(column + 0.5) / n_across, (row + 0.5) / n_down], axis=-1)
     return grid_mesh(grid, name="height field", positions=positions, uvs=uvs)
 
@@ -333,14 +320,8 @@ def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twi
     # Along u the point moves by 2 pi r around the axis and by pi twists s across the strip; the
     # normal, at a right angle to that and to the strip's direction, is a mix of two unit vectors.
     around, across = 2.0 * r, twists * s
-    normals = np.stack(
-        [
-            around * cos_b * sin_a - across * cos_a,
-            -around * sin_b,
-            around * cos_b * cos_a + across * sin_a,
-        ],
-        axis=-1,
-    )
+    x, y = around * cos_b * sin_a - across * cos_a, -around * sin_b
+    normals = np.stack([x, y, around * cos_b * cos_a + across * sin_a], axis=-1)
     return grid_mesh(
         grid,
         name="mobius",

@@ -11,37 +11,21 @@ from texbake.schema import CheckedOptions, Option
 # Making this many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.
 MAX_TRIANGLES = 20_000_000
 
+_STRAIGHT = {"resolution": (64, 16), "radius": 1.0, "height": 2.0, "sides": None, "caps": False}
+_RANGES = {"resolution": None, "image": None, "max_step": None}
 # The shapes, and the options that each of them reads, with its default; None where there is none.
 SHAPE_DEFAULTS: dict[str, dict[str, Any]] = {
     "plane": {"resolution": (1, 1), "width": 2.0, "height": 2.0},
-    "cylinder": {
-        "resolution": (64, 16),
-        "radius": 1.0,
-        "height": 2.0,
-        "sides": None,
-        "caps": False,
-    },
-    "cone": {"resolution": (64, 16), "radius": 1.0, "height": 2.0, "sides": None, "caps": False},
+    "cylinder": _STRAIGHT,
+    "cone": _STRAIGHT,
     "sphere": {"resolution": (64, 32), "radius": 1.0},
     "torus": {"resolution": (96, 48), "radius": 1.0, "minor_radius": 0.4},
     "mobius": {"resolution": (128, 16), "radius": 1.0, "width": 0.8, "twists": 1},
     "revolution": {"resolution": (64, 1), "profile": None, "turns": 1.0, "crease": 30.0},
     "bezier": {"resolution": (16, 16), "patches": None},
     "height-field": {"resolution": None, "image": None, "width": 2.0, "height": 0.25},
-    "cylindrical-range": {
-        "resolution": None,
-        "image": None,
-        "radius": 1.0,
-        "height": 2.0,
-        "max_step": None,
-    },
-    "depth-image": {
-        "resolution": None,
-        "image": None,
-        "distance": 1.0,
-        "fov": 45.0,
-        "max_step": None,
-    },
+    "cylindrical-range": {**_RANGES, "radius": 1.0, "height": 2.0},
+    "depth-image": {**_RANGES, "distance": 1.0, "fov": 45.0},
 }
 SHAPES = tuple(SHAPE_DEFAULTS)
 # The option that a shape cannot be made without.

@@ -13,6 +13,7 @@ Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, sectio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +32,7 @@ from texbake.mesh.parametric.grid import (
 from texbake.mesh.parametric.options import check_triangles
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Outline:
     """What is swept about the axis, row by row; a crease is two rows at one place."""
 
@@ -48,34 +49,8 @@ def straight_outline(start: tuple[float, float], end: tuple[float, float], n_row
     points = part_way(first, last, steps[:, None], n_rows)
     along = last - first
     normal = np.array([along[1], -along[0]]) / pm.hypot(*along)
-    return Outline(
-        lines=open_lines(n_rows),
-        points=points,
-        normals=np.broadcast_to(normal, points.shape),
-        v=steps / n_rows,
-    )
-
-
-def half_circle(radius: float, n_rows: int) -> Outline:
-    """Half circle about the origin, from its lowest point to its highest."""
-    steps = np.arange(n_rows + 1)
-    circle = circle_points(2 * n_rows)[steps]
-    normals = np.stack([circle[:, 1], -circle[:, 0]], axis=-1)
-    return Outline(
-        lines=open_lines(n_rows), points=radius * normals, normals=normals, v=steps / n_rows
-    )
-
-
-def whole_circle(radius: float, minor_radius: float, n_rows: int) -> Outline:
-    """Circle about (radius, 0), from its point nearest to the axis, downwards."""
-    steps = np.arange(n_rows + 1)
-    normals = -circle_points(n_rows)[steps % n_rows]
-    return Outline(
-        lines=closed_lines(n_rows),
-        points=np.array([radius, 0.0]) + minor_radius * normals,
-        normals=normals,
-        v=steps / n_rows,
-    )
+    normals = np.broadcast_to(normal, points.shape)
+    return Outline(open_lines(n_rows), points, normals, steps / n_rows)
 
 
 def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
@@ -107,12 +82,8 @@ def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
 
     start, end = starts_v[segment], ends_v[segment]
     v = np.where(step == parts[segment], end, start + (end - start) * (step / parts[segment]))
-    return Outline(
-        lines=lines.astype(np.int32),
-        points=between(points[:-1], points[1:]),
-        normals=_unit(between(starts, ends)),
-        v=v,
-    )
+    rows = between(points[:-1], points[1:])
+    return Outline(lines.astype(np.int32), rows, _unit(between(starts, ends)), v)
 
 
 def _pruned(profile: FloatArray) -> FloatArray:
@@ -243,14 +214,23 @@ def make_cone(
 
 def make_sphere(*, resolution: tuple[int, int], radius: float) -> Mesh:
     """Sphere about the origin; u is the longitude, v the latitude."""
-    outline = half_circle(radius, resolution[1])
-    return _swept(round_columns(resolution[0]), outline, "sphere")
+    n_u, n_v = resolution
+    steps = np.arange(n_v + 1)
+    circle = circle_points(2 * n_v)[steps]  # half of it, from its lowest point to its highest
+    normals = np.stack([circle[:, 1], -circle[:, 0]], axis=-1)
+    outline = Outline(open_lines(n_v), radius * normals, normals, steps / n_v)
+    return _swept(round_columns(n_u), outline, "sphere")
 
 
 def make_torus(*, resolution: tuple[int, int], radius: float, minor_radius: float) -> Mesh:
     """Torus about the origin; v goes around the tube and is 1/2 where it is farthest out."""
-    outline = whole_circle(radius, minor_radius, resolution[1])
-    return _swept(round_columns(resolution[0]), outline, "torus")
+    n_u, n_v = resolution
+    steps = np.arange(n_v + 1)
+    normals = -circle_points(n_v)[steps % n_v]  # from the point nearest to the axis, downwards
+    points = np.array([radius, 0.0]) + minor_radius * normals
+    return _swept(
+        round_columns(n_u), Outline(closed_lines(n_v), points, normals, steps / n_v), "torus"
+    )
 
 
 def make_revolution(
@@ -263,19 +243,6 @@ def make_revolution(
     outline = profile_outline(profile, resolution[1], crease)
     check_triangles(2 * resolution[0] * (int(outline.lines.max()) + 1))
     return _swept(round_columns(resolution[0], turns), outline, "revolution")
-
-
-def _swept(columns: SweptColumns, outline: Outline, name: str) -> Mesh:
-    """Sweep an outline through all columns, with (u, v) as texture coordinates."""
-    grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
-    column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
-    return grid_mesh(
-        grid,
-        name=name,
-        positions=_points(columns, outline, column, row),
-        uvs=np.stack([columns.u[column], outline.v[row]], axis=-1),
-        normals=_normals(columns, outline, column, row),
-    )
 
 
 def _side_and_caps(
@@ -303,24 +270,43 @@ def _side_and_caps(
     if radii[1] > 0.0:
         outlines.append(straight_outline((radii[1], high), (0.0, high), 1))
     outline, parts = _joined(outlines)
+    return _swept(columns, outline, name, parts, radii[0])
+
+
+def _swept(
+    columns: SweptColumns,
+    outline: Outline,
+    name: str,
+    parts: npt.NDArray[np.intp] | None = None,
+    radius: float = 1.0,
+) -> Mesh:
+    """Sweep an outline through all columns, with (u, v) as texture coordinates.
+
+    `parts` (R,) of the rows: 0 for the bottom, 1 for the side and 2 for the top; the bottom has the
+    `radius`.
+    """
     grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
     column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
-    positions = _points(columns, outline, column, row)
+    x, z = columns.points[column].T
+    from_axis, heights = outline.points[row].T
+    positions = np.stack([from_axis * x, heights, from_axis * z], axis=-1)
+    x, z = columns.normals[column].T
+    outwards, upwards = outline.normals[row].T
+    upwards = columns.inner_radius * upwards  # a flat side is less steep than edges between sides
+    normals = np.stack([outwards * x, upwards, outwards * z], axis=-1)
+    if columns.inner_radius != 1.0:
+        normals /= pm.hypot(outwards, upwards)[:, None]
     uvs = np.stack([columns.u[column], outline.v[row]], axis=-1)
+    surface = partial(grid_mesh, grid, name=name, positions=positions, uvs=uvs, normals=normals)
+    if parts is None:
+        return surface()
     for part, tile, up in (0, 1, 1.0), (2, 2, -1.0):
         of_cap = parts[row] == part
-        disk = positions[of_cap][:, [0, 2]] * [1.0, up] / (2.0 * radii[0])
+        disk = positions[of_cap][:, [0, 2]] * [1.0, up] / (2.0 * radius)
         uvs[of_cap] = disk + np.array([tile + 0.5, 0.5])
-    of_faces = np.array([1, 0, 2], dtype=np.int32)[parts[row[grid.faces[:, 1]]]]
-    return grid_mesh(
-        grid,
-        name=name,
-        positions=positions,
-        uvs=uvs,
-        normals=_normals(columns, outline, column, row),
-        face_groups=of_faces,
-        group_names=("side", "bottom", "top")[: len(outlines)],
-    )
+    groups = np.array([1, 0, 2], dtype=np.int32)[parts[row[grid.faces[:, 1]]]]
+    names = ("side", "bottom", "top")[: parts.max() + 1]
+    return surface(face_groups=groups, group_names=names)
 
 
 def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
@@ -330,29 +316,9 @@ def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
         lines.append(outline.lines + last)
         last += int(outline.lines[-1])
     joined = Outline(
-        lines=np.concatenate(lines),
-        points=np.concatenate([outline.points for outline in outlines]),
-        normals=np.concatenate([outline.normals for outline in outlines]),
-        v=np.concatenate([outline.v for outline in outlines]),
+        np.concatenate(lines),
+        np.concatenate([outline.points for outline in outlines]),
+        np.concatenate([outline.normals for outline in outlines]),
+        np.concatenate([outline.v for outline in outlines]),
     )
     return joined, np.repeat(np.arange(len(outlines)), [len(outline.v) for outline in outlines])
-
-
-def _points(columns: SweptColumns, outline: Outline, column: IntArray, row: IntArray) -> FloatArray:
-    """(N, 3): points at half-step columns and whole rows."""
-    x, z = columns.points[column].T
-    radius, height = outline.points[row].T
-    return np.stack([radius * x, height, radius * z], axis=-1)
-
-
-def _normals(
-    columns: SweptColumns, outline: Outline, column: IntArray, row: IntArray
-) -> FloatArray:
-    """(N, 3): unit normals there; a flat side is less steep than the edges between sides."""
-    x, z = columns.normals[column].T
-    outwards, upwards = outline.normals[row].T
-    upwards = columns.inner_radius * upwards
-    normals = np.stack([outwards * x, upwards, outwards * z], axis=-1)
-    if columns.inner_radius != 1.0:
-        normals /= pm.hypot(outwards, upwards)[:, None]
-    return normals

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -39,20 +40,6 @@ _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
 _MOST_POINTS, _MOST_FILLS, _MOST_BLOCKS = 2.5e9, 8.0, 5e9
 
 
-class CrowdedGridError(Exception):
-    """The faces are so large and so many that measuring them would take very long.
-
-    Attributes
-    ----------
-    share : float
-        Resolution at which they could be measured, as a share of this one.
-    """
-
-    def __init__(self, share: float) -> None:
-        super().__init__()
-        self.share = share
-
-
 @dataclass(frozen=True, eq=False)
 class Band:
     """Distances to a surface at the points near it, in units of a voxel."""
@@ -74,47 +61,40 @@ class Band:
         cls,
         positions: FloatArray,
         faces: IntArray,
-        shape: tuple[int, int, int],
+        grid: Grid,
         *,
         threads: int | None = None,
     ) -> Band:
-        """Measure the distances.
+        """Measure the distances in a grid.
 
-        `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
+        `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32. Raises `MeshError` if
+        the faces are so large and so many that measuring them would take very long.
         """
+        shape = grid.shape
         listed, starts = _faces_of_layers(positions, faces, shape[0])
         if len(listed) > _MOST_LAYERS_A_FACE * len(faces):
             copies = later_copies(np.rint(positions[faces] * _COPY_GRID).reshape(-1, 9))
             if np.count_nonzero(copies) > _STACK:
                 faces = faces[~copies]
                 listed, starts = _faces_of_layers(positions, faces, shape[0])
-        _require_room(positions, faces, shape)
+        grid.require_room(positions, faces)
         mesh = (positions, faces, listed, starts)
         active = np.zeros(shape, dtype=np.bool_)
-
-        def mark(start: int, stop: int) -> None:
-            core.mark_band_blocks(*mesh, active, BAND_WIDTH, start, stop)
-
+        mark = partial(core.mark_band_blocks, *mesh, active, BAND_WIDTH)
         run_bands(mark, shape[0], band=1, threads=threads)
         corners = np.ascontiguousarray(BLOCK_SIDE * np.argwhere(active), dtype=np.int32)
         slots = np.full(shape, -1, dtype=np.int32)
         slots[active] = np.arange(len(corners), dtype=np.int32)
         distances = np.empty((len(corners), BLOCK_POINTS), dtype=np.float32)
-
-        def measure(start: int, stop: int) -> None:
-            core.measure_band(*mesh, slots, distances, BAND_WIDTH, start, stop)
-
+        measure = partial(core.measure_band, *mesh, slots, distances, BAND_WIDTH)
         run_bands(measure, shape[0], band=1, threads=threads)
         return cls(slots, corners, distances)
 
     def labels(self, *, threads: int | None = None) -> npt.NDArray[np.uint8]:
         """Label the points of the whole grid `SHELL` near the surface, and `CORE` elsewhere."""
         labels = np.zeros(self.shape, dtype=np.uint8)
-
-        def work(start: int, stop: int) -> None:
-            core.label_shell(self.slots, self.distances, labels, SHELL_DEPTH, start, stop)
-
-        run_bands(work, self.slots.shape[0], band=1, threads=threads)
+        label = partial(core.label_shell, self.slots, self.distances, labels, SHELL_DEPTH)
+        run_bands(label, self.slots.shape[0], band=1, threads=threads)
         return labels
 
     def values_of(self, points: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -122,23 +102,6 @@ class Band:
         nx, ny, nz = self.slots.shape
         blocks = points.reshape(nx, BLOCK_SIDE, ny, BLOCK_SIDE, nz, BLOCK_SIDE)
         return blocks.transpose(0, 2, 4, 1, 3, 5)[self.slots >= 0].reshape(-1, BLOCK_POINTS)
-
-
-def _require_room(positions: FloatArray, faces: IntArray, shape: tuple[int, int, int]) -> None:
-    a, b, c = (positions[faces[:, corner]] for corner in range(3))
-    areas = 0.5 * pm.norm(np.cross(b - a, c - a), axis=1)
-    n_points = 2.0 * BAND_WIDTH * float(areas.sum())
-    sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-    n_blocks = float(np.prod(sizes / BLOCK_SIDE + 1.0, axis=1).sum())
-    whole = float(np.prod(shape)) * BLOCK_POINTS
-    if n_points > max(_MOST_POINTS, _MOST_FILLS * whole) or n_blocks > _MOST_BLOCKS:
-        # Areas fall with the square of the resolution, boxes with its cube.
-        # Where all triangles are lines, only their boxes count.
-        shares = (
-            math.sqrt(_MOST_POINTS / max(n_points, 1.0)),
-            pm.power(_MOST_BLOCKS / n_blocks, 1.0 / 3.0),
-        )
-        raise CrowdedGridError(min(shares))
 
 
 def _faces_of_layers(
@@ -172,6 +135,8 @@ _CELLS = 2.0**24
 class Grid:
     """Where the voxels are, and how many: `voxels = (local - low) / side`."""
 
+    name: str  # of the mesh, for messages
+    resolution: int
     frame: LocalFrame
     low: FloatArray
     side: float
@@ -196,7 +161,8 @@ class Grid:
         margin = int(gap / 2.0) + _MARGIN
         n_points = np.ceil(snapped((high - low) / side, _CELLS)).astype(np.int64) + 1 + 2 * margin
         nx, ny, nz = (-(-n_points // BLOCK_SIDE)).tolist()
-        return cls(frame, low - margin * side, side, gap, (nx, ny, nz))
+        low = low - margin * side
+        return cls(mesh.name, options.resolution, frame, low, side, gap, (nx, ny, nz))
 
     @property
     def voxel(self) -> float:
@@ -211,12 +177,25 @@ class Grid:
         """(V, 3) voxels to model units."""
         return self.frame.to_model(positions * self.side + self.low)
 
-
-def too_crowded(mesh: Mesh, options: RemeshOptions, error: CrowdedGridError) -> MeshError:
-    """Say what to do about triangles that fill the grid many times over."""
-    lower = int(error.share * options.resolution)
-    lower_too = f"use a `resolution` of {lower}, or " if lower >= MIN_RESOLUTION else ""
-    return MeshError(
-        f"{mesh.name}: its triangles are so many and so large that measuring the voxels around "
-        f"them would take very long; {lower_too}wrap parts of it"
-    )
+    def require_room(self, positions: FloatArray, faces: IntArray) -> None:
+        """Raise `MeshError` for triangles, in voxels, that fill the grid many times over."""
+        a, b, c = (positions[faces[:, corner]] for corner in range(3))
+        areas = 0.5 * pm.norm(np.cross(b - a, c - a), axis=1)
+        n_points = 2.0 * BAND_WIDTH * float(areas.sum())
+        sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+        n_blocks = float(np.prod(sizes / BLOCK_SIDE + 1.0, axis=1).sum())
+        whole = float(np.prod(self.shape)) * BLOCK_POINTS
+        if n_points <= max(_MOST_POINTS, _MOST_FILLS * whole) and n_blocks <= _MOST_BLOCKS:
+            return
+        # Areas fall with the square of the resolution, boxes with its cube.
+        # Where all triangles are lines, only their boxes count.
+        share = min(
+            math.sqrt(_MOST_POINTS / max(n_points, 1.0)),
+            pm.power(_MOST_BLOCKS / n_blocks, 1.0 / 3.0),
+        )
+        lower = int(share * self.resolution)
+        lower_too = f"use a `resolution` of {lower}, or " if lower >= MIN_RESOLUTION else ""
+        raise MeshError(
+            f"{self.name}: its triangles are so many and so large that measuring the voxels around "
+            f"them would take very long; {lower_too}wrap parts of it"
+        )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -206,14 +207,9 @@ def winding_numbers(
     order = np.argsort(key, kind="stable")
     starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(key[order])), [len(faces)]])
     clusters = np.empty((len(starts) - 1, 7))
-    surface = (positions, faces[order], starts)
-
-    def gather(start: int, stop: int) -> None:
-        core.gather_clusters(*surface, clusters, start, stop)
-
-    def measure(start: int, stop: int) -> None:
-        core.measure_winding(*surface, clusters, points, windings, start, stop)
-
+    surface = (positions, faces[order], starts, clusters)
+    gather = partial(core.gather_clusters, *surface)
+    measure = partial(core.measure_winding, *surface, points, windings)
     run_bands(gather, len(clusters), band=_CLUSTERS, threads=threads)
     n_measured = int(min(len(points), most_work / _work_of_a_point(clusters, starts, points)))
     run_bands(measure, n_measured, band=_POINTS, threads=threads)

@@ -5,13 +5,15 @@ Kernel: `core/folded_faces.c`.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.remeshing.nets import Nets
 from texbake.mesh.remeshing.sharp_edges import divided_along, flipped_along, sharp_targets
+from texbake.mesh.remeshing.solid import Nets
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -155,13 +157,10 @@ def without_folds(
     targets = np.where(copies[:, None], 0.5 * (before + targets), targets)
     after, shares = targets.copy(), np.ones(len(before))
     folded = np.empty(len(faces), dtype=np.bool_)
-
-    def work(start: int, stop: int) -> None:
-        core.find_folded(before, after, faces, folded, start, stop)
-
+    find_folded = partial(core.find_folded, before, after, faces, folded)
     halvings = 0
     while True:
-        run_bands(work, len(faces), band=_FACES, threads=threads)
+        run_bands(find_folded, len(faces), band=_FACES, threads=threads)
         ids = np.unique(faces[folded])
         if len(ids) == 0:
             return after

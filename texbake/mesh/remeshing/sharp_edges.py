@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.distance import area_vectors
+from texbake.mesh.distance import area_vectors, unit_normals
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -56,7 +56,8 @@ def sharp_targets(
     float64; `face_ids` (V,) int32; `quads` (n, 4) int32. Returns `is_sharp` (V,) bool; `targets`
     (V, 3) float64: where all vertices go, on the mesh.
     """
-    normals = _normals_of(tree, face_ids)
+    normals = unit_normals(tree.positions, tree.faces[np.maximum(face_ids, 0)])
+    normals[face_ids < 0] = 0.0
     is_candidate = _candidates(quads, normals, face_ids)
     around = quads[is_candidate[quads].any(axis=1)]
     vertices = np.repeat(around, 4, axis=0).reshape(-1, 4, 4).transpose(0, 2, 1).reshape(-1)
@@ -171,15 +172,6 @@ def divided_along(
     divided = faces.reshape(-1, 2, 3).copy()
     divided[rows[fits]] = halves[fits]
     return divided.reshape(-1, 3)
-
-
-def _normals_of(tree: TriangleTree, face_ids: IntArray) -> FloatArray:
-    """(V, 3): unit normals of faces of the mesh; 0 for those without area, or for none."""
-    normals = area_vectors(tree.positions, tree.faces[np.maximum(face_ids, 0)])
-    lengths = pm.norm(normals, axis=1, keepdims=True)
-    unit = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-    unit[face_ids < 0] = 0.0
-    return np.asarray(unit)
 
 
 def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> BoolArray:

@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import MeshError
 from texbake.mesh.compose import used_rows
-from texbake.mesh.distance import face_areas
+from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.remeshing.band import (
@@ -27,12 +28,18 @@ from texbake.mesh.remeshing.band import (
     OUTSIDE,
     SHELL_DEPTH,
     Band,
+    Grid,
 )
-from texbake.mesh.remeshing.holes import Loops, with_own_fans
-from texbake.mesh.remeshing.nets import Nets, build_nets, nets_of, signed
+from texbake.mesh.remeshing.boundary import (
+    Filled,
+    Loops,
+    count_loops,
+    oriented,
+    with_own_fans,
+)
 from texbake.mesh.remeshing.projection import project, without_folds
-from texbake.mesh.remeshing.sides import Filled, count_loops, oriented, unit_normals
-from texbake.mesh.topology import face_components, find_edges, opposite_half_edges
+from texbake.mesh.remeshing.solid import Nets, nets_of, signed
+from texbake.mesh.topology import edge_keys, face_components, find_edges, opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 BoolArray = npt.NDArray[np.bool_]
@@ -56,10 +63,6 @@ _CUT_OFF = 0.01
 _OFF_RIM, _NOTCH = 1.5, 12.0
 # Weights of corners below this are 0 but for rounding.
 _ZERO = 1e-9
-
-
-class NoSheetError(Exception):
-    """The voxels are so large that nothing is left of the sheets."""
 
 
 def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -> Nets:
@@ -104,11 +107,12 @@ def build_body(
 
     `points` (V, 3) float64; `whole` (F, 3) int32: a body of one part, with what fills its holes.
     """
-    nets = build_nets(band, labels, threads=threads)
+    field, thin = signed(band, labels, threads)
+    nets = nets_of(band, field, labels, thin, threads=threads)
     is_thin = filled.n_holes > 0 or float(nets.thin.mean()) > PIERCED
     if not is_thin or whole is None or nets.n_handles <= count_loops(whole) // 2:
         return nets
-    field, thin = signed(band, labels, threads)
+    field, thin = signed(band, labels, threads)  # again: making the net manifold changes it
     near = np.flatnonzero((band.distances < SHELL_DEPTH) & (field > 0.0))
     if filled.n_holes > 0:
         fills = TriangleTree.build(points, filled.faces[filled.n_given :], threads=threads)
@@ -153,7 +157,7 @@ def _is_behind(
 def remesh_sheets(
     points: FloatArray,
     filled: Filled,
-    shape: tuple[int, int, int],
+    grid: Grid,
     *,
     sharp_edges: bool = False,
     threads: int | None = None,
@@ -170,7 +174,7 @@ def remesh_sheets(
     for number in range(int(rounds.max()) + 1):
         chosen = rounds == number
         given = np.ascontiguousarray(filled.faces[chosen])
-        band = Band.around(points, given, shape, threads=threads)
+        band = Band.around(points, given, grid, threads=threads)
         tree = TriangleTree.build(points, given, threads=threads)
         nets = build_sheet(band, tree, threads=threads)
         if len(nets.quads) == 0:
@@ -193,7 +197,9 @@ def remesh_sheets(
         all_faces.append(faces + n_points)
         n_points += len(moved)
     if not all_faces or not face_areas(points, filled.faces, threads=threads).any():
-        raise NoSheetError
+        raise MeshError(
+            f"{grid.name}: its sheets are smaller than the voxels; use a greater `resolution`"
+        )
     joined = np.concatenate(all_faces).astype(np.int32)
     n_lost = max(n_parts - face_components(joined, n_points)[1], 0)
     return np.concatenate(all_points), joined, n_lost
@@ -319,7 +325,7 @@ def _without_notches(
     n = len(points)
     while True:
         tails, heads = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-        edges = np.minimum(tails, heads).astype(np.int64) * n + np.maximum(tails, heads)
+        edges = edge_keys(tails, heads)
         is_open = opposite_half_edges(faces) < 0
         tails, heads = tails[is_open], heads[is_open]
         before = np.zeros(n, dtype=np.int32)
@@ -329,7 +335,7 @@ def _without_notches(
         more = np.stack([heads, tails, before[tails]], axis=1)
         a, held, b = more.T
         is_notch = (off[held] > _HELD_BACK) & (off[held] > np.maximum(off[a], off[b]))
-        is_notch &= ~np.isin(np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b), edges)
+        is_notch &= ~np.isin(edge_keys(a, b), edges)
         if not is_notch.any():
             return faces
         faces = np.concatenate([faces, more[is_notch]])

@@ -19,8 +19,7 @@ from texbake.mesh.files.conversion import warn_unused
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import add_angle_weighted, fill_canceled, normalize_sums
-from texbake.mesh.streamed.source import MeshSource, open_source
-from texbake.mesh.streamed.vertices import VertexMarks
+from texbake.mesh.streamed.source import MeshSource, VertexMarks, open_source
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 

@@ -1,8 +1,12 @@
-"""Whether a surface is open, or a body with holes; orients its faces to separate its two sides.
+"""The boundary of a surface: its loops, which of them are holes to fill, and whether it is open.
 
-Just off its faces, the winding numbers of a body are 0 on one side and 1 on the other, but for what
-is seen through its holes; those of a flat sheet are a half, of either sign. Sheets narrower than a
-few voxels, those with edges of three faces, and those with a single side are not open surfaces.
+A loop of edges that have an odd number of faces passes no vertex twice, so that a boundary that
+touches itself is several loops. The triangles that fill them are those of a polygon.
+
+Just off the faces of a body with holes, winding numbers are 0 on one side and 1 on the other, but
+for what is seen through its holes; those of a flat sheet are a half, of either sign. Sheets
+narrower than a few voxels, those with edges of three faces, and those with a single side are not
+open surfaces.
 """
 
 from __future__ import annotations
@@ -12,15 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, counted
-from texbake.mesh.distance import area_vectors, face_areas
+from texbake.mesh.distance import area_vectors, face_areas, unit_normals
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import CLOSED, OPEN
-from texbake.mesh.remeshing.holes import NO_LOOPS, Loops
+from texbake.mesh.polygons import cut_polygons, next_corners
 from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.repair import misoriented
 from texbake.mesh.topology import (
+    edge_neighbors,
     euler_characteristic,
     face_components,
     find_edges,
@@ -30,6 +35,132 @@ from texbake.mesh.topology import (
 from texbake.mesh.weld import weld_rows
 
 BoolArray = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Loops:
+    """The loops of a boundary."""
+
+    vertices: IntArray  # (n,) int32; those of each loop in turn
+    sizes: Indices  # (m,) int64
+    # (m,) float64; twice the distance of the farthest vertex from the mean of all.
+    widths: FloatArray
+    lengths: FloatArray  # (m,) float64; along the edges
+    # (m,) int32; the separate part of the surface that each bounds, as in `face_components`.
+    parts: IntArray
+
+    @classmethod
+    def of(cls, points: FloatArray, faces: IntArray) -> Loops:
+        """Find the loops.
+
+        `points` (V, 3) float64; `faces` (F, 3) int32.
+        """
+        edges = find_edges(faces)
+        odd = edges.vertices[edges.n_faces % 2 == 1]
+        loops = _traced(odd.tolist())
+        if not loops:
+            return NO_LOOPS
+        sizes = np.array([len(loop) for loop in loops], dtype=np.int64)
+        vertices = np.array([vertex for loop in loops for vertex in loop], dtype=np.int32)
+        part_of = np.zeros(len(points), dtype=np.int32)
+        part_of[faces] = face_components(faces, len(points))[0][:, None]
+        starts = np.cumsum(sizes) - sizes
+        corners = points[vertices]
+        means = np.add.reduceat(corners, starts, axis=0) / sizes[:, None]
+        offsets = corners - np.repeat(means, sizes, axis=0)
+        reach = np.maximum.reduceat((offsets * offsets).sum(axis=1), starts)
+        steps = corners[next_corners(sizes)] - corners
+        lengths = np.add.reduceat(np.sqrt((steps * steps).sum(axis=1)), starts)
+        return cls(vertices, sizes, 2.0 * np.sqrt(reach), lengths, part_of[vertices[starts]])
+
+    @property
+    def outer(self) -> BoolArray:
+        """(m,) bool: the longest loop of each part."""
+        order = np.lexsort((-self.lengths, self.parts))
+        outer = np.zeros(len(order), dtype=np.bool_)
+        outer[order[np.flatnonzero(np.diff(self.parts[order], prepend=-1))]] = True
+        return outer
+
+    @property
+    def edges(self) -> IntArray:
+        """(n, 2) int32: the edge from each vertex to the next of its loop."""
+        return np.stack([self.vertices, self.vertices[next_corners(self.sizes)]], axis=1)
+
+    def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
+        """Triangulate some loops.
+
+        `points` (V, 3) float64; `chosen` (m,) bool. Returns `faces` (n, 3) int32; `loops` (n,)
+        int64: which loop each of them fills.
+        """
+        vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
+        triangles, owners, _ = cut_polygons(points, vertices, self.sizes[chosen])
+        return vertices[triangles], np.flatnonzero(chosen)[owners]
+
+    def fanned(self, points: FloatArray, chosen: BoolArray) -> tuple[FloatArray, IntArray]:
+        """Fill some small loops with a fan each, around the mean of their vertices.
+
+        Returns `points` (V + n, 3) float64; `faces` (m, 3) int32.
+        """
+        sizes, edges = self.sizes[chosen], self.edges[np.repeat(chosen, self.sizes)]
+        if len(sizes) == 0:
+            return points, edges.reshape(0, 3)
+        means = np.add.reduceat(points[edges[:, 0]], np.cumsum(sizes) - sizes, axis=0)
+        centers = len(points) + np.repeat(np.arange(len(sizes)), sizes)
+        faces = np.column_stack([edges, centers]).astype(np.int32)
+        return np.concatenate([points, means / sizes[:, None]]), faces
+
+
+NO_LOOPS = Loops(
+    np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0, np.int32)
+)
+
+
+def _traced(edges: list[list[int]]) -> list[list[int]]:
+    """The loops of undirected edges, of which an even number meet at each vertex."""
+    neighbors: dict[int, list[int]] = {}
+    for a, b in edges:
+        neighbors.setdefault(a, []).append(b)
+        neighbors.setdefault(b, []).append(a)
+    loops = []
+    for start, others in neighbors.items():
+        path, places = [start], {start: 0}
+        while others or len(path) > 1:
+            vertex = path[-1]
+            after = neighbors[vertex].pop()
+            neighbors[after].remove(vertex)
+            if after not in places:
+                places[after] = len(path)
+                path.append(after)
+                continue
+            loops.append(path[places[after] :])
+            for passed in path[places[after] + 1 :]:
+                del places[passed]
+            del path[places[after] + 1 :]
+    return loops
+
+
+def with_own_fans(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Give each fan of faces around a vertex a vertex of its own, and leave out unused ones.
+
+    Faces are neighbors across an edge that has two.
+    """
+    pairs = edge_neighbors(faces)
+    corners = faces.ravel()
+    tails, heads = [], []
+    for k in range(3):
+        for j in range(3):
+            one, other = 3 * pairs.first + k, 3 * pairs.second + j
+            same = corners[one] == corners[other]
+            tails.append(one[same])
+            heads.append(other[same])
+    labels = np.arange(len(corners), dtype=np.int32)
+    core.merge_labels(
+        labels, np.concatenate(tails).astype(np.int32), np.concatenate(heads).astype(np.int32)
+    )
+    firsts = np.unique(labels, return_index=True)[1]
+    return points[corners[firsts]], labels.reshape(-1, 3)
+
 
 # Faces whose winding numbers are measured, faces summed up for them, and how far off, in voxels.
 _SAMPLES, _MOST_WORK, _OFF = 512, 1e7, 1e-3
@@ -118,12 +249,6 @@ def count_loops(faces: IntArray) -> int:
     return 2 * n_parts - euler_characteristic(faces, find_edges(faces))
 
 
-def unit_normals(positions: FloatArray, faces: IntArray) -> FloatArray:
-    """(F, 3) normals of triangles, 0 without area."""
-    crosses = area_vectors(positions, faces)
-    return np.asarray(crosses / np.maximum(pm.norm(crosses, axis=1, keepdims=True), 1e-300))
-
-
 def _seen_through_holes(
     points: FloatArray, faces: IntArray, areas: FloatArray, threads: int | None
 ) -> tuple[npt.NDArray[np.int64], FloatArray]:
@@ -153,6 +278,11 @@ class Filled:
     n_holes: int  # holes that are filled
     rim: IntArray  # (n, 2) int32; edges of the boundary that is left
 
+    @classmethod
+    def of(cls, faces: IntArray, rim: IntArray = NO_LOOPS.edges) -> Filled:
+        """Return a surface with no hole filled."""
+        return cls(faces, None, len(faces), 0, rim)
+
 
 def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Filled:
     """Fill the holes of an open surface up to a width, or those of a body.
@@ -165,7 +295,7 @@ def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Fi
     else:
         chosen = np.full(len(loops.sizes), whole) | ~kind.open_parts[loops.parts]
     if not chosen.any():
-        return Filled(kind.faces, None, len(kind.faces), 0, loops.edges)
+        return Filled.of(kind.faces, loops.edges)
     more, owners = loops.filled(points, chosen)
     is_small = loops.widths[owners] <= _SMALL * pm.norm(np.ptp(points, axis=0))
     smooth = np.concatenate([np.zeros(len(kind.faces), dtype=np.bool_), is_small])
