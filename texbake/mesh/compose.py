@@ -31,7 +31,7 @@ def changed_corners(mesh: Mesh, change: Callable[[IntArray], IntArray]) -> dict[
     return fields
 
 
-def of_faces(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
+def face_fields(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
     """Return the fields of a mesh that have a row for each face, for some faces in some order."""
     fields = changed_corners(mesh, lambda corners: corners[chosen])
     for name in "tangents", "polygon_of", "face_groups":
@@ -47,7 +47,7 @@ def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
     """
     if chosen.all():
         return mesh
-    changes = of_faces(mesh, chosen)
+    changes = face_fields(mesh, chosen)
     vertices, changes["faces"] = used_rows(changes["faces"], mesh.n_vertices)
     changes["positions"] = mesh.positions[vertices]
     for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):

@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.compose import of_faces
+from texbake.mesh.compose import face_fields
 from texbake.mesh.decimate import (
     boundary_fits,
     bring_down,
@@ -104,7 +104,7 @@ def object_by_object(mesh: Mesh) -> Mesh:
     if not mesh.group_objects or mesh.face_groups is None:
         return mesh
     order = np.lexsort([mesh.face_groups, np.array(mesh.group_objects)[mesh.face_groups]])
-    return mesh.replace(**of_faces(mesh, order))
+    return mesh.replace(**face_fields(mesh, order))
 
 
 def _is_without_charts(mesh: Mesh) -> bool:

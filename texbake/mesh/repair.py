@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.compose import of_faces, turned_over, used_rows
+from texbake.mesh.compose import face_fields, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -102,7 +102,7 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
 
 
 def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
-    return mesh if keep.all() else mesh.replace(**of_faces(mesh, keep))
+    return mesh if keep.all() else mesh.replace(**face_fields(mesh, keep))
 
 
 def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
